@@ -9,7 +9,7 @@ use tinyvec::ArrayVec;
 
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
-use platform::data::{DataError, parse_toml};
+use ftac_platform::data::{DataError, parse_toml};
 
 mod urdf;
 

@@ -17,7 +17,7 @@ use crate::parameters::{
 use crate::robot::ServoGoal;
 use crate::transmission::friction::CableFriction;
 use crate::transmission::{CablePath, Crossing, Follower, Guides, Lever, Transmission};
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 pub use cover::{CoverShape, SkinElement};
 pub use jaws::Jaws;

@@ -10,7 +10,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::transmission::friction::CableFriction;
-use platform::data::{DataError, parse_toml};
+use ftac_platform::data::{DataError, parse_toml};
 
 pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
 pub use self::reading::{HoldLimits, Palpation};

@@ -36,9 +36,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ftac_platform::data::{DataError, parse_toml, read_text};
+use ftac_platform::reach::Reach;
 use nalgebra::Isometry3;
-use platform::data::{DataError, parse_toml, read_text};
-use platform::reach::Reach;
 use serde::{Deserialize, Serialize};
 
 use crate::kinematics::pose_from_xyz_rpy;

@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Writes the hand as URDF text. The root link is `palm`; covers are boxes.
 pub fn hand_urdf(hand: &Hand) -> String {

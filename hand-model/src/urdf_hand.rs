@@ -51,7 +51,7 @@ use crate::hand_mechanism::HandMechanism;
 use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
 use crate::transmission::Follower;
 use crate::urdf::{fault, frames, parse_robot, read_bytes};
-use platform::data::{DataError, parse_toml, read_text};
+use ftac_platform::data::{DataError, parse_toml, read_text};
 
 pub use meshes::{Cut, MeshTools};
 

@@ -139,7 +139,7 @@ impl Unfinished {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
-    platform::file::write_whole(path, text.as_bytes())
+    ftac_platform::file::write_whole(path, text.as_bytes())
         .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
 }
 

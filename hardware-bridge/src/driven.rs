@@ -1,7 +1,7 @@
 //! The robots that the bridge and its emulated devices can drive.
 
+use ftac_platform::data::DataError;
 use hand_model::RobotModel;
-use platform::data::DataError;
 
 use kortex::joints::JOINTS;
 

@@ -12,10 +12,10 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use ftac_platform::data::DataError;
 use hand_model::RobotModel;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
-use platform::data::DataError;
-use session_log::{Packet, Tap};
+use robot_session_log::{Packet, Tap};
 
 use crate::arm_link::ArmLink;
 use crate::calibration::HandCalibration;

@@ -14,7 +14,7 @@ use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use platform::file::write_whole;
+use ftac_platform::file::write_whole;
 
 use crate::remote::places;
 

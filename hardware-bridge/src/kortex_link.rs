@@ -12,7 +12,7 @@ use kortex::safety_bank::{self, Report};
 use kortex::servo_loop::{Pacing, ServoLoop};
 use kortex::servoing::{Limits, fault_of};
 use kortex::{Arm, KortexError, Motion};
-use session_log::Packet;
+use robot_session_log::Packet;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
 use crate::safety::checks::ArmReading;
@@ -40,11 +40,11 @@ pub fn arm_state(motion: Motion) -> ArmState {
 /// Records both links of `arm` from now on, as `arm_tcp` and `arm_udp`.
 pub fn tap(arm: &mut Arm, packets: &Sender<Packet>) {
     let tap = |link| {
-        let tap = session_log::Tap::new(link, packets.clone());
+        let tap = robot_session_log::Tap::new(link, packets.clone());
         kortex::Tap::new(move |direction, bytes| {
             let direction = match direction {
-                kortex::Direction::Sent => session_log::Direction::Sent,
-                kortex::Direction::Received => session_log::Direction::Received,
+                kortex::Direction::Sent => robot_session_log::Direction::Sent,
+                kortex::Direction::Received => robot_session_log::Direction::Received,
             };
             tap.packet(direction, bytes);
         })

@@ -100,7 +100,7 @@ impl Pictures {
 
     pub fn write(&self, path: &Path) -> Result<(), ConfigError> {
         let text = serde_json::to_string(self).unwrap_or_default() + "\n";
-        platform::file::write_whole(path, text.as_bytes())
+        ftac_platform::file::write_whole(path, text.as_bytes())
             .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
     }
 

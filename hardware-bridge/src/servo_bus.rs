@@ -15,8 +15,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use robot_session_log::{Direction, Tap};
 use serial2::SerialPort;
-use session_log::{Direction, Tap};
 use statistics::BusStatistics;
 use timing::LineTiming;
 

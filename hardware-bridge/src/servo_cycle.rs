@@ -12,7 +12,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use hand_model::robot::Command;
-use session_log::Tap;
+use robot_session_log::Tap;
 
 use crate::arm_link::ArmLink;
 use crate::clock::Clock;

@@ -20,7 +20,7 @@ use kortex::servoing::Servoing;
 use kortex::tcp_framing::Deframer;
 use kortex::{Arm, Credentials, Timeouts, call};
 use prost::Message;
-use session_log::{Direction, Event, Reader, Session, Sizes, Writer};
+use robot_session_log::{Direction, Event, Reader, Session, Sizes, Writer};
 
 /// Time-out longer than any answer on loopback takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use platform::data::{DataError, parse_toml, read_text};
 use serde::{Deserialize, Serialize};
 
 use crate::noise::NoiseLevels;

@@ -4,8 +4,8 @@
 
 use std::path::Path;
 
+use ftac_platform::reach::Reach;
 use hand_model::hand_mechanism::HandMechanism;
-use platform::reach::Reach;
 use proptest::prelude::*;
 use scenarios::Scenario;
 use scenarios::transport::Transport;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use e2e::shared_data;
-use platform::reach::Reach;
+use ftac_platform::reach::Reach;
 use scenarios::Scenario;
 use world::ObjectFile;
 use world::geometry::{Mesh, Repair};

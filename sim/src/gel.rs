@@ -12,9 +12,9 @@ use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::Foundation;
 use plant::Gel;
 use rapier3d_f64::prelude::*;
+use tactile_optics::Foundation;
 use world::geometry::Shape;
 use world::objects::ObjectModel;
 

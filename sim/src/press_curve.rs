@@ -3,7 +3,7 @@
 
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
-use optics::Foundation;
+use tactile_optics::Foundation;
 use world::geometry::Shape;
 
 /// Number of rays along each side of a grid.

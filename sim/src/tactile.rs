@@ -15,13 +15,13 @@ use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::indentation::press_rasters;
-use optics::{
-    CpuRenderer, Foundation, IndentationMap, Job, OpticsError, Raster, ReducedSensor, Renderer, Sensor, SensorModel,
-};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use tactile_optics::indentation::press_rasters;
+use tactile_optics::{
+    CpuRenderer, Foundation, IndentationMap, Job, OpticsError, Raster, ReducedSensor, Renderer, Sensor, SensorModel,
+};
 use world::geometry::{Relief, Shape};
 
 pub use drift::Drift;

@@ -73,18 +73,18 @@ fn host() -> String {
 #[test]
 fn what_decides_never_reaches_a_body() {
     let graph = Graph::read();
-    for decides in ["control", "touch", "grasping", "study"] {
+    for decides in ["control", "tactile-perception", "dexterous-grasping", "grasp-analysis"] {
         let reach = graph.reach(decides);
         for body in [
             "scenarios",
             "plant",
             "sim",
-            "optics",
+            "tactile-optics",
             "hardware-bridge",
             "kortex",
-            "session-log",
+            "robot-session-log",
             "bench",
-            "proving",
+            "grasp-verification",
             "identification",
             "rapier3d-f64",
         ] {
@@ -108,7 +108,7 @@ fn policies_live_behind_the_wall() {
         "twin/transport/src",
         "twin/fault-injection/src",
         "twin/object-detector/src",
-        "twin/proving/src",
+        "twin/grasp-verification/src",
         "twin/sensor-calibration/src",
         "twin/lab/src",
         "twin/app/src",
@@ -144,11 +144,11 @@ pub(crate) fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
 #[test]
 fn only_one_crate_names_each_engine() {
     let graph = Graph::read();
-    assert_eq!(graph.users("rerun"), ["stream"]);
+    assert_eq!(graph.users("rerun"), ["telemetry"]);
     assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
     assert_eq!(graph.users("clap"), ["ftac", "ftac-lab"]);
     assert_eq!(graph.users("burn"), ["ftac-lab"]);
-    assert_eq!(graph.users("linfa"), ["study"]);
+    assert_eq!(graph.users("linfa"), ["grasp-analysis"]);
     assert_eq!(graph.users("parquet"), ["sweep"]);
 }
 
@@ -158,7 +158,7 @@ fn what_people_run_carries_no_training() {
     let graph = Graph::read();
     for program in ["ftac", "ftac-python"] {
         let reach = graph.reach(program);
-        for heavy in ["burn", "linfa", "study", "ftac-lab"] {
+        for heavy in ["burn", "linfa", "grasp-analysis", "ftac-lab"] {
             assert!(!reach.contains(heavy), "{program} reaches {heavy}");
         }
     }
@@ -193,26 +193,32 @@ fn a_program_alone_is_built_of_the_workspaces_parts() {
 fn members_know_only_whom_they_may() {
     let graph = Graph::read();
     let allowed = [
-        ("platform", ""),
-        ("least-squares", ""),
+        ("ftac-platform", ""),
+        ("ftac-least-squares", ""),
         ("statistics", ""),
-        ("hand-model", "platform"),
-        ("world", "platform hand-model"),
-        ("optics", "platform least-squares hand-model"),
-        ("touch", "platform hand-model"),
-        ("grasping", "platform hand-model"),
-        ("control", "platform hand-model world touch grasping"),
-        ("study", "platform hand-model grasping"),
+        ("hand-model", "ftac-platform"),
+        ("world", "ftac-platform hand-model"),
+        ("tactile-optics", "ftac-platform ftac-least-squares hand-model"),
+        ("tactile-perception", "ftac-platform hand-model"),
+        ("dexterous-grasping", "ftac-platform hand-model"),
+        ("control", "ftac-platform hand-model world tactile-perception dexterous-grasping"),
+        ("grasp-analysis", "ftac-platform hand-model dexterous-grasping"),
         ("kortex", ""),
-        ("session-log", "platform hand-model"),
-        ("hardware-bridge", "platform hand-model kortex session-log"),
-        ("plant", "platform hand-model world"),
-        ("scenarios", "statistics platform hand-model world plant"),
-        ("sim", "hand-model world plant optics"),
-        ("stream", "platform hand-model"),
+        ("robot-session-log", "ftac-platform hand-model"),
+        ("hardware-bridge", "ftac-platform hand-model kortex robot-session-log"),
+        ("plant", "ftac-platform hand-model world"),
+        ("scenarios", "statistics ftac-platform hand-model world plant"),
+        ("sim", "hand-model world plant tactile-optics"),
+        ("telemetry", "ftac-platform hand-model"),
         ("progress", ""),
-        ("proving", "statistics platform hand-model world plant scenarios sim grasping control progress"),
-        ("report", "statistics platform hand-model world plant scenarios sim grasping proving stream"),
+        (
+            "grasp-verification",
+            "statistics ftac-platform hand-model world plant scenarios sim dexterous-grasping control progress",
+        ),
+        (
+            "report",
+            "statistics ftac-platform hand-model world plant scenarios sim dexterous-grasping grasp-verification telemetry",
+        ),
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
@@ -222,11 +228,20 @@ fn members_know_only_whom_they_may() {
             "robot-backends",
             "object-detector platform hand-model world plant scenarios sim control hardware-bridge kortex session-log proving progress",
         ),
-        ("fault-detection", "hand-model world scenarios sim grasping control proving"),
-        ("external-policy", "platform hand-model control progress"),
-        ("registration", "platform hand-model world scenarios sim touch grasping control proving robot-backends"),
-        ("learning-environment", "hand-model world scenarios sim control proving report bench robot-backends"),
-        ("transport", "platform hand-model world scenarios sim touch grasping control proving stream bench progress"),
+        ("fault-detection", "hand-model world scenarios sim dexterous-grasping control grasp-verification"),
+        ("external-policy", "ftac-platform hand-model control progress"),
+        (
+            "registration",
+            "ftac-platform hand-model world scenarios sim tactile-perception dexterous-grasping control grasp-verification robot-backends",
+        ),
+        (
+            "learning-environment",
+            "hand-model world scenarios sim control grasp-verification report bench robot-backends",
+        ),
+        (
+            "transport",
+            "ftac-platform hand-model world scenarios sim tactile-perception dexterous-grasping control grasp-verification telemetry bench progress",
+        ),
         (
             "bench",
             "robot-backends fault-detection external-policy platform hand-model world plant scenarios sim optics touch grasping control proving stream report progress",
@@ -235,14 +250,14 @@ fn members_know_only_whom_they_may() {
             "identification",
             "statistics platform least-squares hand-model world plant scenarios sim optics touch grasping control session-log",
         ),
-        ("sensor-calibration", "platform hand-model world sim optics touch report"),
+        ("sensor-calibration", "ftac-platform hand-model world sim tactile-optics tactile-perception report"),
         (
             "ftac-lab",
             "ftac statistics platform hand-model world scenarios sim optics touch grasping control study proving bench report stream progress sensor-calibration",
         ),
-        ("sweep", "statistics hand-model platform scenarios control robot-backends bench report progress"),
+        ("sweep", "statistics hand-model ftac-platform scenarios control robot-backends bench report progress"),
         ("workspace-hack", ""),
-        ("guide", "hand-model scenarios optics touch grasping control study"),
+        ("guide", "hand-model scenarios tactile-optics tactile-perception dexterous-grasping control grasp-analysis"),
         (
             "ftac",
             "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
@@ -264,7 +279,7 @@ fn members_know_only_whom_they_may() {
     }
     // `stream` only draws: it neither controls nor simulates.
     for stranger in ["sim", "control", "hardware-bridge", "ftac"] {
-        assert!(!graph.reach("stream").contains(stranger), "stream reaches {stranger}");
+        assert!(!graph.reach("telemetry").contains(stranger), "stream reaches {stranger}");
     }
     // The Python package wraps the libraries and brings the program. Nothing depends on it, and nothing else depends on
     // Python.

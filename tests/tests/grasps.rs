@@ -314,7 +314,8 @@ fn grasps_are_exported() {
 fn proven_plans_stay() {
     let folder = tempdir().expect("a folder");
     let (of, out) = (folder.path().join("of.json"), folder.path().join("out.json"));
-    let built_in = fs::read_to_string(root().join("twin/proving/data/plans.json")).expect("the built-in plans");
+    let built_in =
+        fs::read_to_string(root().join("twin/grasp-verification/data/plans.json")).expect("the built-in plans");
     let mut plans: Value = serde_json::from_str(&built_in).expect("JSON");
     let all = plans["plans"].as_array_mut().expect("plans");
     all.truncate(2);

@@ -30,7 +30,7 @@ use crate::hand::MassProperties;
 use crate::kinematics::{JointKind, Tree};
 use crate::urdf::{check_masses, fault, frames, parse_robot};
 use crate::urdf_hand::{carriers, masses};
-use platform::data::{DataError, parse_toml};
+use ftac_platform::data::{DataError, parse_toml};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::DataError;
 use nalgebra::{Point3, Vector3};
-use platform::data::DataError;
 
 use super::{ActuatorParameters, Configuration, HandParameters, JointParameters, PadParameters};
 use crate::digit::Digit;

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::HandParameters;
 use crate::digit::Digit;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Grasp sets of a hand. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

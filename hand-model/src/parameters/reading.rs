@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::HandParameters;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Thresholds for detecting a hold. Shares are fractions of a digit's full closing.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]

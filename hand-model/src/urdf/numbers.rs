@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use urdf_rs::{Geometry, Joint, JointType, Link, Robot};
 
 use super::fault;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Largest permitted length of a hand or an arm, m.
 const LONGEST: f64 = 10.0;

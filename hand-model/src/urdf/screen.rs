@@ -13,7 +13,7 @@ use std::path::Path;
 
 use self::attributes::{check_attributes, filled_in};
 use self::tags::{Tag, Tags};
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Largest size of a URDF, bytes.
 pub const LARGEST_FILE: u64 = 16 << 20;

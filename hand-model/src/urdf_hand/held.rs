@@ -8,7 +8,7 @@ use urdf_rs::{JointType, Robot};
 
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::fault;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Fixes every joint that neither is `pulled` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
 /// rest. Returns their names and coordinates.

@@ -10,7 +10,7 @@ use crate::hand::MassProperties;
 use crate::hand_mechanism::Solid;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::fault;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Smallest ratio of the least to the largest principal moment: point masses on a line have less, up to rounding.
 const LEAST_MOMENT_RATIO: f64 = 1e-9;

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::hand_mechanism::Triangles;
 use crate::urdf::fault;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Largest reach of a link's mesh, m; a larger one is probably in millimetres.
 const LARGEST: f64 = 2.0;

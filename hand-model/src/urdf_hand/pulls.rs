@@ -11,7 +11,7 @@ use super::PINION;
 use crate::hand_mechanism::{Feel, HandMechanism, Palm, Pull};
 use crate::transmission::Lever;
 use crate::urdf::fault;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Largest moment arm of a cable, m, and largest force over tension for a sliding joint.
 const LONGEST_ARM: f64 = 1.0;

@@ -10,7 +10,7 @@ use super::meshes::{self, MeshTools};
 use crate::hand_mechanism::{MeshSurface, Solid, SolidShape};
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Distance between a mesh and its convex parts above which it is reported, m.
 const TOLD_EXCESS: f64 = 1e-3;

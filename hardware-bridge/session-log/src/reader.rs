@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use ftac_platform::digest::sha256;
+use ftac_platform::file::open_regular;
 use hand_model::robot;
 use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
-use platform::digest::sha256;
-use platform::file::open_regular;
 use prost::Message;
 
 use crate::error::SessionLogError;

@@ -6,10 +6,10 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
+use ftac_platform::digest::sha256;
 use hand_model::robot;
 use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};
-use platform::digest::sha256;
 use prost::Message;
 
 use crate::error::SessionLogError;

@@ -13,7 +13,7 @@ use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
 use kortex::joints::JOINTS;
 use kortex::servoing::{Limits, Servoing};
 use kortex::{Arm, CommandError, KortexError, Timeouts};
-use session_log::Packet;
+use robot_session_log::Packet;
 
 use super::plant_arm::SharedArm;
 use crate::arm_link::{ArmLink, ArmLinkError};

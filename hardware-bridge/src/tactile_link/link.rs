@@ -8,8 +8,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::TactileFrame;
+use robot_session_log::{Direction, Tap};
 use serial2::SerialPort;
-use session_log::{Direction, Tap};
 
 use super::clock::BoardClock;
 use super::counters::CameraCounters;

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::*;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 use crate::scenario::Scenario;
 use world::objects::ObjectSet;

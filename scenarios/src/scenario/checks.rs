@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 use super::definition::{Scenario, VERSION};
 use world::geometry::Shape;

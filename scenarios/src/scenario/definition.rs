@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 use serde::{Deserialize, Serialize};
 
 use crate::disturbance::Disturbances;

@@ -5,8 +5,8 @@
 
 use std::path::{Path, PathBuf};
 
-use platform::data::{DataError, parse_toml, read_text};
-use platform::reach::Reach;
+use ftac_platform::data::{DataError, parse_toml, read_text};
+use ftac_platform::reach::Reach;
 use serde::Deserialize;
 use toml::{Table, Value};
 

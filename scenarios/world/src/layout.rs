@@ -8,8 +8,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::DataError;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use platform::data::DataError;
 use serde::{Deserialize, Serialize};
 
 use crate::objects::ObjectModel;

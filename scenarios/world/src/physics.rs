@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use platform::data::parse_toml;
+use ftac_platform::data::parse_toml;
 use serde::Deserialize;
 
 /// The table, a box.

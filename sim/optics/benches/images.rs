@@ -1,4 +1,4 @@
-//! Benchmarks of image formation: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Cases: idle, a ball
+//! Benchmarks of image formation: `cargo bench -p tactile-optics`, with `--features gpu` on a GPU as well. Cases: idle, a ball
 //! and a bumpy shape at 2 N; with and without cast shadows; one sensor and all 17; one and two threads. The timed part
 //! starts at indentation maps and ends at image bytes; the throughput is in images.
 
@@ -7,11 +7,11 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hand_model::Hand;
 use hand_model::pads::Camera;
-use optics::shapes::SHAPES;
-use optics::{IndentationMap, Sensor, press};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
+use tactile_optics::shapes::SHAPES;
+use tactile_optics::{IndentationMap, Sensor, press};
 
 /// Force on each pad, N.
 const FORCE: f64 = 2.0;
@@ -80,7 +80,7 @@ fn on_cpu(criterion: &mut Criterion) {
 fn on_gpu(criterion: &mut Criterion) {
     use std::sync::Arc;
 
-    use optics::{GpuRenderer, Job, Renderer};
+    use tactile_optics::{GpuRenderer, Job, Renderer};
     let hand = Hand::ftac();
     let gpu = match GpuRenderer::new(Arc::new(sensors(&hand))) {
         Ok(gpu) => gpu,

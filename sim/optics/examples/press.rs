@@ -7,9 +7,9 @@ use std::time::Instant;
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use hand_model::robot::TactileImage;
-use optics::{IndentationMap, Sensor, press};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tactile_optics::{IndentationMap, Sensor, press};
 
 const PADS: [&str; 5] = ["index_distal", "middle_middle", "thumb_metacarpal", "palm_radial", "palm_ulnar"];
 

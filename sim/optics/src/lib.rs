@@ -40,14 +40,14 @@
 //! that of the background alone (`floor`) and the best that the noise allows (`ceiling`). The calibrated sensor then renders
 //! any object. The same in code (the folder is generated first, from a known sensor):
 //! ```
-//! use optics::calibration::{Assumptions, BallFit, CalibratedSensor, SensorCalibration, Effort, PressFolder};
+//! use tactile_optics::calibration::{Assumptions, BallFit, CalibratedSensor, SensorCalibration, Effort, PressFolder};
 //!
 //! # let folder = std::env::temp_dir().join(format!("optics-example-{}", std::process::id()));
 //! # std::fs::create_dir_all(&folder)?;
 //! # let hand = hand_model::Hand::ftac();
 //! # let camera = &hand.cameras[hand.pads[0].cameras[0]];
 //! # let (columns, rows) = (96, 72);
-//! # let model = optics::SensorModel { noise: 0.0, ..optics::SensorModel::nominal(&hand.pads[0], camera) };
+//! # let model = tactile_optics::SensorModel { noise: 0.0, ..optics::SensorModel::nominal(&hand.pads[0], camera) };
 //! # let grey = |at: usize| {
 //! #     let (x, y) = ((at % columns) as f64 - 47.5, 35.5 - (at / columns) as f64);
 //! #     model.grey(&nalgebra::Point3::new(0.2e-3 * x, 0.2e-3 * y, 0.0), [0.0; 2]).map(|grey| grey as f32)
@@ -90,7 +90,7 @@
 //! A ball of 20 mm diameter, pressed with 2 N onto the middle of the index finger's distal pad:
 //! ```
 //! use hand_model::Hand;
-//! use optics::{Sensor, press};
+//! use tactile_optics::{Sensor, press};
 //! use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 //!
 //! let hand = Hand::ftac();

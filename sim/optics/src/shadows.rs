@@ -9,7 +9,7 @@
 //!
 //! The tests compare with the paper's method, hidden-point removal (Katz et al.), and with ray casting as the reference
 //! for both. The table gives the share of pixels on which two methods agree: minimum and mean over the lamps that cast
-//! a shadow (`cargo test -p optics --test shadows`).
+//! a shadow (`cargo test -p tactile-optics --test shadows`).
 //!
 //! | shape (3 low lamps each) | ours, rays | hidden points, rays | ours, hidden points | ours, rays, on 120 px |
 //! |---|---|---|---|---|

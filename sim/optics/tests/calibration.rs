@@ -7,15 +7,15 @@ use std::path::PathBuf;
 
 use hand_model::Hand;
 use nalgebra::Point3;
-use optics::SensorModel;
-use optics::calibration::background::background_of;
-use optics::calibration::{
+use tactile_optics::SensorModel;
+use tactile_optics::calibration::background::background_of;
+use tactile_optics::calibration::{
     Assumptions, BallFit, BallPress, CalibratedSensor, Effort, Lens, Photo, PressFolder, SensorCalibration, similarity,
 };
-use optics::camera::Pinhole;
-use optics::elastomer::Elastomer;
-use optics::lamps::Lamp;
-use optics::reflectance::Reflectance;
+use tactile_optics::camera::Pinhole;
+use tactile_optics::elastomer::Elastomer;
+use tactile_optics::lamps::Lamp;
+use tactile_optics::reflectance::Reflectance;
 
 const SIZE: (usize, usize) = (200, 150);
 const PIXEL_MM: f64 = 0.08;

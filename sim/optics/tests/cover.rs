@@ -4,9 +4,9 @@
 
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
-use optics::{Cover, CurvedSensor, Foundation, IndentationMap, Sensor, SensorModel, press};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tactile_optics::{Cover, CurvedSensor, Foundation, IndentationMap, Sensor, SensorModel, press};
 
 fn index() -> (Hand, Pad, Camera) {
     let hand = Hand::ftac();

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use hand_model::Hand;
 use hand_model::pads::Camera;
-use optics::shapes::SHAPES;
-use optics::{CpuRenderer, GpuRenderer, IndentationMap, Job, OpticsError, Renderer, Sensor, press};
+use tactile_optics::shapes::SHAPES;
+use tactile_optics::{CpuRenderer, GpuRenderer, IndentationMap, Job, OpticsError, Renderer, Sensor, press};
 
 fn sensors(hand: &Hand) -> Arc<Vec<Sensor>> {
     let one = |(n, camera): (usize, &Camera)| Sensor::unit(&hand.pads[camera.pad], camera, 7000 + n as u64);

@@ -7,15 +7,15 @@ use std::f64::consts::PI;
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use nalgebra::{Point3, Vector3};
-use optics::camera::{Pinhole, Response};
-use optics::elastomer::Elastomer;
-use optics::indentation::{GapMap, PIXELS, press_gaps};
-use optics::lamps::Lamp;
-use optics::reflectance::Reflectance;
-use optics::{IndentationMap, OpticsError, Sensor, SensorModel, press};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tactile_optics::camera::{Pinhole, Response};
+use tactile_optics::elastomer::Elastomer;
+use tactile_optics::indentation::{GapMap, PIXELS, press_gaps};
+use tactile_optics::lamps::Lamp;
+use tactile_optics::reflectance::Reflectance;
+use tactile_optics::{IndentationMap, OpticsError, Sensor, SensorModel, press};
 
 /// Returns a pad with its first camera; its edges are made square, so that the whole surface is flat.
 fn flat_pad(hand: &Hand, name: &str) -> (Pad, Camera) {

@@ -3,7 +3,7 @@
 
 use hand_model::Hand;
 use nalgebra::{Matrix3x2, Point3};
-use optics::SensorModel;
+use tactile_optics::SensorModel;
 
 /// Returns a grid of positions on the pad in a camera's view, pad frame, m.
 fn places(camera: &hand_model::pads::Camera) -> Vec<Point3<f64>> {

@@ -8,8 +8,8 @@
 use std::collections::HashSet;
 
 use nalgebra::{Point3, Vector3};
-use optics::lamps::Lamp;
-use optics::shadows::{HeightField, Shadow};
+use tactile_optics::lamps::Lamp;
+use tactile_optics::shadows::{HeightField, Shadow};
 
 /// Side of the square field, m.
 const EXTENT: f64 = 12e-3;

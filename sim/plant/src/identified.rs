@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
+use ftac_platform::data::{DataError, parse_toml};
+use ftac_platform::digest::sha256;
 use hand_model::RobotModel;
-use platform::data::{DataError, parse_toml};
-use platform::digest::sha256;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

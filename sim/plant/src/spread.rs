@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use ftac_platform::data::{DataError, parse_toml};
 use hand_model::RobotModel;
-use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 /// A physical quantity that varies between individuals.

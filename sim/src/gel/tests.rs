@@ -1,7 +1,7 @@
 //! Tests: depth in the engine against depth in the image, shear against its law, and holds at rest.
 
 use hand_model::pads::Camera;
-use optics::press;
+use tactile_optics::press;
 use world::Symmetry;
 
 use super::*;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use nalgebra::Point3;
-use optics::OpticsError;
 use rapier3d_f64::parry::query::Ray;
+use tactile_optics::OpticsError;
 use world::objects::ObjectModel;
 
 use super::SimulatedRobot;

@@ -94,7 +94,7 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
     let end = |code: u8, message: &str| log.map(|entry| entry.end(code, message));
     let (code, message) = match command_line.obey(arguments) {
         Ok(shortfall) => {
-            let unseen = || stream::viewer::lost().map(|why| format!("the viewer was lost: {why}"));
+            let unseen = || telemetry::viewer::lost().map(|why| format!("the viewer was lost: {why}"));
             let Some(shortfall) = shortfall.or_else(unseen) else {
                 end(0, "");
                 return 0;
@@ -107,7 +107,7 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
         // The robot stopped in mid-trial, or none of the user's own objects can be played: the command ran, and falls short.
         Err(error)
             if caused_by::<robot_backends::Stopped>(&error)
-                || caused_by::<proving::preparation::NotPlayable>(&error) =>
+                || caused_by::<grasp_verification::preparation::NotPlayable>(&error) =>
         {
             (1, format!("falls short: {}", words(&error)))
         }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 use robot_backends::bounds::{MOST_TRIALS, combinations};
 use scenarios::Scenario;
 

@@ -8,19 +8,19 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use control::uncertainty::Uncertainty;
+use grasp_verification::cache::Cache;
+use grasp_verification::plan::Plan;
+use grasp_verification::simulated_world::World;
+use grasp_verification::{ball_sizes, preparation};
 use hand_model::parameters::{Configuration, HandParameters};
 use hand_model::robot::TactileImage;
 use hand_model::{Hand, RobotModel};
 use plant::Individual;
 use plant::RobotIndividual;
-use proving::cache::Cache;
-use proving::plan::Plan;
-use proving::simulated_world::World;
-use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
 use scenarios::effects::Effect;
 use sim::tactile::TactileBoard;
-use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
+use tactile_perception::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
 use crate::journal::RunRequest;
 use crate::trial::Bench;
@@ -146,7 +146,7 @@ pub fn make_scenes(robot: &RobotModel, scenario: Scenario, combos: usize, seed: 
     // Plans are made for the nominal places; a spread of the layout does not change them.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
-    let builtin = proving::builtin::fits(robot)?
+    let builtin = grasp_verification::builtin::fits(robot)?
         && scenario.object.is_empty()
         && scenario.first == benchmark.first
         && scenario.second == benchmark.second
@@ -178,8 +178,8 @@ pub fn make_playground(robot: &RobotModel, scenario: Scenario, seed: u64) -> Res
     know_hand(&mut pipeline, &world);
     Ok(Bench {
         world,
-        repertoire: proving::builtin::repertoire()?,
-        plans: proving::builtin::plans()?,
+        repertoire: grasp_verification::builtin::repertoire()?,
+        plans: grasp_verification::builtin::plans()?,
         board,
         pipeline,
         known: BTreeMap::new(),

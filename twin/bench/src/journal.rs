@@ -6,10 +6,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use ftac_platform::digest::sha256;
+use ftac_platform::journal::{Journal as Lines, lock_folder};
+use ftac_platform::reach::check_links;
 use hand_model::{RobotModel, RobotSources};
-use platform::digest::sha256;
-use platform::journal::{Journal as Lines, lock_folder};
-use platform::reach::check_links;
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
@@ -244,7 +244,7 @@ impl Journal {
         }
         let lock = lock_folder(folder, "run").context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
-        platform::data::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
+        ftac_platform::data::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
         let lines = Lines::open(&path(folder)).context("--out")?;
         Ok(Self { lines, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
@@ -255,7 +255,7 @@ impl Journal {
         if folder.is_dir() {
             check_links(folder)?;
         }
-        let text = platform::file::read_text(&run)
+        let text = ftac_platform::file::read_text(&run)
             .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         request.check(&run)?;

@@ -1,6 +1,6 @@
 //! Provenance of data: command line, program, machine, source tree.
 
-use platform::child;
+use ftac_platform::child;
 
 use serde::{Deserialize, Serialize};
 

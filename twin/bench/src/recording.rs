@@ -15,8 +15,8 @@ use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
-use stream::recorder::{Recorder, Settings, Target};
-use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
+use telemetry::recorder::{Recorder, Settings, Target};
+use telemetry::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 use world::objects::ObjectModel;
 use world::phase::ordinal;
 

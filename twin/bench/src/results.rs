@@ -113,24 +113,24 @@ pub fn finish(
     };
     let mut table = Vec::new();
     write_trials(&records, &mut table)?;
-    platform::data::write_whole(&folder.join("trials.csv"), &table)?;
+    ftac_platform::data::write_whole(&folder.join("trials.csv"), &table)?;
     let tries: Vec<TryRecord> = done.values().flat_map(|entry| entry.tries.iter().cloned()).collect();
     let mut table = Vec::new();
     write_tries(&tries, &mut table)?;
-    platform::data::write_whole(&folder.join("tries.csv"), &table)?;
+    ftac_platform::data::write_whole(&folder.join("tries.csv"), &table)?;
     if request.mirrors {
         let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
         let rows = named.map(|(Unit { combination, trial }, named)| {
             (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
         });
-        platform::data::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
+        ftac_platform::data::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
     }
     if !ablated.is_empty() {
         let mut table = Vec::new();
         write_ablated(&ablated, &mut table)?;
-        platform::data::write_whole(&folder.join("ablations.csv"), &table)?;
+        ftac_platform::data::write_whole(&folder.join("ablations.csv"), &table)?;
     }
-    platform::data::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
+    ftac_platform::data::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let mut run = serde_json::json!({ "seed": request.seed, "robot": request.robot, "wall_s": summary.wall_s });
     describe(&mut run, &request.made);
     if let Some(own) = &request.policy {

@@ -173,13 +173,13 @@ fn recorded_as<T>(
     name: &str,
     folder: &Path,
     live: bool,
-    play: impl FnOnce(&[stream::Target]) -> Result<T>,
+    play: impl FnOnce(&[telemetry::Target]) -> Result<T>,
 ) -> Result<T> {
     let file = folder.join("recordings").join(format!("{name}.rrd"));
     let partial = file.with_extension("partial.rrd");
-    let mut targets = vec![stream::Target::File(partial.clone())];
+    let mut targets = vec![telemetry::Target::File(partial.clone())];
     if live {
-        targets.push(stream::Target::Spawn);
+        targets.push(telemetry::Target::Spawn);
     }
     let result = play(&targets);
     let renamed = std::fs::rename(&partial, &file).with_context(|| file.display().to_string());

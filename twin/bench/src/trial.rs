@@ -31,7 +31,7 @@ use control::policy::in_turn::InTurn;
 use control::policy::touch::Touch;
 use control::policy::{FirstDecision, Knowledge, Recovery, order};
 use control::sensing::Senses;
-use proving::rehearsal::{Snapshot, TrialStart};
+use grasp_verification::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
 use scenarios::Ablation;
 use scenarios::generator::trial_rng;

@@ -10,9 +10,9 @@ use control::percept::Sighted;
 use hand_model::robot::RobotBackend;
 use robot_backends::replayed::ReplaySource;
 use robot_backends::{BodySource, Glance, LookFailed, Task, TrialBody, TrialSetup};
+use robot_session_log::{Reader, Replay, Session, Sizes};
 use scenarios::Scenario;
 use scenarios::record::Condition;
-use session_log::{Reader, Replay, Session, Sizes};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -4,10 +4,10 @@ use bench::builtin::make_scenes;
 use control::executor::{Phase, Skill};
 use control::foresight::{Draw, Scene, Twin};
 use control::odds::TryOutcome;
+use grasp_verification::simulated_world::drive;
+use grasp_verification::twin::SceneTwin;
 use hand_model::RobotModel;
 use nalgebra::Translation3;
-use proving::simulated_world::drive;
-use proving::twin::SceneTwin;
 use scenarios::Scenario;
 
 /// With a known hold and target, the planned grasp holds in the twin as it does in the plan's own run. With the target

@@ -11,7 +11,7 @@ use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;
 use sim::SimulatedRobot;
 use sim::tactile::Drift;
-use touch::{InHand, PadTouch, Readings};
+use tactile_perception::{InHand, PadTouch, Readings};
 
 /// The benchmark's first combinations with only the effect of the pads.
 fn pads_only(combos: usize) -> Bench {

@@ -7,12 +7,12 @@ use control::palpation::located;
 use control::percept::Percept;
 use control::perception::{Expected, feel, trusted};
 use control::sensing::Senses;
-use grasping::digit_sets;
+use dexterous_grasping::digit_sets;
+use grasp_verification::simulated_world::drive;
 use hand_model::RobotModel;
 use nalgebra::Vector3;
-use proving::simulated_world::drive;
 use scenarios::Scenario;
-use touch::{InHand, PosePrior};
+use tactile_perception::{InHand, PosePrior};
 use world::Sensing;
 
 /// Combinations whose second objects have the top of a pear, a cylinder and a sphere.

@@ -6,7 +6,7 @@ use hand_model::{Digit, RobotModel};
 use nalgebra::Isometry3;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
-use touch::PadTouch;
+use tactile_perception::PadTouch;
 
 /// Number of combinations whose first grasp is felt.
 const HOLDS: usize = 60;

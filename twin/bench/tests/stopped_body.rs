@@ -11,9 +11,9 @@ use bench::trial::{Bench, NoWatcher};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use robot_backends::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup};
+use robot_session_log::Session;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::{FailureCause, Scenario};
-use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -9,7 +9,7 @@
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand, statics};
 use nalgebra::{Point3, Vector3};
-use touch::posture::{cable_excursion, cable_tension};
+use tactile_perception::posture::{cable_excursion, cable_tension};
 
 /// Contact stiffness between two links, Pa/m: where links are bare, no gel yields.
 const RIGID: f64 = 2e9;

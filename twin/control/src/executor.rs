@@ -13,7 +13,7 @@ mod paths;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::Hand;
 use hand_model::robot::{Command, Observation};
 use nalgebra::{Isometry3, Translation3, Vector3};

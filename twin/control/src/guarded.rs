@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
-use touch::StereoOptions;
-use touch::colour_change::find_change;
+use tactile_perception::StereoOptions;
+use tactile_perception::colour_change::find_change;
 
 use crate::sensing::is_on;
 use crate::trajectory::PosePath;

@@ -1,7 +1,7 @@
 //! Input of perception: the tactile images of one look, and the servo readings at the same moment.
 
 use hand_model::robot::TactileFrame;
-use touch::Readings;
+use tactile_perception::Readings;
 
 /// Measurements of one look. It needs no executor and no plan, so that perception works whoever moves the hand.
 #[derive(Debug, Clone, Copy)]

@@ -9,12 +9,12 @@ pub mod tension;
 
 use std::sync::Arc;
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ActuatorVector, DigitVector, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
-use touch::Readings;
+use tactile_perception::Readings;
 
 use self::approach::{approach, duration};
 use self::tension::{approach_tension, servo_goals};

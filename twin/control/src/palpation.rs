@@ -4,11 +4,11 @@
 //! grasp that follows it at the same place. Index and middle finger, stretched out, come down slowly on the object's
 //! rim from above until a pad feels it. The pads then show the object's pose in the hand, as they do for a held object.
 
-use grasping::digit_sets;
-use grasping::grasp::palm_rotation;
+use dexterous_grasping::digit_sets;
+use dexterous_grasping::grasp::palm_rotation;
 use hand_model::{Digit, DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
-use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
+use tactile_perception::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
 use world::geometry::Shape;
 
 use crate::look::Look;

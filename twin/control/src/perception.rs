@@ -2,14 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use touch::pose::loaded_posture;
-use touch::posture::{self, cable_excursion, cable_tension};
-use touch::{
+use tactile_perception::pose::loaded_posture;
+use tactile_perception::posture::{self, cable_excursion, cable_tension};
+use tactile_perception::{
     CameraFault, InHand, KnownShape, PadTouch, Patch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline,
 };
 use world::geometry::{DistanceGrid, Shape};
@@ -368,7 +368,7 @@ pub(crate) mod tests {
 
     /// Grip from the servos alone, with the verified hold of the second grasp.
     fn told(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> Grip {
-        let (q, sets) = (hand.open(), grasping::digit_sets(hand, 2));
+        let (q, sets) = (hand.open(), dexterous_grasping::digit_sets(hand, 2));
         let objects = [Holder { digits: &sets[0], joints: None }, Holder { digits: &sets[1], joints: second }];
         let (limits, objects) = (&hand.parameters.hold().expect("signs of a hold"), &objects);
         Grip::of(hand, &Signs { limits, touches: &[], servos, q: &q, objects, on_first: &[], sigma: 1.5e-4 })

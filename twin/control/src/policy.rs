@@ -18,9 +18,9 @@ mod tracked;
 
 use std::sync::Arc;
 
-use ::touch::TouchError;
-use grasping::Repertoire;
+use dexterous_grasping::Repertoire;
 use nalgebra::Isometry3;
+use tactile_perception::TouchError;
 use world::attempt::Attempt;
 use world::layout::MOST_OBJECTS;
 use world::objects::{ObjectModel, ObjectSet};

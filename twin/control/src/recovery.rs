@@ -1,6 +1,6 @@
 //! Recovery: the next action, given the objects that touch finds in the hand after a grasp was tried.
 
-use grasping::digit_sets::in_words;
+use dexterous_grasping::digit_sets::in_words;
 use hand_model::Digit;
 use nalgebra::Vector3;
 use world::phase::{Phase, ordinal};

@@ -7,7 +7,7 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::parameters::HoldLimits;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
-use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
+use tactile_perception::{Perceived, PoseOptions, TouchError, TouchPipeline};
 use world::Sensing;
 
 use crate::look::Look;
@@ -146,7 +146,7 @@ mod tests {
     fn each_ablation_leaves_its_pads() {
         let hand = Hand::ftac();
         let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
-        let calibration = touch::PhotometricCalibration { version: 1, configurations: Default::default() };
+        let calibration = tactile_perception::PhotometricCalibration { version: 1, configurations: Default::default() };
         let pipeline = TouchPipeline::new(&hand, calibration, vec![image; hand.cameras.len()]).expect("made");
         let pads = |sensing| {
             let senses = Senses::new(&pipeline, sensing).expect("made");

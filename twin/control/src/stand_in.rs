@@ -8,7 +8,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use grasping::{Grasp, Repertoire};
+use dexterous_grasping::{Grasp, Repertoire};
 use hand_model::Digit;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use world::objects::{ObjectModel, ObjectSet, Symmetry};

@@ -17,7 +17,7 @@ mod ways;
 
 use std::sync::Arc;
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Vector3};
 

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use platform::data::{DataError, parse_toml};
+use ftac_platform::data::{DataError, parse_toml};
 use serde::Deserialize;
 
 /// Standard deviations of the errors that the controller expects, and their persistent share.

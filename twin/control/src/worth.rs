@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 
 use crate::extent::Extent;
 use crate::odds::Rehearsed;

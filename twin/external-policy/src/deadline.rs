@@ -5,7 +5,7 @@ use std::process::Stdio;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use platform::child;
+use ftac_platform::child;
 
 use progress::interrupt;
 

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use platform::child;
+use ftac_platform::child;
 
 /// Environment variable that names the interpreter.
 const VARIABLE: &str = "FTAC_POLICY_PYTHON";

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use platform::digest::sha256;
-use platform::file::{LARGEST, read_regular};
+use ftac_platform::digest::sha256;
+use ftac_platform::file::{LARGEST, read_regular};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

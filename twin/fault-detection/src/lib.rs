@@ -30,10 +30,10 @@ use std::sync::Arc;
 
 use control::executor::Target;
 use control::inverse_kinematics::ArmKinematics;
+use grasp_verification::simulated_world::World;
 use hand_model::robot::{ArmState, ServoState};
 use hand_model::{ActuatorVector, Arm, ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
-use proving::simulated_world::World;
 
 use self::belief::{Belief, Believes};
 use self::cables::{CableWatch, Finding};

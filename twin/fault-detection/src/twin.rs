@@ -13,10 +13,10 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use grasp_verification::simulated_world::World;
 use hand_model::robot::{ArmState, Command, ServoState};
 use hand_model::{Arm, ArmVector, DigitVector, Hand};
 use nalgebra::Isometry3;
-use proving::simulated_world::World;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 

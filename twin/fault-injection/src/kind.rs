@@ -10,8 +10,8 @@ use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
+use robot_session_log::Recorder;
 use serde::{Deserialize, Serialize};
-use session_log::Recorder;
 
 /// Servo that device faults strike: the index finger's.
 const SERVO: u8 = 2;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use control::executor::Phase;
+use ftac_platform::journal::{Journal, lock_folder};
 use hand_model::RobotSources;
-use platform::journal::{Journal, lock_folder};
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
@@ -70,7 +70,7 @@ impl Ledger {
         let text = serde_json::to_string_pretty(request)?;
         // The file of outcomes comes first: a folder that holds a request can then be resumed.
         let lines = Journal::open(&folder.join(LINES)).context("--out")?;
-        platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
+        ftac_platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
         Ok(Self { folder: folder.to_owned(), lines, _lock: lock, done: BTreeMap::new() })
     }
 

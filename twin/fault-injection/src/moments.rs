@@ -5,7 +5,7 @@ use bench::trial::Bench;
 use control::executor::Phase;
 use fault_detection::Mirror;
 use fault_detection::seen::Seen;
-use proving::rehearsal::Snapshot;
+use grasp_verification::rehearsal::Snapshot;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

@@ -5,7 +5,7 @@ use bench::recording::{Began, Recording};
 use control::executor::Phase;
 use robot_backends::Task;
 use scenarios::record::Condition;
-use stream::recorder::Target;
+use telemetry::recorder::Target;
 
 use super::Matrix;
 use super::kind::Kind;

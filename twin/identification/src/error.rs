@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use platform::DataError;
-use session_log::SessionLogError;
+use ftac_platform::DataError;
+use robot_session_log::SessionLogError;
 
 /// A session or a script from which nothing can be identified.
 #[derive(Debug, thiserror::Error)]

@@ -10,9 +10,9 @@
 //! restarted with the spring rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough, so
 //! slopes are those of secants.
 
+use ftac_least_squares::{Options, Problem, Solution};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ArmVector, Hand, RobotModel};
-use least_squares::{Options, Problem, Solution};
 use nalgebra::DMatrix;
 use plant::RobotIndividual;
 use plant::spread::{Parameter, Quantity};

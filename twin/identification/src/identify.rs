@@ -10,8 +10,8 @@ use plant::RobotIndividual;
 use plant::identified::{Covariance, Estimate, IdentifiedRobot};
 use plant::spread::Quantity;
 use rayon::prelude::*;
-use touch::ball_press::{self, BallPress, OwnCalibrationReport};
-use touch::{PhotometricCalibration, TouchError};
+use tactile_perception::ball_press::{self, BallPress, OwnCalibrationReport};
+use tactile_perception::{PhotometricCalibration, TouchError};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;

@@ -7,12 +7,12 @@
 
 use crate::script::OPPOSITION;
 use control::inverse_kinematics::Joints;
+use ftac_least_squares::{Options, Problem, forward_differences};
 use hand_model::{Hand, RobotModel};
-use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
-use optics::Foundation;
 use plant::RobotIndividual;
 use plant::spread::Quantity;
+use tactile_optics::Foundation;
 
 use crate::ball::Ball;
 use crate::interval::TAUGHT;

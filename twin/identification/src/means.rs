@@ -1,9 +1,9 @@
 //! Inputs of an excitation: robot, script and grasps.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ArmVector, RobotModel};
-use touch::PhotometricCalibration;
+use tactile_perception::PhotometricCalibration;
 
 use crate::script::Script;
 

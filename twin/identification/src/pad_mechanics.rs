@@ -11,8 +11,8 @@ use hand_model::pads::Pad;
 use hand_model::robot::ArmState;
 use hand_model::{ArmVector, Hand, RobotModel};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
-use optics::Foundation;
 use statistics::percentile;
+use tactile_optics::Foundation;
 
 use crate::arm_load::force;
 use crate::ball::{Ball, Slide};

@@ -7,7 +7,7 @@ use control::inverse_kinematics::Joints;
 use hand_model::RobotModel;
 use hand_model::robot::ArmState;
 use plant::RobotIndividual;
-use touch::PhotometricCalibration;
+use tactile_perception::PhotometricCalibration;
 
 use crate::arm_load::force;
 use crate::ball::{Approach, Ball, Press, approach, round, sideways};

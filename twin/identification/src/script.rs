@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use ftac_platform::data::{DataError, parse_toml};
 use hand_model::hand::MOST_DIGITS;
 use hand_model::{Hand, RobotModel};
-use platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::ball::{Ball, Press};

@@ -9,9 +9,9 @@ use hand_model::Hand;
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, TactileFrame, TactileImage, Tick};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
-use touch::ball_press::{BallPlace, BallPress, locate};
-use touch::colour_change::find_change;
-use touch::{PhotometricCalibration, StereoOptions};
+use tactile_perception::ball_press::{BallPlace, BallPress, locate};
+use tactile_perception::colour_change::find_change;
+use tactile_perception::{PhotometricCalibration, StereoOptions};
 
 use crate::kinematic_calibration::Touch;
 

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use ftac_platform::digest::sha256;
 use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, Tick};
 use hand_model::{ArmVector, RobotModel};
 use plant::identified::Source;
-use platform::digest::sha256;
-use session_log::reader::Event;
-use session_log::{Reader, Sizes};
+use robot_session_log::reader::Event;
+use robot_session_log::{Reader, Sizes};
 
 use crate::ball::Ball;
 use crate::error::IdentificationError;

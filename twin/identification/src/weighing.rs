@@ -5,10 +5,10 @@
 //! the object's weight acts is not known. Its position in the hand is estimated too, and it may move slightly from posture to
 //! posture, with the digits. The estimate is by least squares with priors.
 
+use ftac_least_squares::{Options, Problem, forward_differences};
 use hand_model::load::{Torques, torques};
 use hand_model::robot::{ArmState, ServoGoal};
 use hand_model::{ArmVector, GRAVITY, RobotModel};
-use least_squares::{Options, Problem, forward_differences};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use plant::RobotIndividual;
 use plant::spread::Quantity;

@@ -8,11 +8,11 @@ use std::path::Path;
 
 use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
-use grasping::Grasp;
-use grasping::grasp::pregrasp_pose;
+use dexterous_grasping::Grasp;
+use dexterous_grasping::grasp::pregrasp_pose;
+use ftac_platform::data::DataError;
 use hand_model::{ArmVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
-use platform::data::DataError;
 use serde::{Deserialize, Serialize};
 use world::objects::{ObjectModel, ObjectSet};
 

@@ -8,7 +8,7 @@ use identification::means::Means;
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use plant::RobotIndividual;
-use touch::PhotometricCalibration;
+use tactile_perception::PhotometricCalibration;
 
 /// Returns the calibration of the nominal pads.
 fn builtin_calibration() -> PhotometricCalibration {

@@ -19,14 +19,14 @@ use control::worth::Candidate;
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
-use optics::indentation::press_rasters;
-use optics::{Foundation, IndentationMap, ReducedSensor, Sensor, press};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use report::plot::Plot;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+use tactile_optics::indentation::press_rasters;
+use tactile_optics::{Foundation, IndentationMap, ReducedSensor, Sensor, press};
 use world::objects::ObjectSet;
 
 /// Number of runs of each count.
@@ -181,7 +181,7 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let hand = Hand::ftac();
     let all = pads(&hand)?;
-    let (repertoire, plans) = (proving::builtin::repertoire()?, proving::builtin::plans()?);
+    let (repertoire, plans) = (grasp_verification::builtin::repertoire()?, grasp_verification::builtin::plans()?);
     let mut known = Vec::new();
     for plan in &plans.plans {
         known.extend(

@@ -14,9 +14,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use control::inverse_kinematics::Joints;
+use grasp_verification::simulated_world::World;
 use hand_model::{Arm, RobotModel};
 use nalgebra::Vector3;
-use proving::simulated_world::World;
 use scenarios::Scenario;
 use serde_json::json;
 

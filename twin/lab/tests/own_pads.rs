@@ -7,8 +7,8 @@ use lab::touch::own_pads::{measure, placing, with_a_lamp_at};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sim::tactile::TactileBoard;
-use touch::ball_press::{calibrate, locate};
-use touch::{BallPress, TouchError};
+use tactile_perception::ball_press::{calibrate, locate};
+use tactile_perception::{BallPress, TouchError};
 
 const RADIUS: f64 = 0.008;
 const UNIT: u64 = 1101;

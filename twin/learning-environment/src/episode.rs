@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use control::motion::tension::against_friction;
 use control::percept::Percept;
+use grasp_verification::rehearsal::{PALM, digit_bits, in_hand};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::{DigitVector, Hand};
 use nalgebra::Point3;
-use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
 use scenarios::generator::trial_rng;
 use sim::SimulatedRobot;

@@ -8,7 +8,7 @@ use crate::arrays::{failure, value_error};
 #[pyfunction]
 pub fn repertoire(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {
-        let repertoire = proving::builtin::repertoire().map_err(|error| failure(&error))?;
+        let repertoire = grasp_verification::builtin::repertoire().map_err(|error| failure(&error))?;
         serde_json::to_string(&repertoire.grasps).map_err(value_error)
     })
 }
@@ -17,7 +17,7 @@ pub fn repertoire(py: Python<'_>) -> PyResult<String> {
 #[pyfunction]
 pub fn collection(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {
-        let collection = proving::synthesis::grasp_file::built_in().map_err(|error| failure(&error))?;
+        let collection = grasp_verification::synthesis::grasp_file::built_in().map_err(|error| failure(&error))?;
         let grasps: Vec<_> = collection.objects.into_iter().flat_map(|object| object.grasps).collect();
         serde_json::to_string(&grasps).map_err(value_error)
     })

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
-use optics::{Foundation, IndentationMap, Sensor, press};
 use pyo3::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sim::tactile::unit_seed;
+use tactile_optics::{Foundation, IndentationMap, Sensor, press};
 
 use crate::arrays::{map, picture, value_error};
 use crate::hand::HAND;
@@ -43,7 +43,7 @@ fn rendered<'py>(
     py: Python<'py>,
     index: usize,
     (unit, noise): (Option<u64>, u64),
-    pressed: impl FnOnce() -> Result<(IndentationMap, f64), optics::OpticsError> + Send,
+    pressed: impl FnOnce() -> Result<(IndentationMap, f64), tactile_optics::OpticsError> + Send,
 ) -> PyResult<Pressed<'py>> {
     let made = py.detach(|| -> PyResult<_> {
         let sensor = sensor(index, unit)?;
@@ -136,7 +136,7 @@ fn balanced(
     camera: &Camera,
     force: f64,
     lowest: impl FnMut(f64, f64) -> Option<f64>,
-) -> Result<(IndentationMap, f64), optics::OpticsError> {
+) -> Result<(IndentationMap, f64), tactile_optics::OpticsError> {
     let mut pressed = press(pad, &[camera], &HAND.gel(), force, lowest)?;
     Ok((pressed.maps.pop().unwrap_or_else(IndentationMap::idle), pressed.force))
 }

@@ -252,7 +252,7 @@ impl Episode {
         };
         let bench = shared(py, reality, robot.as_deref())?;
         if kind == Task::PickSecond
-            && !proving::builtin::fits(&bench.world.cell.robot).map_err(|error| failure(&error))?
+            && !grasp_verification::builtin::fits(&bench.world.cell.robot).map_err(|error| failure(&error))?
         {
             let name = &bench.world.cell.robot.name;
             let words = "task: found `pick_second`, which begins with a grasp of the built-in robot, expected `pick_one` or `pick_two` with";

@@ -8,8 +8,8 @@ use numpy::ndarray::Array5;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use session_log::frames::{Frame, frames};
-use session_log::{Reader, SessionLogError, Sizes};
+use robot_session_log::frames::{Frame, frames};
+use robot_session_log::{Reader, SessionLogError, Sizes};
 
 use crate::arrays::{rows, value_error};
 use crate::hand::HAND;

@@ -7,10 +7,10 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
 use numpy::{PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use touch::colour_change::StereoOptions;
-use touch::photometric_stereo::gradients;
-use touch::poisson::{PoissonSolver, rest_level};
-use touch::{PIXELS, PhotometricCalibration};
+use tactile_perception::colour_change::StereoOptions;
+use tactile_perception::photometric_stereo::gradients;
+use tactile_perception::poisson::{PoissonSolver, rest_level};
+use tactile_perception::{PIXELS, PhotometricCalibration};
 
 use crate::arrays::{failure, map, value_error};
 use crate::hand::HAND;

@@ -60,7 +60,7 @@ impl Benchmark {
     #[new]
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
         let made = py.detach(|| {
-            let combos = proving::builtin::plans()?.plans.len();
+            let combos = grasp_verification::builtin::plans()?.plans.len();
             make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
         });
         Ok(Self(made.map_err(|error| failure(&error))?))

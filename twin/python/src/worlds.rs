@@ -59,6 +59,6 @@ pub fn objects() -> Vec<String> {
 /// Returns the benchmark's combinations: names of the first and the second object.
 #[pyfunction]
 pub fn combinations() -> PyResult<Vec<(String, String)>> {
-    let plans = proving::builtin::plans().map_err(|error| failure(&error))?;
+    let plans = grasp_verification::builtin::plans().map_err(|error| failure(&error))?;
     Ok(plans.plans.into_iter().map(|plan| (plan.first, plan.second)).collect())
 }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use platform::data::{DataError, parse_toml, read_text};
 use serde::{Deserialize, Serialize};
 
 /// Registered pose of the arm's base, as a file.

@@ -16,18 +16,18 @@ use control::percept::Percept;
 use control::perception::KnownObject;
 use control::registration::{Registration, Touched, register};
 use control::sensing::Senses;
-use grasping::{Grasp, Repertoire, digit_sets};
+use dexterous_grasping::{Grasp, Repertoire, digit_sets};
+use grasp_verification::simulated_world::World;
 use hand_model::robot::RobotBackend as _;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use proving::simulated_world::World;
 use scenarios::noise::TrialNoise;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SimulatedRobot};
-use touch::{PosePrior, TouchPipeline};
+use tactile_perception::{PosePrior, TouchPipeline};
 use world::Sensing;
 
 use robot_backends::{Stopped, TrialBody};
-use touch::backgrounds;
+use tactile_perception::backgrounds;
 
 pub use file::RegistrationFile;
 pub use robot_backends::mount::{Plan, hidden_mount};

@@ -9,7 +9,7 @@ use image::{ExtendedColorType, RgbImage};
 use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
-use stream::mesh::Mesh;
+use telemetry::mesh::Mesh;
 use world::objects::ObjectModel;
 
 use crate::html::{self, data_uri};
@@ -61,7 +61,7 @@ impl Stage<'_> {
             let vertices = mesh.vertices.iter().map(|v| Point3::from(*v).cast());
             (vertices.collect(), mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect())
         };
-        let table = stream::scene::table();
+        let table = telemetry::scene::table();
         let (vertices, normals) = mesh(&table);
         picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE);
         picture.arm(self.arm, &frame.arm);
@@ -70,7 +70,7 @@ impl Stage<'_> {
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
         }
         picture.hand_at(self.hand, (&frame.palm, &frame.links), |pad| {
-            stream::scene::link_color(self.hand, pad.link).map(f64::from)
+            telemetry::scene::link_color(self.hand, pad.link).map(f64::from)
         });
         picture.finish("")
     }

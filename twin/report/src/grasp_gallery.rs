@@ -3,20 +3,20 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::collection::Summary;
-use grasping::synthesis::held::{DigitUse, pose_from_array};
-use grasping::synthesis::kind::Kind;
+use dexterous_grasping::synthesis::collection::Summary;
+use dexterous_grasping::synthesis::held::{DigitUse, pose_from_array};
+use dexterous_grasping::synthesis::kind::Kind;
+use ftac_platform::data::write_whole;
+use grasp_verification::synthesis::grasp_file::GraspFile;
+use grasp_verification::synthesis::grasping_hand::GraspingHand;
+use grasp_verification::synthesis::parts::table;
+use grasp_verification::synthesis::subject::verified_for;
 use image::RgbImage;
 use maud::html;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
-use platform::data::write_whole;
-use proving::synthesis::grasp_file::GraspFile;
-use proving::synthesis::grasping_hand::GraspingHand;
-use proving::synthesis::parts::table;
-use proving::synthesis::subject::verified_for;
-use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
-use stream::mesh::Mesh;
-use stream::scene::link_color;
+use telemetry::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
+use telemetry::mesh::Mesh;
+use telemetry::scene::link_color;
 use world::objects::ObjectModel;
 
 use crate::html::page;
@@ -222,9 +222,9 @@ pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -
 
 #[cfg(test)]
 mod tests {
-    use grasping::synthesis::held::HeldGrasp;
-    use grasping::synthesis::kind::hand_kinds;
-    use proving::synthesis::grasp_file;
+    use dexterous_grasping::synthesis::held::HeldGrasp;
+    use dexterous_grasping::synthesis::kind::hand_kinds;
+    use grasp_verification::synthesis::grasp_file;
     use world::objects::ObjectSet;
 
     /// Checks the built-in collection: every object of the set is there with as many grasps as its summary says, each

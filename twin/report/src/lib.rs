@@ -31,7 +31,7 @@ mod verdict;
 use std::path::Path;
 
 use anyhow::Result;
-use platform::data::write_whole;
+use ftac_platform::data::write_whole;
 use scenarios::TrialRecord;
 use scenarios::summary::Summary;
 use serde_json::Value;

@@ -8,14 +8,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use font8x8::UnicodeFonts;
+use ftac_platform::data::write_whole;
 use hand_model::pads::Pad;
 use hand_model::{Arm, Hand};
 use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
-use platform::data::write_whole;
 use sim::stand::{HandStand, Prop};
-use stream::hand_mesh::{self, Material, Part};
-use stream::mesh::Mesh;
+use telemetry::hand_mesh::{self, Material, Part};
+use telemetry::mesh::Mesh;
 
 /// Colours of the arm's parts, used in turn.
 const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
@@ -247,7 +247,7 @@ impl Picture {
     pub fn arm(&mut self, arm: &Arm, links: &[Isometry3<f64>]) {
         let base = Isometry3::identity();
         let poses = std::iter::once(&base).chain(links);
-        for (k, (part, pose)) in stream::scene::arm_parts(arm).iter().zip(poses).enumerate() {
+        for (k, (part, pose)) in telemetry::scene::arm_parts(arm).iter().zip(poses).enumerate() {
             self.mesh(pose, part, ARM[k % 2]);
         }
     }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 use scenarios::Scenario;
 
 use crate::{Places, Task};

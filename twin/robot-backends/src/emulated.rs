@@ -15,7 +15,7 @@ use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
 use hardware_bridge::safety::state::State;
-use session_log::{Packet, Session};
+use robot_session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -32,10 +32,10 @@ use anyhow::{Result, anyhow};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
+use robot_session_log::{Recorder, Session, Writer};
 use scenarios::noise::ObjectNoise;
 use scenarios::record::TrialRecord;
 use scenarios::referee::Verdict;
-use session_log::{Recorder, Session, Writer};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -152,7 +152,7 @@ pub trait BodySource {
     /// Returns the file of the trial's session, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
     /// Returns the packets of tapped links, if there are any. Called once after each [`BodySource::open`].
-    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<session_log::Packet>> {
+    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<robot_session_log::Packet>> {
         None
     }
     /// True if an operator places the objects at their nominal poses, so that the trial's draw of poses does not apply.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::{DataError, parse_toml};
 use nalgebra::{Isometry3, Vector3};
-use platform::data::{DataError, parse_toml};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use scenarios::generator::trial_rng;

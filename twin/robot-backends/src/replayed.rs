@@ -6,10 +6,10 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
+use ftac_platform::data::DataError;
 use hand_model::robot::RobotBackend;
-use platform::data::DataError;
-use session_log::replay::{Divergence, Progress};
-use session_log::{Event, Reader, Replay, Session, Sizes};
+use robot_session_log::replay::{Divergence, Progress};
+use robot_session_log::{Event, Reader, Replay, Session, Sizes};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -13,7 +13,7 @@ use hand_model::robot::RobotBackend;
 use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
-use session_log::Session;
+use robot_session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

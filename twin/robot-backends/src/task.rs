@@ -1,8 +1,8 @@
 //! Definition of a trial, and the source of its robot's object and base poses.
 
 use anyhow::Result;
+use grasp_verification::simulated_world::World;
 use hand_model::RobotSources;
-use proving::simulated_world::World;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
 

@@ -5,8 +5,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use optics::calibration::{Assumptions, Effort, PressFolder, press_checks};
 use sensor_calibration::calibration::folds::{self, Fold};
+use tactile_optics::calibration::{Assumptions, Effort, PressFolder, press_checks};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -17,9 +17,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use image::RgbImage;
-use optics::calibration::relocation;
-use optics::calibration::zhang::LensFit;
-use optics::calibration::{Assumptions, BallFit, Effort, HeldOut, PressFolder, SensorCalibration, Views};
+use tactile_optics::calibration::relocation;
+use tactile_optics::calibration::zhang::LensFit;
+use tactile_optics::calibration::{Assumptions, BallFit, Effort, HeldOut, PressFolder, SensorCalibration, Views};
 
 use self::folds::{Fold, Judged, sensor_of};
 use self::misfits::misfits;

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use hand_model::Hand;
-use optics::Foundation;
-use optics::calibration::recovery::{Recovery, recover};
-use optics::calibration::{CalibratedSensor, Effort, LeftOut, SensorCalibration, Similarity, similarity};
-use optics::foundation::{
-    PROBE_RADIUS, ProbePoint, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity,
-};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tactile_optics::Foundation;
+use tactile_optics::calibration::recovery::{Recovery, recover};
+use tactile_optics::calibration::{CalibratedSensor, Effort, LeftOut, SensorCalibration, Similarity, similarity};
+use tactile_optics::foundation::{
+    PROBE_RADIUS, ProbePoint, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity,
+};
 
 use super::calibration::presses;
 use super::reconstruction::{Accuracy, Photometry};

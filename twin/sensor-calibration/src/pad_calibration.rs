@@ -6,8 +6,8 @@ use hand_model::Hand;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sim::tactile::TactileBoard;
-use touch::calibration::AngularError;
-use touch::{CalibrationPress, PhotometricCalibration};
+use tactile_perception::calibration::AngularError;
+use tactile_perception::{CalibrationPress, PhotometricCalibration};
 
 use crate::pressed_shapes::{Place, Relief, ball, press_into};
 

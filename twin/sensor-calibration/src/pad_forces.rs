@@ -11,7 +11,7 @@ use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
-use touch::{PhotometricCalibration, TouchPipeline};
+use tactile_perception::{PhotometricCalibration, TouchPipeline};
 use world::Shape;
 
 /// Cable tensions of the grips, N.

@@ -3,13 +3,13 @@
 use anyhow::{Context, Result};
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
-use optics::shapes::SHAPES;
-use optics::{Sensor, press};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sim::tactile::TactileBoard;
-use touch::CalibrationPress;
+use tactile_optics::shapes::SHAPES;
+use tactile_optics::{Sensor, press};
+use tactile_perception::CalibrationPress;
 
 /// Shapes that are never trained on.
 pub const UNSEEN: [&str; 4] = ["dots", "moon", "prism", "wave1"];

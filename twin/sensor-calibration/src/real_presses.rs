@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, PressFolder};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use touch::CalibrationPress;
+use tactile_optics::calibration::{CalibratedSensor, PressFolder};
+use tactile_perception::CalibrationPress;
 
 use crate::grid::Grid;
 use crate::pressed_shapes::{Place, Relief};
@@ -41,7 +41,7 @@ impl RealPresses {
         let (width, height) = (folder.background.width, folder.background.height);
         let grid = Grid { width, height };
         let background = grid.image(&folder.background.rgb);
-        let press = |press: &optics::calibration::BallPress| {
+        let press = |press: &tactile_optics::calibration::BallPress| {
             let radius = 0.5 * press.diameter;
             let ball = KnownBall { center: press.center, radius, contact: (press.radius * pixel).min(0.999 * radius) };
             CalibrationPress {

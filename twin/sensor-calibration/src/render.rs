@@ -11,12 +11,12 @@ use anyhow::{Context, Result, bail};
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
-use optics::pads::PadOptics;
-use optics::{Cover, CurvedSensor, Foundation, IndentationMap, SensorModel};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use schemars::JsonSchema;
 use serde::Serialize;
+use tactile_optics::pads::PadOptics;
+use tactile_optics::{Cover, CurvedSensor, Foundation, IndentationMap, SensorModel};
 use world::geometry::Mesh;
 
 use self::views::{Views, normals};

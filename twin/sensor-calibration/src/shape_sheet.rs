@@ -4,12 +4,12 @@ use anyhow::{Context, Result};
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
 use image::RgbImage;
-use optics::shapes::SHAPES;
-use optics::{Sensor, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use schemars::JsonSchema;
 use serde::Serialize;
+use tactile_optics::shapes::SHAPES;
+use tactile_optics::{Sensor, press};
 
 use super::sensor_serial;
 

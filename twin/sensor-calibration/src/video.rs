@@ -10,8 +10,8 @@ mod presses;
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use optics::calibration::Photo;
-use optics::calibration::image_files::is_hidden;
+use tactile_optics::calibration::Photo;
+use tactile_optics::calibration::image_files::is_hidden;
 
 pub use presses::read_presses;
 

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
 use control::uncertainty::Uncertainty;
+use ftac_platform::data::{DataError, read_text};
+use ftac_platform::reach::Reach;
 use hand_model::{RobotModel, RobotSources};
-use platform::data::{DataError, read_text};
-use platform::reach::Reach;
 use scenarios::effects::Effect;
 use scenarios::{Ablation, Condition, Scenario};
 use toml::{Table, Value};

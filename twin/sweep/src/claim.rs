@@ -12,7 +12,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use platform::journal::locked;
+use ftac_platform::journal::locked;
 use serde::{Deserialize, Serialize};
 
 /// Holder of a claim.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use platform::data::{DataError, parse_toml, read_text};
+use ftac_platform::data::{DataError, parse_toml, read_text};
 use serde::Deserialize;
 use toml::{Table, Value};
 

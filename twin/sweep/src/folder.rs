@@ -21,7 +21,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use platform::data::write_whole;
+use ftac_platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::columns::Which;

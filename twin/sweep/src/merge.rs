@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use platform::data::write_whole;
+use ftac_platform::data::write_whole;
 use sha2::{Digest as _, Sha256};
 
 use crate::columns::{VERSION, WALL, Which};

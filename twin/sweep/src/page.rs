@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use ftac_platform::data::write_whole;
 use maud::html;
-use platform::data::write_whole;
 use report::html::{Column, Table, counted, duration, number, whole_page};
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -10,8 +10,8 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::journal;
 use bench::journal::{Record, RunRequest, Unit as TrialUnit};
-use platform::data::DataError;
-use platform::digest::sha256;
+use ftac_platform::data::DataError;
+use ftac_platform::digest::sha256;
 use robot_backends::Places;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
@@ -43,7 +43,7 @@ pub struct Cost {
 impl Cost {
     /// Returns the costs that come with the program.
     pub fn builtin() -> Result<Self, DataError> {
-        platform::data::parse_toml(COST, Path::new("data/cost.toml"))
+        ftac_platform::data::parse_toml(COST, Path::new("data/cost.toml"))
     }
 
     fn of(&self, condition: Condition) -> f64 {

@@ -10,8 +10,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, anyhow, bail};
-use platform::child;
-use platform::data::write_whole;
+use ftac_platform::child;
+use ftac_platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

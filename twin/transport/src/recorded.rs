@@ -6,8 +6,8 @@ use anyhow::Result;
 use control::executor::{Executor, Phase};
 use control::policy::pick_sequence::PickMode;
 use sim::robot::Truth;
-use stream::recorder::{Recorder, Settings, Target};
-use stream::{DrawnObject, Level, TrialProperties};
+use telemetry::recorder::{Recorder, Settings, Target};
+use telemetry::{DrawnObject, Level, TrialProperties};
 
 use super::play::{Site, TransportRecord};
 use bench::recording::{Shown, drawn, log_scene, log_signals};

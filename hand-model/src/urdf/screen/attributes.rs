@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::tags::Start;
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Content of an attribute.
 #[derive(Clone, Copy)]

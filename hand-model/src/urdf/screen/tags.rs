@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use platform::data::DataError;
+use ftac_platform::data::DataError;
 
 /// Largest number of attributes of an element; a URDF's own have eight at most.
 const MOST_ATTRIBUTES: usize = 64;

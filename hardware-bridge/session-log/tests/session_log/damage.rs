@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use session_log::{Reader, SessionLogError, Sizes, Writer};
+use robot_session_log::{Reader, SessionLogError, Sizes, Writer};
 
 use crate::support::*;
 

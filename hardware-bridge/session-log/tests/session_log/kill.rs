@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use hand_model::robot::{Readings, RobotBackend};
-use session_log::{Recorder, Writer};
+use robot_session_log::{Recorder, Writer};
 
 use crate::support::*;
 

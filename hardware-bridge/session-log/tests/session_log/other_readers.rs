@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
+use robot_session_log::{Direction, Event, Writer};
 use serde_json::Value;
-use session_log::{Direction, Event, Writer};
 
 use crate::support::*;
 
@@ -61,7 +61,7 @@ fn pypi_mcap_reads_a_session() {
     let mut writer = Writer::create(&path, &session()).expect("a new file");
     let device = Duration::from_secs(5);
     writer.raw("arm_udp", Direction::Received, Duration::ZERO, device, &[0xDE, 0xAD, 0]).expect("written");
-    let mut recorder = session_log::Recorder::new(Toy::new(), writer);
+    let mut recorder = robot_session_log::Recorder::new(Toy::new(), writer);
     drive(&mut recorder, 50);
     recorder.finish().1.expect("written");
 

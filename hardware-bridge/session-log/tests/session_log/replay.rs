@@ -1,9 +1,9 @@
 //! A replay returns what was recorded, and holds a controller to it.
 
 use hand_model::robot::{Readings, RobotBackend, ServoGoal};
-use session_log::message::bits;
-use session_log::replay::{Divergence, Progress};
-use session_log::{Event, Reader, Recorder, Replay, SessionLogError, Sizes, Writer};
+use robot_session_log::message::bits;
+use robot_session_log::replay::{Divergence, Progress};
+use robot_session_log::{Event, Reader, Recorder, Replay, SessionLogError, Sizes, Writer};
 
 use crate::support::*;
 

@@ -7,7 +7,7 @@ use hand_model::robot::{
     ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame,
     TactileImage, Tick,
 };
-use session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
+use robot_session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
 
 /// Servos and joints that move a tenth of the way each tick; a camera takes a new image every third tick in which it is
 /// asked.
@@ -139,7 +139,7 @@ pub fn record(path: &Path, ticks: usize) {
 }
 
 /// Reads everything in a file up to its end or its first error; also returns whether it was finished.
-pub fn read(path: &Path) -> (Vec<Event>, Result<bool, session_log::SessionLogError>) {
+pub fn read(path: &Path) -> (Vec<Event>, Result<bool, robot_session_log::SessionLogError>) {
     let mut events = Vec::new();
     let mut reader = match Reader::open(path, Sizes::Any) {
         Ok(reader) => reader,

@@ -5,8 +5,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use ftac_platform::data::DataError;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
-use platform::data::DataError;
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Limits: number of elements of a file, and depth of nodes above a geometry.

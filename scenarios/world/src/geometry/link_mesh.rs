@@ -4,11 +4,11 @@
 
 use std::path::Path;
 
+use ftac_platform::data::DataError;
 use hand_model::hand_mechanism::Triangles;
 use hand_model::urdf_hand::{Cut, MeshTools};
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
-use platform::data::DataError;
 
 use super::decomposition::{cut, excess};
 use super::mesh::Mesh;

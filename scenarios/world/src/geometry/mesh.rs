@@ -4,11 +4,11 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use ftac_platform::data::DataError;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
-use platform::data::DataError;
 
 /// Vertices (in the file's unit) and triangles (vertex indices).
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);

@@ -6,11 +6,11 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use ftac_platform::data::DataError;
+use ftac_platform::file::read_regular;
+use ftac_platform::reach::Reach;
 use gltf::buffer::Source;
 use nalgebra::{Matrix4, Point3};
-use platform::data::DataError;
-use platform::file::read_regular;
-use platform::reach::Reach;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 

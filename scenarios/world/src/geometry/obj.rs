@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use ftac_platform::data::DataError;
 use nalgebra::Point3;
-use platform::data::DataError;
 
 use super::mesh::{GeometryError, Mesh, Triangles};
 

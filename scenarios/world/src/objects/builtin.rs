@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use platform::reach::Reach;
+use ftac_platform::reach::Reach;
 
 use super::file::ObjectFile;
 use super::set::ObjectSet;

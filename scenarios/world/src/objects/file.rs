@@ -25,9 +25,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ftac_platform::data::{DataError, parse_toml, read_text};
+use ftac_platform::reach::Reach;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use platform::data::{DataError, parse_toml, read_text};
-use platform::reach::Reach;
 use serde::{Deserialize, Serialize};
 
 use super::lathe;

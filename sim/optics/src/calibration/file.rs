@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use platform::file::write_whole;
+use ftac_platform::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;

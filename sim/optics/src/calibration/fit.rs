@@ -14,7 +14,7 @@ use crate::calibration::samples::{Samples, noise_of};
 use crate::calibration::scene::Scene;
 use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
-use least_squares::{Options, Parameter, Problem, Solution};
+use ftac_least_squares::{Options, Parameter, Problem, Solution};
 
 /// Computational effort of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -40,7 +40,7 @@ pub use evaluation::{HeldOut, Views};
 pub use file::SensorCalibration;
 pub use fit::{BallFit, Effort};
 pub use folder::{BallPress, LeftOut, PressFolder, ReadOptions};
-pub use least_squares::Parameter;
+pub use ftac_least_squares::Parameter;
 pub use lens::Lens;
 pub use photo::{Depth, Photo};
 pub use sensor::CalibratedSensor;

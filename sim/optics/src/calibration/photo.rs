@@ -3,8 +3,8 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use ftac_platform::file::write_whole;
 use image::{DynamicImage, ImageFormat, ImageReader};
-use platform::file::write_whole;
 
 use crate::calibration::bitmap;
 pub use crate::calibration::rgb_image::Photo;

@@ -211,7 +211,7 @@ mod tests {
         let bounds = at::bounds(&assumptions, 3);
         let r = scene.residuals(&p);
         let fast = scene.jacobian(&p, &r, &bounds);
-        let slow = least_squares::forward_differences(&p, &r, &bounds, 1e-6, |q, _| scene.residuals(q));
+        let slow = ftac_least_squares::forward_differences(&p, &r, &bounds, 1e-6, |q, _| scene.residuals(q));
         assert!((fast - slow).abs().max() < 1e-9);
     }
 }

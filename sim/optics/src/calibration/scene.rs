@@ -12,7 +12,7 @@ use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::profile::{BallProfile, RoundSmoothing};
 use crate::calibration::samples::Samples;
 use crate::lamps::Lamp;
-use least_squares::forward_differences;
+use ftac_least_squares::forward_differences;
 
 /// Radius up to which a press deforms the gel, and the step of its profile, m.
 const REACH: f64 = 6e-3;

@@ -14,7 +14,7 @@ use crate::calibration::image_files::images_of;
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
-use least_squares::{Options, Parameter, Problem, forward_differences};
+use ftac_least_squares::{Options, Parameter, Problem, forward_differences};
 
 /// Smallest number of pictures: two determine the intrinsics, a third reveals errors.
 pub const LEAST: usize = 3;

@@ -361,7 +361,7 @@ fn without(names: &[String]) -> Result<Vec<Effect>> {
 /// Reads and validates the file that `--uncertainty` names, and returns its text.
 fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
-    let text = platform::data::read_text(path).context("--uncertainty")?;
+    let text = ftac_platform::data::read_text(path).context("--uncertainty")?;
     Uncertainty::parse(&text, path).context("--uncertainty")?;
     Ok(Some(text))
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::bail;
 use bench::builtin::{COMBINATIONS, make_scenes};
 use clap::Args;
-use proving::plan::Plan;
+use grasp_verification::plan::Plan;
 use schemars::JsonSchema;
 use serde::Serialize;
 

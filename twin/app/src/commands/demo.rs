@@ -14,8 +14,8 @@ use robot_backends::Task;
 use scenarios::{Condition, Scenario, TrialRecord};
 use schemars::JsonSchema;
 use serde::Serialize;
-use stream::Target;
-use stream::viewer;
+use telemetry::Target;
+use telemetry::viewer;
 
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
@@ -129,7 +129,7 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
     let title = format!("{first}, then {second}: blind beside touch");
     let html = film::page(stage, films, (size, rate), (&title, &about))?;
     let page = args.out.join("index.html");
-    platform::data::write_whole(&page, html.as_bytes())?;
+    ftac_platform::data::write_whole(&page, html.as_bytes())?;
     Ok(page)
 }
 

@@ -12,11 +12,11 @@ use hand_model::kinematics::Tree;
 use robot_backends::Stopped;
 use robot_backends::Task;
 use robot_backends::replayed::{ReplaySource, check};
+use robot_session_log::ros2::{self, Names};
+use robot_session_log::{Event, Reader, Replay, Sizes};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use session_log::ros2::{self, Names};
-use session_log::{Event, Reader, Replay, Sizes};
-use stream::Target;
+use telemetry::Target;
 
 use super::replay::{bench_of, task};
 use super::sessions::{BAG, sessions_in};

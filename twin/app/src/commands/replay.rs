@@ -10,12 +10,12 @@ use bench::trial::{Bench, NoWatcher};
 use hand_model::RobotModel;
 use robot_backends::replayed::{ReplaySource, check};
 use robot_backends::{LookFailed, Stopped, Task};
+use robot_session_log::comparison::compare;
+use robot_session_log::{Reader, Replay, Sizes};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use schemars::JsonSchema;
 use serde::Serialize;
-use session_log::comparison::compare;
-use session_log::{Reader, Replay, Sizes};
 
 use super::sessions::sessions_in;
 use crate::terminal::Terminal;

@@ -7,8 +7,8 @@ use anyhow::{Context as _, bail};
 use clap::Command;
 
 use fault_injection::table::FaultTable;
-use proving::synthesis::evaluation::Evaluation;
-use proving::synthesis::report::Report;
+use grasp_verification::synthesis::evaluation::Evaluation;
+use grasp_verification::synthesis::report::Report;
 use scenarios::summary::Summary;
 use sensor_calibration::reconstruction::output::ImageFigures;
 use sensor_calibration::render::real_sensor::SensorRender;

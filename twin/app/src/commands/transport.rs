@@ -8,10 +8,10 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
 use control::policy::pick_sequence::plan::Pickup;
-use grasping::digit_sets::in_words;
+use dexterous_grasping::digit_sets::in_words;
+use grasp_verification::simulated_world::World;
+use grasp_verification::skills::{SkillFile, for_sizes, of_repertoire};
 use hand_model::{Digit, RobotModel};
-use proving::simulated_world::World;
-use proving::skills::{SkillFile, for_sizes, of_repertoire};
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
@@ -158,7 +158,7 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     // The skills of transports were rehearsed without effects.
     scenario.effects = Effects::default();
     let world = World::new(&RobotModel::ftac_gen3(), scenario)?;
-    let repertoire = proving::builtin::repertoire()?;
+    let repertoire = grasp_verification::builtin::repertoire()?;
     let mut proven = of_repertoire(&world, &repertoire)?;
     proven.extend(SkillFile::builtin()?.skills);
     if let Some(path) = more {
@@ -190,7 +190,7 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
 }
 
 fn read_skills(path: &Path) -> Result<SkillFile> {
-    let text = platform::file::read_text(path).with_context(|| path.display().to_string())?;
+    let text = ftac_platform::file::read_text(path).with_context(|| path.display().to_string())?;
     SkillFile::parse(&text, path)
 }
 
@@ -276,7 +276,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         transports: &records,
     };
     if let Some(folder) = &args.out {
-        platform::data::write_whole(
+        ftac_platform::data::write_whole(
             &folder.join("transports.json"),
             serde_json::to_string_pretty(&result)?.as_bytes(),
         )?;

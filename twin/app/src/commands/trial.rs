@@ -168,9 +168,9 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let mut targets = vec![stream::Target::File(file.clone())];
+    let mut targets = vec![telemetry::Target::File(file.clone())];
     if args.live {
-        targets.push(stream::Target::Spawn);
+        targets.push(telemetry::Target::Spawn);
     }
     let mut recording = Recording::open(&targets, &bench, &task, (args.robot.began(), args.truth))?;
     let play = |watcher: &mut dyn Watcher| match (&mut place, condition) {

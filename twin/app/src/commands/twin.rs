@@ -9,7 +9,8 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::{HAND_UNIT, calibration_of};
 use clap::Subcommand;
-use grasping::{Grasp, Repertoire};
+use dexterous_grasping::{Grasp, Repertoire};
+use grasp_verification::simulated_world::World;
 use hand_model::RobotModel;
 use hand_model::transmission::friction::CableLosses;
 use identification::Script;
@@ -17,11 +18,10 @@ use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_bod
 use identification::means::Means;
 use plant::Gel;
 use plant::RobotIndividual;
-use proving::simulated_world::World;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
-use touch::PhotometricCalibration;
+use tactile_perception::PhotometricCalibration;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -52,7 +52,7 @@ pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()>
         "cameras": RobotIndividual::cameras(number),
         "parameters": truth.described(),
     });
-    Ok(platform::data::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())?)
+    Ok(ftac_platform::data::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())?)
 }
 
 /// The nominal robot, the friction losses of its cables and gears, and the calibration of its pads.
@@ -69,8 +69,8 @@ impl Drawing {
     pub fn new(robot: RobotModel) -> Result<Self> {
         let world = World::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
-        let known = proving::builtin::fits(&robot)?;
-        let repertoire = if known { proving::builtin::repertoire()? } else { Repertoire::default() };
+        let known = grasp_verification::builtin::fits(&robot)?;
+        let repertoire = if known { grasp_verification::builtin::repertoire()? } else { Repertoire::default() };
         let pads = calibration_of(&robot)?;
         Ok(Self { robot, losses, pads, gel, repertoire })
     }

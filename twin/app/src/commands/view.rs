@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use stream::StreamError;
-use stream::viewer;
+use telemetry::StreamError;
+use telemetry::viewer;
 
 use super::export;
 use super::sessions::sessions_in;

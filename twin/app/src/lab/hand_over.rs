@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context as _, Error, Result, bail};
-use platform::child;
+use ftac_platform::child;
 
 /// Option with which `ftac-lab` prints its identity.
 pub const FLAG: &str = "--identity";

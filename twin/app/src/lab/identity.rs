@@ -14,7 +14,7 @@ pub fn identity(mut command: Command) -> String {
     command.build();
     let mut text = json_schema::all(OUTPUTS.iter().copied()).to_string();
     add_help(&mut command, &mut text);
-    format!("{} {}", env!("CARGO_PKG_VERSION"), &platform::digest::sha256(text.as_bytes())[..DIGITS])
+    format!("{} {}", env!("CARGO_PKG_VERSION"), &ftac_platform::digest::sha256(text.as_bytes())[..DIGITS])
 }
 
 fn add_help(command: &mut Command, text: &mut String) {

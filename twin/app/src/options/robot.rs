@@ -38,7 +38,7 @@ pub fn individual(path: Option<&Path>, nominal: &RobotModel) -> Result<(Option<S
 /// Reads the file that `--individual` names: its text, and the robot that it describes.
 fn identified(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(String, IdentifiedRobot)>> {
     let Some(path) = path else { return Ok(None) };
-    let text = platform::data::read_text(path).context("--individual")?;
+    let text = ftac_platform::data::read_text(path).context("--individual")?;
     let own = IdentifiedRobot::parse(&text, path, nominal).context("--individual")?;
     Ok(Some((text, own)))
 }
@@ -51,7 +51,7 @@ pub fn individual_of(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotM
 /// Returns the text of the file that `--pads` names, validated as a calibration of every pad of the robot.
 pub fn pads(path: Option<&Path>, robot: &RobotModel) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
-    let text = platform::data::read_text(path).context("--pads")?;
+    let text = ftac_platform::data::read_text(path).context("--pads")?;
     parse_pads(&robot.hand, &text, path).context("--pads")?;
     Ok(Some(text))
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use platform::data::{DataError, read_text};
-use platform::reach::{BELOW, Reach};
+use ftac_platform::data::{DataError, read_text};
+use ftac_platform::reach::{BELOW, Reach};
 use scenarios::Scenario;
 
 /// Options for the scenario.

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use optics::{CpuRenderer, GpuRenderer, Renderer, Sensor};
 use sim::tactile::TactileBoard;
+use tactile_optics::{CpuRenderer, GpuRenderer, Renderer, Sensor};
 
 /// Backend that renders tactile images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

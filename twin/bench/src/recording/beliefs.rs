@@ -6,9 +6,9 @@ use anyhow::Result;
 use control::perception::Felt;
 use control::policy::Choice;
 use control::strategy::Course;
-use stream::belief::Way;
-use stream::now::Weighed;
-use stream::recorder::Recorder;
+use telemetry::belief::Way;
+use telemetry::now::Weighed;
+use telemetry::recorder::Recorder;
 use world::phase::Phase;
 
 /// True in phases that a decision is about.

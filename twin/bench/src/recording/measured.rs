@@ -10,9 +10,9 @@ use control::perception::Felt;
 use control::workcell::Workcell;
 use hand_model::Hand;
 use nalgebra::Isometry3;
-use stream::SignalFrame;
-use stream::recorder::Recorder;
-use touch::posture::{Posture, free_posture};
+use tactile_perception::posture::{Posture, free_posture};
+use telemetry::SignalFrame;
+use telemetry::recorder::Recorder;
 
 /// Draws measurements and estimates.
 pub struct Measured {

@@ -1,8 +1,8 @@
 //! The twin of a mirror beside the robot, the residuals between them, and the diagnoses.
 
 use anyhow::Result;
-use stream::Level;
-use stream::recorder::TwinFrame;
+use telemetry::Level;
+use telemetry::recorder::TwinFrame;
 
 use super::Recording;
 use fault_detection::Mirror;

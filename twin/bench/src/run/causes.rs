@@ -40,7 +40,7 @@ pub fn record(
         }
         table += &format!("{condition},{cause},recordings/{}.rrd\n", of_condition(&name(unit), condition));
     }
-    Ok(platform::data::write_whole(&folder.join("causes.csv"), table.as_bytes())?)
+    Ok(ftac_platform::data::write_whole(&folder.join("causes.csv"), table.as_bytes())?)
 }
 
 /// Plays and records a unit under one condition alone. Returns its cause of failure.

@@ -8,7 +8,7 @@ use control::executor::{Phase, Skill, Stage};
 use control::perception::Felt;
 use control::policy::{FirstDecision, Policy, Step};
 use control::strategy::Assessment;
-use proving::rehearsal::{Snapshot, in_hand};
+use grasp_verification::rehearsal::{Snapshot, in_hand};
 use scenarios::noise::NoiseLevels;
 use scenarios::record::{TrialId, TrialRecord};
 use scenarios::referee::FailureCause;

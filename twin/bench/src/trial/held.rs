@@ -2,12 +2,12 @@
 
 use anyhow::Result;
 use control::perception::{Expected, trusted};
+use grasp_verification::rehearsal::in_hand;
 use hand_model::ActuatorVector;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, UnitQuaternion};
-use proving::rehearsal::in_hand;
 use serde::{Deserialize, Serialize};
-use touch::{PosePrior, Readings};
+use tactile_perception::{PosePrior, Readings};
 
 use super::setup::Setup;
 use super::shared::Bench;

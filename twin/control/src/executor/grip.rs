@@ -1,6 +1,6 @@
 //! Grip of the executor: which digits hold, and their cable tensions.
 
-use grasping::grasp::pulled;
+use dexterous_grasping::grasp::pulled;
 use hand_model::robot::{Observation, TactileFrame};
 use hand_model::{Digit, DigitVector};
 

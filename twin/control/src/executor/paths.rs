@@ -1,6 +1,6 @@
 //! Candidate paths of the executor's next motion, to touch an object or to grasp it.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use nalgebra::Isometry3;
 use world::geometry::Shape;
 

@@ -1,7 +1,7 @@
 //! Palm paths to a grasp.
 
-use grasping::Grasp;
-use grasping::grasp::pregrasp_pose;
+use dexterous_grasping::Grasp;
+use dexterous_grasping::grasp::pregrasp_pose;
 use hand_model::Hand;
 use nalgebra::Isometry3;
 

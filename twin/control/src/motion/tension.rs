@@ -2,11 +2,11 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ActuatorVector, Digit, DigitVector, Hand};
-use touch::posture::cable_excursion;
+use tactile_perception::posture::cable_excursion;
 
 /// Current limit of the opposition servo, A.
 const OPPOSITION_CURRENT: f64 = 0.6;

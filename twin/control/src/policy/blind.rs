@@ -1,6 +1,6 @@
 //! The policy `blind`: carries out the plan without any feedback.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use world::attempt::Attempt;
 
 use super::{Injected, Policy, PolicyError, Step, Story};

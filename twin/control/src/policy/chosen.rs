@@ -5,10 +5,10 @@
 //! before a choice, paths are rehearsed, and no try begins too late for the trial. The first object is taken as
 //! planned. A chooser that fails, or gives an invalid answer, ends its trial with the reason in the record.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::robot::{ArmState, ServoState, TactileFrame};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use touch::InHand;
+use tactile_perception::InHand;
 use world::attempt::Attempt;
 
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};

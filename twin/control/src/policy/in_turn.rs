@@ -6,8 +6,8 @@
 //! the grasp that is worth most at that time. If an earlier object is missing, everything is laid down and the list
 //! begins anew. The pose of each object in the hand is estimated from the pads of its digits and the palm.
 
-use grasping::Grasp;
-use grasping::digit_sets::in_words;
+use dexterous_grasping::Grasp;
+use dexterous_grasping::digit_sets::in_words;
 use world::attempt::Attempt;
 
 use super::pick_sequence::plan::feeling;

@@ -1,6 +1,6 @@
 //! Order of the two objects: decided before any motion, from the value of the best sequence of grasps in either order.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 
 use super::Knowledge;
 use super::touch::empty_hand;

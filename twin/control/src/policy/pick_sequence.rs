@@ -5,11 +5,11 @@
 
 pub mod plan;
 
-use ::touch::Perceived;
-use grasping::Grasp;
-use grasping::digit_sets;
+use dexterous_grasping::Grasp;
+use dexterous_grasping::digit_sets;
 use hand_model::Digit;
 use serde::Serialize;
+use tactile_perception::Perceived;
 
 use self::plan::{Pick, PickPlan, Pickup, Ready, feeling, in_words, plan, why_not};
 use super::reach::TURNS;

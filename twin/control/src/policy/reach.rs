@@ -1,6 +1,6 @@
 //! Grasps that the arm can carry out at an object's percept, turned about the vertical where the object allows it.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::Digit;
 use world::objects::ObjectModel;
 

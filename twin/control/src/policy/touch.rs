@@ -15,9 +15,9 @@ mod beside;
 pub(super) mod empty_hand;
 mod exploration;
 
-use grasping::{Grasp, digit_sets};
+use dexterous_grasping::{Grasp, digit_sets};
 use nalgebra::Vector3;
-use touch::{InHand, PoseEstimate};
+use tactile_perception::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, within_reach};
 use super::tracked::Tracked;

@@ -1,7 +1,7 @@
 //! Geometry of a decision: clearance between the held object and the target on the way there and while the digits
 //! close.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::solids::{free_solids, held_solids, placed};

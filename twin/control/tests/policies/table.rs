@@ -13,13 +13,13 @@ use control::trajectory::PathLimits;
 use control::uncertainty::Uncertainty;
 use control::workcell::Workcell;
 use control::worth::Candidate;
-use grasping::{Grasp, Repertoire};
+use dexterous_grasping::{Grasp, Repertoire};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Observation, ServoState, TactileImage};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, Digit, RobotModel};
 use nalgebra::{Isometry3, Translation3};
-use touch::{PhotometricCalibration, TouchPipeline};
+use tactile_perception::{PhotometricCalibration, TouchPipeline};
 use world::Sensing;
 use world::objects::{ObjectModel, ObjectSet};
 

@@ -2,7 +2,7 @@
 
 use control::executor::Phase;
 use fault_detection::divergence::{Divergence, Kind};
-use proving::rehearsal::in_hand;
+use grasp_verification::rehearsal::in_hand;
 use sim::robot::Truth;
 
 /// Window before a diagnosis within which the event that it reports must have happened, s.

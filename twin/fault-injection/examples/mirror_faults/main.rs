@@ -171,7 +171,7 @@ fn trial(
 /// `plant` is 0. The control stack uses the robot model of the file `individual`, or the robot as drawn.
 fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
     let path = individual.map_or(Path::new(""), Path::new);
-    let text = individual.map(|_| platform::data::read_text(path)).transpose()?;
+    let text = individual.map(|_| ftac_platform::data::read_text(path)).transpose()?;
     let robot = robot_of(None, text.as_deref(), path)?;
     let mut bench = make_bench(&robot, Scenario::benchmark(), combos, seed, true)?;
     if plant > 0 {

@@ -2,7 +2,7 @@
 
 use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use hand_model::robot::{ArmState, RobotBackend};
 use hand_model::{ArmVector, DigitVector, RobotModel};
 

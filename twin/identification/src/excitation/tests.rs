@@ -1,6 +1,6 @@
 use hand_model::transmission::friction::CableFriction;
 use std::path::Path;
-use touch::PhotometricCalibration;
+use tactile_perception::PhotometricCalibration;
 
 use hand_model::robot::{Observation, Readings, ServoState, Tick};
 use hand_model::{Arm, RobotModel};

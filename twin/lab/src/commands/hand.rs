@@ -137,7 +137,10 @@ fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outco
     };
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &results, folder)?;
-        platform::data::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&found)?.as_bytes())?;
+        ftac_platform::data::write_whole(
+            &folder.join("grasps.json"),
+            serde_json::to_string_pretty(&found)?.as_bytes(),
+        )?;
     }
     let mut text = check::feix::table(&results);
     if args.seeds > 1 {

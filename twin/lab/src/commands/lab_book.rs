@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use ftac::terminal::{Outcome, Terminal};
+use ftac_platform::data::write_whole;
 use lab::lab_book::command::Check;
 use lab::lab_book::{page, table};
-use platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -72,7 +72,7 @@ mod tests {
             "cargo run --release -p kortex --example arm_cycle -- 10",
             "cargo test --release -p sim --test integration statics -- --nocapture",
             "cargo test --release --workspace",
-            "cargo bench -p optics --features gpu",
+            "cargo bench -p tactile-optics --features gpu",
             "cargo test --release --manifest-path hardware-bridge/other-hosts/Cargo.toml",
         ] {
             check(command).unwrap_or_else(|error| panic!("{command}: {error}"));

@@ -20,7 +20,10 @@ pub struct Checked<'a> {
 pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
     let checked = Checked { seed: terminal.seed, rows };
     if let Some(folder) = folder {
-        platform::data::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&checked)?.as_bytes())?;
+        ftac_platform::data::write_whole(
+            &folder.join("check.json"),
+            serde_json::to_string_pretty(&checked)?.as_bytes(),
+        )?;
     }
     terminal.print(&checked, &check::row::table(rows))?;
     Ok(check::shortfall(rows))

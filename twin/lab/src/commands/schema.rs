@@ -3,11 +3,11 @@
 use ftac::json_schema::{Output, of};
 use ftac::schema;
 use ftac::terminal::{Outcome, Terminal};
+use grasp_analysis::explanation::Explanation;
+use grasp_analysis::{grasp_map, landscape, summary};
+use grasp_verification::synthesis::hands::Comparison;
 use lab::closing;
 use lab::touch::evaluation;
-use proving::synthesis::hands::Comparison;
-use study::explanation::Explanation;
-use study::{grasp_map, landscape, summary};
 
 use super::rows::Checked;
 use super::study::{annotate::Annotation, pick_ups::PickUpTypes, report::Study};

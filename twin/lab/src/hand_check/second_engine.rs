@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use ftac_platform::data::write_whole;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::robot::Command;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{DigitVector, Hand, RobotModel};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use platform::data::write_whole;
 use serde_json::{Value, json};
 use sim::collision_model::CollisionModel;
 use sim::engine::EngineSettings;

@@ -1,13 +1,13 @@
 //! Annotation page: shows every grasp in turn, to be rotated and labelled first with a broad type, then with one of the
 //! 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page
+//! Labels stay in the browser until they are exported as the JSON that [`grasp_analysis::labels`] reads. Nothing on the page
 //! reveals the result of the rules: that would make the agreement between people and rules worthless.
 
-use grasping::taxonomy::Taxonomy;
+use dexterous_grasping::taxonomy::Taxonomy;
+use grasp_analysis::labels::VERSION;
 use maud::html;
 use serde::Serialize;
-use study::labels::VERSION;
 
 use super::html_page::{embedded, whole};
 use super::scene::Scene;
@@ -20,7 +20,7 @@ struct Data<'a> {
     version: u32,
     title: &'a str,
     scene: &'a Scene,
-    types: &'a [grasping::taxonomy::GraspType],
+    types: &'a [dexterous_grasping::taxonomy::GraspType],
     examples: serde_json::Value,
 }
 

@@ -3,10 +3,10 @@
 //! A row gives a reason only if it was measured or follows from how the figure is made; otherwise it says that the
 //! difference was not investigated.
 
+use grasp_analysis::sensors::Array;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-use study::sensors::Array;
 
 /// Text for an unknown reason.
 const OPEN: &str = "not investigated";

@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::pose_from_array;
+use dexterous_grasping::synthesis::held::pose_from_array;
+use grasp_verification::synthesis::hands::{BestGrasp, Cell, ComparedHand};
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
-use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
 use report::grasp_gallery::{CONTACT, DOT, draw_hand, skin};
 use report::picture::{Picture, View, save, tile};
 use world::objects::{ObjectModel, ObjectSet};

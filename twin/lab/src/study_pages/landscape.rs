@@ -4,13 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
+use ftac_platform::data::write_whole;
+use grasp_analysis::classification::ClassifiedGrasp;
+use grasp_analysis::landscape::basins::MappedGrasps;
 use hand_model::Hand;
 use image::RgbImage;
 use maud::html;
-use platform::data::write_whole;
 use report::plot::Plot;
-use study::classification::ClassifiedGrasp;
-use study::landscape::basins::MappedGrasps;
 use world::objects::ObjectModel;
 
 use super::hover;

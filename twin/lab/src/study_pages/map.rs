@@ -4,12 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use grasping::taxonomy::Category;
+use dexterous_grasping::taxonomy::Category;
+use ftac_platform::data::write_whole;
+use grasp_analysis::classification::{Classification, ClassifiedGrasp};
+use grasp_analysis::grasp_map::GraspMap;
 use hand_model::Hand;
 use maud::{Markup, html};
-use platform::data::write_whole;
-use study::classification::{Classification, ClassifiedGrasp};
-use study::grasp_map::GraspMap;
 use world::objects::ObjectModel;
 
 use super::hover;

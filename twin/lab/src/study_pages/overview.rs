@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
+use grasp_analysis::sensors::OTHERS;
 use maud::{Markup, PreEscaped, html};
 use report::html::{Column, Table, number, whole_page};
 use serde_json::Value;
-use study::sensors::OTHERS;
 
 use super::comparison::{Line, Sensing};
 

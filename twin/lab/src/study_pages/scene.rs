@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use grasping::synthesis::held::HeldGrasp;
+use dexterous_grasping::synthesis::held::HeldGrasp;
+use grasp_analysis::classification::ClassifiedGrasp;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;
-use study::classification::ClassifiedGrasp;
 use world::objects::ObjectModel;
 
 /// Triangle mesh in its own frame, in whole multiples of 0.1 mm to keep the file small.

@@ -1,9 +1,9 @@
 //! Disconnectivity tree as SVG: leaves at their energies, with circles sized by their basins and coloured by broad
 //! type.
 
-use grasping::taxonomy::Category;
+use dexterous_grasping::taxonomy::Category;
+use grasp_analysis::landscape::disconnectivity::Tree;
 use maud::{Markup, html};
-use study::landscape::disconnectivity::Tree;
 
 /// A leaf of the tree: one basin.
 #[derive(Debug, Clone)]
@@ -88,7 +88,7 @@ pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use study::landscape::disconnectivity::tree;
+    use grasp_analysis::landscape::disconnectivity::tree;
 
     #[test]
     fn every_basin_has_its_circle() {

@@ -1,10 +1,10 @@
 //! Distribution of types over objects as a bar chart: one bar per object, one segment per type.
 
-use grasping::taxonomy::{Category, Taxonomy};
+use dexterous_grasping::taxonomy::{Category, Taxonomy};
+use grasp_analysis::distribution::Distribution;
 use kuva::prelude::{BarPlot, Plot};
 use maud::Markup;
 use report::chart;
-use study::distribution::Distribution;
 
 /// Returns the colour of a type, a shade of its category's: power red, intermediate yellow, precision green, as in the
 /// paper.
@@ -49,7 +49,7 @@ pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grasping::taxonomy::rules::Decision;
+    use dexterous_grasping::taxonomy::rules::Decision;
 
     #[test]
     fn every_type_has_its_own_colour_and_every_object_its_bar() {

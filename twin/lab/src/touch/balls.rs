@@ -3,12 +3,12 @@
 use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::Point3;
-use optics::{Sensor, press};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sensor_calibration::pressed_shapes::ball;
 use sim::tactile::TactileBoard;
-use touch::BallPress;
+use tactile_optics::{Sensor, press};
+use tactile_perception::BallPress;
 
 /// Positions of the presses, as shares of the camera's view from its centre.
 pub const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]];

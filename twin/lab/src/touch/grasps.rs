@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use anyhow::{Context, Result, anyhow, bail};
 use bench::trial::{Bench, HeldGrasp};
 use bench::workers;
-use platform::data::write_whole;
+use ftac_platform::data::write_whole;
 use serde::{Deserialize, Serialize};
 
 /// Number and seed of the simulated grasps.
@@ -27,8 +27,8 @@ struct File {
 /// simulated and written there.
 pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
     if let Some(path) = file.filter(|path| path.exists()) {
-        let text =
-            platform::file::read_regular(path, platform::file::LARGEST).with_context(|| path.display().to_string())?;
+        let text = ftac_platform::file::read_regular(path, ftac_platform::file::LARGEST)
+            .with_context(|| path.display().to_string())?;
         let kept: File =
             serde_json::from_slice(&text).with_context(|| format!("{}: not a file of grasps", path.display()))?;
         if kept.played != played {

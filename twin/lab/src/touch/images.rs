@@ -7,11 +7,11 @@ use bench::trial::HeldGrasp;
 use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::Isometry3;
-use optics::{IndentationMap, SensorModel};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scenarios::effects::{Effect, Pads};
 use sim::tactile::{Drift, TactileBoard};
+use tactile_optics::{IndentationMap, SensorModel};
 use world::geometry::Shape;
 
 /// Difference of a hand from those that touch was trained on.

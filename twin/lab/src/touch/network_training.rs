@@ -10,8 +10,8 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use touch::network::{Kind, LayerShape};
-use touch::{Network, TouchError};
+use tactile_perception::network::{Kind, LayerShape};
+use tactile_perception::{Network, TouchError};
 
 use super::samples::{Batch, Sample};
 
@@ -237,7 +237,7 @@ fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: Kind, device: &Device) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use touch::network::convolution::Planes;
+    use tactile_perception::network::convolution::Planes;
 
     fn schedule(kind: Kind) -> Schedule {
         Schedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use schemars::JsonSchema;
 use serde::Serialize;
-use touch::{Network, TouchPipeline};
+use tactile_perception::{Network, TouchPipeline};
 
 /// Method to compute normals from colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]

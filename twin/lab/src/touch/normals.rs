@@ -13,9 +13,11 @@ use schemars::JsonSchema;
 use sensor_calibration::pressed_shapes::{Place, UNSEEN, each, named, press_into};
 use sensor_calibration::real_presses::{CONFIGURATION, RealPresses};
 use serde::Serialize;
-use touch::calibration::{angle, contact_pixels};
-use touch::photometric_stereo::gradients;
-use touch::{AngularError, CalibrationPress, Gradients, Network, PhotometricModel, StereoOptions, TouchPipeline};
+use tactile_perception::calibration::{angle, contact_pixels};
+use tactile_perception::photometric_stereo::gradients;
+use tactile_perception::{
+    AngularError, CalibrationPress, Gradients, Network, PhotometricModel, StereoOptions, TouchPipeline,
+};
 
 use super::images::Eyes;
 use crate::touch::networks::{Method, Networks};

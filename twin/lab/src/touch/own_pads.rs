@@ -4,13 +4,15 @@
 use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::Vector3;
-use optics::SensorModel;
 use sensor_calibration::pad_calibration::presses;
 use sim::tactile::TactileBoard;
-use touch::ball_press::{OwnCalibrationReport, calibrate, locate};
-use touch::calibration::{angle, contact_pixels};
-use touch::photometric_stereo::gradients;
-use touch::{AngularError, BallPress, CalibrationPress, PhotometricCalibration, StereoOptions, TouchError};
+use tactile_optics::SensorModel;
+use tactile_perception::ball_press::{OwnCalibrationReport, calibrate, locate};
+use tactile_perception::calibration::{angle, contact_pixels};
+use tactile_perception::photometric_stereo::gradients;
+use tactile_perception::{
+    AngularError, BallPress, CalibrationPress, PhotometricCalibration, StereoOptions, TouchError,
+};
 
 use super::balls::{KnownBall, session};
 

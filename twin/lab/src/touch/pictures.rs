@@ -11,9 +11,9 @@ use hand_model::pads::{Camera, IMAGE_SIZE as N};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use report::picture::text;
-use stream::Target;
-use stream::felt::FeltScene;
-use touch::{HeightMap, PadTouch, Patch};
+use tactile_perception::{HeightMap, PadTouch, Patch};
+use telemetry::Target;
+use telemetry::felt::FeltScene;
 
 use super::images::Eyes;
 use super::normals::normal_picture;
@@ -72,7 +72,7 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
             points: points(hand, &touches, &estimate.q),
             sheet,
         };
-        stream::felt::write(&[Target::File(path("rrd"))], hand, &scene)?;
+        telemetry::felt::write(&[Target::File(path("rrd"))], hand, &scene)?;
     }
     Ok(shown.len())
 }

@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::percentile;
-use touch::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
+use tactile_perception::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
 use world::objects::{ObjectModel, Symmetry};
 
 use super::images::Eyes;

@@ -2,10 +2,10 @@
 
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::{Rng, RngExt};
-use touch::calibration::slope;
-use touch::colour_change::{Region, whole_change};
-use touch::network::{Kind, Sight, model_normals};
-use touch::{CalibrationPress, PhotometricModel};
+use tactile_perception::calibration::slope;
+use tactile_perception::colour_change::{Region, whole_change};
+use tactile_perception::network::{Kind, Sight, model_normals};
+use tactile_perception::{CalibrationPress, PhotometricModel};
 
 /// Side of a square, pixels.
 pub const SIDE: usize = 48;

@@ -12,7 +12,7 @@ use report::plot::Plot;
 use sensor_calibration::pressed_shapes::{drawn_press, each, seen};
 use sensor_calibration::real_presses::{CONFIGURATION, Likeness, RealPresses};
 use sim::tactile::TactileBoard;
-use touch::{CalibrationPress, PhotometricModel};
+use tactile_perception::{CalibrationPress, PhotometricModel};
 
 use super::network_training::{Schedule, Training};
 use super::samples::{Sample, cut};

@@ -16,7 +16,7 @@ use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::pictures::Pictures;
 use hardware_bridge::real_time::PERMIT;
 use nalgebra::Isometry3;
-use session_log::{Packet, Session, Tap};
+use robot_session_log::{Packet, Session, Tap};
 use sim::SimulatedRobot;
 
 use super::{Hardware, PATIENCE};

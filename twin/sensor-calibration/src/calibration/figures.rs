@@ -1,9 +1,9 @@
 //! Results of a calibration, as JSON and as a table.
 
-use optics::SensorModel;
-use optics::calibration::{Lens, Parameter, SensorCalibration, Similarity, Views};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tactile_optics::SensorModel;
+use tactile_optics::calibration::{Lens, Parameter, SensorCalibration, Similarity, Views};
 
 use super::CalibrationRun;
 use super::scale::PixelSource;

@@ -1,9 +1,11 @@
 //! Cross-validation: presses are held out in turn, and a calibration learned from the others is evaluated on them.
 
 use anyhow::{Result, bail};
-use optics::calibration::{Assumptions, BallFit, CalibratedSensor, Effort, HeldOut, PressFolder, SensorCalibration};
-use optics::calibration::{Similarity, Views};
 use rayon::prelude::*;
+use tactile_optics::calibration::{
+    Assumptions, BallFit, CalibratedSensor, Effort, HeldOut, PressFolder, SensorCalibration,
+};
+use tactile_optics::calibration::{Similarity, Views};
 
 use crate::reconstruction::Photometry;
 use crate::reconstruction::accuracy::Accuracy;

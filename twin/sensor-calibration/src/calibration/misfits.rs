@@ -1,6 +1,6 @@
 //! Outliers among the presses: those that the fitted ball model cannot explain although it explains the others.
 
-use optics::calibration::{BallFit, PressFolder};
+use tactile_optics::calibration::{BallFit, PressFolder};
 
 /// Outlier thresholds: the error of a misfit exceeds this multiple of the median error, and the median by this many
 /// grey levels.

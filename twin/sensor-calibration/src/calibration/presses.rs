@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use optics::calibration::zhang::{self, LensFit};
-use optics::calibration::{Lens, PressFolder, ReadOptions, press_checks};
+use tactile_optics::calibration::zhang::{self, LensFit};
+use tactile_optics::calibration::{Lens, PressFolder, ReadOptions, press_checks};
 
 use super::scale::{self, PixelSize, PixelSource};
 use super::sheet::Tile;

@@ -5,7 +5,7 @@
 //! with two points a known distance apart, or by the width of the camera's field of view.
 
 use anyhow::{Result, bail};
-use optics::calibration::{Assumptions, BallFit, BallPress, Effort, PressFolder};
+use tactile_optics::calibration::{Assumptions, BallFit, BallPress, Effort, PressFolder};
 
 /// Source of the pixel size; lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]

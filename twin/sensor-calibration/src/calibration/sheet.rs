@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 use image::{Rgb, RgbImage};
-use optics::calibration::{BallPress, LeftOut, Photo};
 use report::picture::{text, tile};
+use tactile_optics::calibration::{BallPress, LeftOut, Photo};
 
 const USED: [u8; 3] = [255, 255, 255];
 const LEFT_OUT: [u8; 3] = [255, 40, 40];

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use touch::AngularError;
+use tactile_perception::AngularError;
 
 /// Width of a slope class, degrees. Errors of normals are grouped by such classes.
 const CLASS_DEG: f64 = 10.0;

@@ -6,7 +6,7 @@
 //! usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
-use touch::AngularError;
+use tactile_perception::AngularError;
 
 use super::accuracy::{Accuracy, CLASSES, class};
 use super::known_ball::{KnownBall, KnownPresses};

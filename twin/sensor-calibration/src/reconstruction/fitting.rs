@@ -5,11 +5,11 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, PressFolder};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use touch::colour_change::whole_change;
-use touch::{CalibrationPress, PIXELS, PhotometricModel};
+use tactile_optics::calibration::{CalibratedSensor, PressFolder};
+use tactile_perception::colour_change::whole_change;
+use tactile_perception::{CalibrationPress, PIXELS, PhotometricModel};
 
 use super::errors::{Errors, contact_share};
 use super::imagined;

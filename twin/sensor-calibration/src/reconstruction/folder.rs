@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Result, bail};
-use optics::calibration::image_files::{is_image, take_background, visible_files};
+use tactile_optics::calibration::image_files::{is_image, take_background, visible_files};
 
 use crate::video::is_video;
 

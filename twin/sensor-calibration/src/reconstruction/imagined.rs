@@ -4,8 +4,8 @@
 //! the prior for learning from the real presses.
 
 use anyhow::Result;
-use optics::calibration::{CalibratedSensor, SensorCalibration};
-use touch::CalibrationPress;
+use tactile_optics::calibration::{CalibratedSensor, SensorCalibration};
+use tactile_perception::CalibrationPress;
 
 use crate::pressed_shapes::{Relief, ball, each, seen};
 use crate::real_presses::Likeness;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
-use optics::calibration::{BallPress, CalibratedSensor, PressFolder};
-use touch::CalibrationPress;
+use tactile_optics::calibration::{BallPress, CalibratedSensor, PressFolder};
+use tactile_perception::CalibrationPress;
 
 use crate::grid::Grid;
 

@@ -8,8 +8,8 @@ use hand_model::pads::IMAGE_SIZE as N;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use touch::network::Kind;
-use touch::{Network, TouchError};
+use tactile_perception::network::Kind;
+use tactile_perception::{Network, TouchError};
 
 /// Units per hidden layer.
 const WIDTH: usize = 32;

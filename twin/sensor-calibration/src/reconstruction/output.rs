@@ -4,8 +4,8 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use ftac_platform::file::write_whole;
 use image::{ImageBuffer, ImageFormat, Luma, Rgb};
-use platform::file::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
 

@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use optics::calibration::{CalibratedSensor, Photo};
-use platform::file::write_whole;
+use ftac_platform::file::write_whole;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use touch::network::Kind;
-use touch::{Network, PhotometricModel};
+use tactile_optics::calibration::{CalibratedSensor, Photo};
+use tactile_perception::network::Kind;
+use tactile_perception::{Network, PhotometricModel};
 
 use super::accuracy::Accuracy;
 use super::range::Range;

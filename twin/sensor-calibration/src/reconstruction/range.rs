@@ -5,8 +5,8 @@
 //! empty of the presses' pixels, if its slope is steeper than the steepest one, or if a channel is saturated.
 
 use serde::{Deserialize, Serialize};
-use touch::colour_change::whole_change;
-use touch::{CalibrationPress, PIXELS};
+use tactile_perception::colour_change::whole_change;
+use tactile_perception::{CalibrationPress, PIXELS};
 
 use super::known_ball::{KnownBall, KnownPresses};
 use crate::grid::Grid;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, Photo};
-use touch::colour_change::relative_change;
-use touch::network::PreparedNetwork;
-use touch::photometric_stereo::gradients;
-use touch::poisson::{PoissonSolver, rest_level};
-use touch::{Gradients, StereoOptions};
+use tactile_optics::calibration::{CalibratedSensor, Photo};
+use tactile_perception::colour_change::relative_change;
+use tactile_perception::network::PreparedNetwork;
+use tactile_perception::photometric_stereo::gradients;
+use tactile_perception::poisson::{PoissonSolver, rest_level};
+use tactile_perception::{Gradients, StereoOptions};
 
 use super::photometry::{CONFIGURATION, Method, Photometry};
 use super::touched::{border_share, touched};

@@ -69,7 +69,7 @@ mod tests {
             slope_ratio: 0.97,
             depth_ratio: 1.02,
             depth_relative: 0.08,
-            normals_deg: touch::AngularError { mean: 5.0, median: 4.0, p95: 12.0, pixels: 9000 },
+            normals_deg: tactile_perception::AngularError { mean: 5.0, median: 4.0, p95: 12.0, pixels: 9000 },
             ..Errors::default().accuracy()
         }
     }
@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn a_useless_calibration_is_refused_by_its_figures() {
         assert_eq!((good().fault(), good().doubt()), (None, None));
-        let normals = |mean: f64| touch::AngularError { mean, ..good().normals_deg };
+        let normals = |mean: f64| tactile_perception::AngularError { mean, ..good().normals_deg };
         let faults = [
             Accuracy { depth_relative: 1.5, ..good() },
             Accuracy { depth_relative: f64::NAN, ..good() },

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use nalgebra::{Point3, Unit, Vector3};
-use optics::calibration::CalibratedSensor;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tactile_optics::calibration::CalibratedSensor;
 use world::geometry::Mesh;
 
 use super::views::{Views, normals};

@@ -12,8 +12,8 @@ use std::path::Path;
 
 use anyhow::{Context, Error, Result, bail};
 use image::ImageFormat;
-use optics::calibration::Photo;
-use optics::calibration::bitmap::Layout;
+use tactile_optics::calibration::Photo;
+use tactile_optics::calibration::bitmap::Layout;
 
 use super::Take;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
-use optics::calibration::Photo;
+use tactile_optics::calibration::Photo;
 
 use super::Take;
 

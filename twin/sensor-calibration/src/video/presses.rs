@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use optics::calibration::{Photo, PressFolder};
+use tactile_optics::calibration::{Photo, PressFolder};
 
 use super::{frame_name, frames};
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use ftac_platform::child;
 use hardware_bridge::install::{self, Content, GROUP, Setup};
-use platform::child;
 use schemars::JsonSchema;
 use serde::Serialize;
 

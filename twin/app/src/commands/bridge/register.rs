@@ -175,7 +175,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     };
     left?;
     let file = RegistrationFile::new(&registration);
-    platform::data::write_whole(&out, file.to_toml()?.as_bytes())?;
+    ftac_platform::data::write_whole(&out, file.to_toml()?.as_bytes())?;
     let error = truth.map(|truth| error(&registration.world_from_base, &truth, &registration.middle));
     let before = truth.map(|truth| self::error(&Isometry3::identity(), &truth, &registration.middle));
     let mm = |metres: f64| 1e3 * metres;

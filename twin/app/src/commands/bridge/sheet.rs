@@ -75,7 +75,7 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
     let drawing = drawing(&title, &standing);
-    platform::data::write_whole(&out, drawing.as_bytes())?;
+    ftac_platform::data::write_whole(&out, drawing.as_bytes())?;
     let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
         let [x_m, y_m, z_m] = place.translation.vector.into();
         Placed { object: object.name.clone(), x_m, y_m, z_m, turn_rad: turn(place) }

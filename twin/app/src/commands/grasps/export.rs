@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use grasp_verification::synthesis::export;
+use grasp_verification::synthesis::grasp_file::GraspFile;
 use hand_model::RobotModel;
-use proving::synthesis::export;
-use proving::synthesis::grasp_file::GraspFile;
 use schemars::JsonSchema;
 use serde::Serialize;
 

@@ -7,12 +7,12 @@ use std::time::Instant;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
-use grasping::{Repertoire, digit_sets};
-use proving::cache::Steps;
-use proving::pick_ups::{self, Effort, Progress, Wanted};
-use proving::plan::{self, Plans, other_order, outcomes, proof, variations};
-use proving::preparation::EFFORT;
-use proving::simulated_world::World;
+use dexterous_grasping::{Repertoire, digit_sets};
+use grasp_verification::cache::Steps;
+use grasp_verification::pick_ups::{self, Effort, Progress, Wanted};
+use grasp_verification::plan::{self, Plans, other_order, outcomes, proof, variations};
+use grasp_verification::preparation::EFFORT;
+use grasp_verification::simulated_world::World;
 use scenarios::Scenario;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -164,13 +164,13 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     let world = World::new(&robot, Scenario::benchmark())?;
     let repertoire = match &args.repertoire {
         Some(file) => Repertoire::read_for(&robot, file)?,
-        None if !proving::builtin::fits(&robot)? => {
+        None if !grasp_verification::builtin::fits(&robot)? => {
             bail!(
                 "--repertoire: found none, expected grasps of {} (ftac grasps pick-ups --robot-model FILE)",
                 robot.name
             )
         }
-        None => proving::builtin::repertoire()?,
+        None => grasp_verification::builtin::repertoire()?,
     };
     let quiet = terminal.quiet || terminal.json;
     let mut plans = match &args.of {

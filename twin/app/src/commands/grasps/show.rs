@@ -5,17 +5,17 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use bench::recording::drawn;
 use clap::Args;
-use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::kind::{self, Kind};
+use dexterous_grasping::synthesis::diversity::{self, Diversity};
+use dexterous_grasping::synthesis::kind::{self, Kind};
+use grasp_verification::synthesis::grasp_file::GraspFile;
+use grasp_verification::synthesis::parts::table;
+use grasp_verification::synthesis::subject::TEST_FRICTION;
 use hand_model::RobotModel;
-use proving::synthesis::grasp_file::GraspFile;
-use proving::synthesis::parts::table;
-use proving::synthesis::subject::TEST_FRICTION;
 use report::grasp_gallery;
 use schemars::JsonSchema;
 use serde::Serialize;
-use stream::Target;
-use stream::gallery::{self, ShownGrasp};
+use telemetry::Target;
+use telemetry::gallery::{self, ShownGrasp};
 
 use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
@@ -119,8 +119,8 @@ fn record(
     }
     // A user who names no file wants to see the recording.
     if args.out.is_none() {
-        let program = stream::viewer::find_viewer().ok_or(stream::StreamError::NoViewer)?;
-        stream::viewer::open(&program, &[file])?;
+        let program = telemetry::viewer::find_viewer().ok_or(telemetry::StreamError::NoViewer)?;
+        telemetry::viewer::open(&program, &[file])?;
     }
     Ok(())
 }

@@ -103,7 +103,7 @@ fn draw(hand: &Hand, angles: &[f64], side: Side, args: &PictureArgs) -> RgbImage
     let mut picture = Picture::new(args.size, side.view());
     picture.hand_with(hand, angles, |pad| match args.color {
         Color::Configuration => picture::configuration_color(pad),
-        Color::Digit => stream::scene::link_color(hand, pad.link).map(f64::from),
+        Color::Digit => telemetry::scene::link_color(hand, pad.link).map(f64::from),
     });
     picture.finish("")
 }

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use bench::builtin::calibration_of;
 use clap::Args;
-use optics::calibration::Similarity;
-use optics::calibration::recovery::Recovery;
 use schemars::JsonSchema;
 use sensor_calibration::calibration::figures::accuracy_table;
 use sensor_calibration::evaluation::{self, GelResponse};
 use sensor_calibration::pad_forces::{self, Agreement, PadForce};
 use sensor_calibration::reconstruction::Accuracy;
 use serde::Serialize;
+use tactile_optics::calibration::Similarity;
+use tactile_optics::calibration::recovery::Recovery;
 
 use super::sensor_option::SensorOption;
 use crate::options::robot::RobotArgs;

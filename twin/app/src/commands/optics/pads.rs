@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use optics::pads::PadOptics;
 use schemars::JsonSchema;
 use serde::Serialize;
+use tactile_optics::pads::PadOptics;
 
 use crate::options::robot::{RobotArgs, individual_of};
 use crate::terminal::Outcome;

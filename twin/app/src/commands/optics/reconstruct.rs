@@ -5,9 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use optics::calibration::image_files::EXPECTED;
-use optics::calibration::{CalibratedSensor, Photo, press_checks};
-use platform::file::write_whole;
+use ftac_platform::file::write_whole;
 use schemars::JsonSchema;
 use sensor_calibration::reconstruction::folder::{self, Arrivals, Inputs};
 use sensor_calibration::reconstruction::output::{self, ImageFigures};
@@ -15,6 +13,8 @@ use sensor_calibration::reconstruction::photometry::untouched;
 use sensor_calibration::reconstruction::{Accuracy, Method, Photometry, Reconstructor};
 use sensor_calibration::video;
 use serde::Serialize;
+use tactile_optics::calibration::image_files::EXPECTED;
+use tactile_optics::calibration::{CalibratedSensor, Photo, press_checks};
 
 use crate::terminal::{Outcome, Terminal};
 

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use hand_model::Hand;
-use optics::Cover;
-use optics::calibration::CalibratedSensor;
 use schemars::JsonSchema;
 use sensor_calibration::render::{CameraRender, MeshPose, PadView, SensorSource, real_sensor};
 use sensor_calibration::shape_sheet::{PressedShape, shape_sheet};
 use serde::Serialize;
+use tactile_optics::Cover;
+use tactile_optics::calibration::CalibratedSensor;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;

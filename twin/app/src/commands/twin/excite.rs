@@ -23,9 +23,9 @@ use progress::interrupt::{Interrupt, Interrupted};
 use robot_backends::arm_link::arm_link;
 use robot_backends::emulated::{SharedPlant, settings};
 use robot_backends::operator::agreed;
+use robot_session_log::{Recorder, Session, Writer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use session_log::{Recorder, Session, Writer};
 
 use super::Drawing;
 use crate::options::body::{Body, check_body};
@@ -107,7 +107,7 @@ impl Record {
 
     fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(STATE);
-        platform::data::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
+        ftac_platform::data::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
         Ok(())
     }
 }

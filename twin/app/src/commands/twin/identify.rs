@@ -10,8 +10,8 @@ use plant::identified::Source;
 use report::identified::{ActuatorRow, ParameterRow};
 use schemars::JsonSchema;
 use serde::Serialize;
-use touch::ball_press::OwnCalibrationReport;
-use touch::{PhotometricCalibration, TouchError};
+use tactile_perception::ball_press::OwnCalibrationReport;
+use tactile_perception::{PhotometricCalibration, TouchError};
 
 use super::Drawing;
 use crate::commands::sessions::sessions_in;
@@ -80,10 +80,10 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
     let text = found.robot.to_toml(&drawing.robot, &program)?;
-    platform::data::write_whole(&args.out, text.as_bytes())?;
+    ftac_platform::data::write_whole(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
     let (actuators, parameters) = rows(&drawing, &found);
-    platform::data::write_whole(
+    ftac_platform::data::write_whole(
         &page,
         report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
     )?;

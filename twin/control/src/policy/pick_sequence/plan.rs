@@ -6,13 +6,13 @@
 //! it hold. The best plan is found by exhaustive search, which is quick because a hand has five digits. After each
 //! pick, touch determines which digits hold something, and the rest is replanned.
 
-use grasping::Grasp;
-use grasping::digit_sets;
+use dexterous_grasping::Grasp;
+use dexterous_grasping::digit_sets;
 use hand_model::parameters::HoldLimits;
 use hand_model::robot::ServoState;
 use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
-use touch::PadTouch;
+use tactile_perception::PadTouch;
 
 use crate::perception::blocked;
 use crate::worth;

@@ -1,7 +1,7 @@
 //! Takes an object with an empty hand, with the grasp that is worth most together with the grasps of the next object
 //! that can follow.
 
-use grasping::Grasp;
+use dexterous_grasping::Grasp;
 use nalgebra::Vector3;
 use world::attempt::Attempt;
 

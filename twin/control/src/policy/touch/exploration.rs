@@ -1,9 +1,9 @@
 //! Exploratory motion of the policy `touch`: palpates an object where it stands, and updates its position.
 
-use grasping::digit_sets;
+use dexterous_grasping::digit_sets;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
-use touch::{InHand, PoseEstimate, PosePrior};
+use tactile_perception::{InHand, PoseEstimate, PosePrior};
 
 use super::{State, Touch};
 use crate::executor::Executor;

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use ftac::terminal::{Outcome, Terminal};
+use grasp_verification::synthesis::urdf_hand::describe;
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::{Joint, JointKind};
 use hand_model::{RobotModel, urdf};
-use proving::synthesis::urdf_hand::describe;
 use schemars::JsonSchema;
 use serde::Serialize;
 use world::geometry::LINK_MESHES;

@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::ensure;
 use ftac::lab::arguments::grasps::AnnotateArgs;
 use ftac::terminal::{Outcome, Terminal};
+use ftac_platform::data::write_whole;
 use lab::study_pages::annotation;
 use lab::study_pages::scene::Scene;
-use platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
 

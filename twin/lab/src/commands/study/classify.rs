@@ -4,19 +4,19 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use dexterous_grasping::synthesis::collection::{Collection, Header, ObjectGrasps, Summary, VERSION};
+use dexterous_grasping::synthesis::held::HeldGrasp;
 use ftac::lab::arguments::grasps::ClassifyArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
-use grasping::synthesis::collection::{Collection, Header, ObjectGrasps, Summary, VERSION};
-use grasping::synthesis::held::HeldGrasp;
+use ftac_platform::data::write_whole;
+use grasp_analysis::classification::Classification;
+use grasp_analysis::explanation::{self, Explanation};
+use grasp_analysis::labels::Labels;
+use grasp_analysis::people::{self, People};
+use grasp_analysis::raters::{RaterPair, agreements};
+use grasp_analysis::summary::{self, Figures};
 use lab::study_pages::types;
-use platform::data::write_whole;
 use report::chart;
-use study::classification::Classification;
-use study::explanation::{self, Explanation};
-use study::labels::Labels;
-use study::people::{self, People};
-use study::raters::{RaterPair, agreements};
-use study::summary::{self, Figures};
 
 use super::pick_ups;
 use super::source::Source;
@@ -100,7 +100,7 @@ fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Ou
 fn labels(classification: &Classification, files: &[PathBuf]) -> Result<Vec<Labels>> {
     let known: BTreeSet<&str> = classification.grasps.iter().map(|grasp| grasp.id.as_str()).collect();
     let read = |file: &PathBuf| {
-        let text = platform::file::read_text(file).with_context(|| format!("--labels {}", file.display()))?;
+        let text = ftac_platform::file::read_text(file).with_context(|| format!("--labels {}", file.display()))?;
         Labels::parse(&text, file, &classification.taxonomy, &known).context("--labels")
     };
     files.iter().map(read).collect()

@@ -8,13 +8,13 @@ use anyhow::{Context, Result, ensure};
 use ftac::lab::arguments::grasps::HandsArgs;
 use ftac::options::own_hand;
 use ftac::terminal::{Made, Outcome, Terminal};
+use ftac_platform::data::write_whole;
+use grasp_verification::synthesis::hands::{self, Cell, ComparedHand, Comparison};
+use grasp_verification::synthesis::search;
+use grasp_verification::synthesis::synthesizer::Request;
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::study_pages;
-use platform::data::write_whole;
-use proving::synthesis::hands::{self, Cell, ComparedHand, Comparison};
-use proving::synthesis::search;
-use proving::synthesis::synthesizer::Request;
 use world::objects::ObjectSet;
 
 /// Runs `ftac grasps hands`.

@@ -5,20 +5,20 @@
 //! the same command resumes after an interruption.
 
 use anyhow::{Context, Result, bail, ensure};
+use dexterous_grasping::synthesis::energy::{GraspEnergy, Weights};
+use dexterous_grasping::synthesis::surface::HandSurface;
 use ftac::lab::arguments::grasps::LandscapeArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
-use grasping::synthesis::energy::{GraspEnergy, Weights};
-use grasping::synthesis::surface::HandSurface;
+use ftac_platform::data::write_whole;
+use grasp_analysis::classification::Classification;
+use grasp_analysis::landscape::attraction::Attraction;
+use grasp_analysis::landscape::basins::{Figures, MappedGrasps};
+use grasp_analysis::landscape::calibration::{Calibration, Question, STRONGEST};
+use grasp_analysis::landscape::disconnectivity::tree;
+use grasp_analysis::landscape::exploration;
+use grasp_analysis::landscape::grasps::{GraspLandscape, GraspState};
+use grasp_verification::synthesis::subject::Subject;
 use lab::study_pages;
-use platform::data::write_whole;
-use proving::synthesis::subject::Subject;
-use study::classification::Classification;
-use study::landscape::attraction::Attraction;
-use study::landscape::basins::{Figures, MappedGrasps};
-use study::landscape::calibration::{Calibration, Question, STRONGEST};
-use study::landscape::disconnectivity::tree;
-use study::landscape::exploration;
-use study::landscape::grasps::{GraspLandscape, GraspState};
 
 use super::source::Source;
 

@@ -3,9 +3,9 @@
 use anyhow::{Context, Result, ensure};
 use ftac::lab::arguments::grasps::MapArgs;
 use ftac::terminal::{Made, Outcome, Terminal};
+use ftac_platform::data::write_whole;
+use grasp_analysis::grasp_map::{Figures, GraspMaps, MapSettings, check_both_classes, contact_maps};
 use lab::study_pages;
-use platform::data::write_whole;
-use study::grasp_map::{Figures, GraspMaps, MapSettings, check_both_classes, contact_maps};
 
 use super::source::Source;
 

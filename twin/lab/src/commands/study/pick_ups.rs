@@ -5,19 +5,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use dexterous_grasping::taxonomy::attributes::{Attributes, FORM_POINTS, Hold, ObjectForm};
+use dexterous_grasping::taxonomy::rules::Rules;
+use dexterous_grasping::taxonomy::{Category, Taxonomy};
 use ftac::lab::arguments::grasps::BUILT_IN;
 use ftac::terminal::{Made, Terminal};
-use grasping::taxonomy::attributes::{Attributes, FORM_POINTS, Hold, ObjectForm};
-use grasping::taxonomy::rules::Rules;
-use grasping::taxonomy::{Category, Taxonomy};
+use grasp_analysis::people::{self, People, WayShare};
+use grasp_analysis::summary::rounded;
+use grasp_verification::plan::{Plans, holds};
+use grasp_verification::simulated_world::World;
 use hand_model::RobotModel;
-use proving::plan::{Plans, holds};
-use proving::simulated_world::World;
 use scenarios::Scenario;
 use schemars::JsonSchema;
 use serde::Serialize;
-use study::people::{self, People, WayShare};
-use study::summary::rounded;
 
 /// A pick-up with its type.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -71,11 +71,11 @@ impl PickUpTypes {
 
 /// Simulates the pick-ups of the plan file, or of the built-in plans, and assigns each its type.
 pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
-    let plans = if file == Path::new(BUILT_IN) { proving::builtin::plans()? } else { Plans::read(file)? };
+    let plans = if file == Path::new(BUILT_IN) { grasp_verification::builtin::plans()? } else { Plans::read(file)? };
     let robot = RobotModel::ftac_gen3();
     let world = World::new(&robot, Scenario::benchmark())?;
     let quiet = terminal.quiet || terminal.json;
-    let held = holds::of_plans(&world, &proving::builtin::repertoire()?, &plans, quiet)?;
+    let held = holds::of_plans(&world, &grasp_verification::builtin::repertoire()?, &plans, quiet)?;
     let taxonomy = Taxonomy::paper();
     let rules = Rules::shipped(&taxonomy);
     let mut forms: BTreeMap<&str, ObjectForm> = BTreeMap::new();

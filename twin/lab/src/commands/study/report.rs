@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ftac::terminal::{Outcome, Terminal};
+use ftac_platform::data::write_whole;
+use grasp_analysis::sensors::{Array, array};
 use hand_model::RobotModel;
 use lab::hand_check::figures;
 use lab::study_pages::comparison::{Line, Parts, Sensing, lines};
 use lab::study_pages::overview;
-use optics::Foundation;
-use optics::foundation::{probe_response, sensitivity};
-use platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-use study::sensors::{Array, array};
+use tactile_optics::Foundation;
+use tactile_optics::foundation::{probe_response, sensitivity};
 
 /// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]

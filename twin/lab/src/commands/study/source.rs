@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use grasping::synthesis::collection::Collection;
-use grasping::synthesis::held::HeldGrasp;
-use grasping::taxonomy::attributes::{FORM_POINTS, ObjectForm};
+use dexterous_grasping::synthesis::collection::Collection;
+use dexterous_grasping::synthesis::held::HeldGrasp;
+use dexterous_grasping::taxonomy::attributes::{FORM_POINTS, ObjectForm};
+use grasp_analysis::classification::Classification;
+use grasp_verification::synthesis::grasp_file;
 use hand_model::{Hand, RobotModel};
-use proving::synthesis::grasp_file;
-use study::classification::Classification;
 use world::objects::{ObjectModel, ObjectSet};
 
 /// Grasps with their hand and objects.

@@ -5,14 +5,14 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use ftac::lab::arguments::touch::{KindArg, TrainNetworkArgs};
 use ftac::terminal::{Outcome, Terminal};
+use ftac_platform::data::write_whole;
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::touch::network_training::{Schedule, Training};
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
-use platform::data::write_whole;
 use schemars::JsonSchema;
 use serde::Serialize;
-use touch::network::Kind;
+use tactile_perception::network::Kind;
 
 /// Output once the network is written.
 #[derive(Debug, Serialize, JsonSchema)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::emulated_table::EmulatedTable;
 use anyhow::Result;
 use bench::recording::{drawn, log_scene};
-use stream::recorder::{Recorder, Settings, Target};
+use telemetry::recorder::{Recorder, Settings, Target};
 
 /// Recorder of the true scene; one recording for each set of objects on the table.
 pub struct TruthView {

@@ -1,0 +1,216 @@
+//! Repertoire: ranked grasps of each object, with the seed and the command that generated them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ftac_platform::digest::sha256;
+use ftac_platform::file::write_whole;
+use hand_model::{Digit, RobotModel};
+use serde::{Deserialize, Serialize};
+
+use crate::grasp::Grasp;
+
+/// Errors of repertoire files.
+#[derive(Debug, thiserror::Error)]
+pub enum RepertoireError {
+    #[error("{path}: {source}")]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {message}")]
+    Syntax { path: PathBuf, message: String },
+    #[error("{path}: version: found {found}, expected {VERSION}")]
+    Version { path: PathBuf, found: u32 },
+    #[error("{path}: robot: found grasps of {found}, expected those of {expected}, which moves otherwise")]
+    Robot { path: PathBuf, found: String, expected: String },
+}
+
+/// Version of the file format.
+pub const VERSION: u32 = 1;
+
+/// Grasps of several objects.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Repertoire {
+    pub version: u32,
+    /// Command that generated it.
+    pub command: String,
+    pub seed: u64,
+    /// Name of the robot and SHA-256 of its [mechanics](RobotModel::mechanics). `None` for the built-in robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<[String; 2]>,
+    /// Grasps by object, best first.
+    pub grasps: BTreeMap<String, Vec<Grasp>>,
+}
+
+impl Repertoire {
+    /// Parses text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, RepertoireError> {
+        let repertoire: Self = serde_json::from_str(text)
+            .map_err(|error| RepertoireError::Syntax { path: path.into(), message: error.to_string() })?;
+        if repertoire.version != VERSION {
+            return Err(RepertoireError::Version { path: path.into(), found: repertoire.version });
+        }
+        Ok(repertoire)
+    }
+
+    /// Returns the value of a repertoire's field `robot` for this robot.
+    pub fn mark(robot: &RobotModel) -> Option<[String; 2]> {
+        let other = !robot.moves_like(&RobotModel::ftac_gen3());
+        other.then(|| [robot.name.clone(), sha256(robot.mechanics().as_bytes())])
+    }
+
+    /// Reads a file of grasps of `robot`.
+    ///
+    /// # Errors
+    /// [`RepertoireError::Robot`] for a file of a robot that moves differently.
+    pub fn read_for(robot: &RobotModel, path: &Path) -> Result<Self, RepertoireError> {
+        let (found, expected) = (Self::read(path)?, Self::mark(robot));
+        let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
+        if digest(&found.robot) == digest(&expected) {
+            found.check(robot, path)?;
+            return Ok(found);
+        }
+        let found = found.robot.map_or_else(|| RobotModel::ftac_gen3().name, |[name, _]| name);
+        Err(RepertoireError::Robot { path: path.into(), found, expected: robot.name.clone() })
+    }
+
+    /// Checks that every grasp has a tension for each digit of `robot` and an angle for each joint.
+    fn check(&self, robot: &RobotModel, path: &Path) -> Result<(), RepertoireError> {
+        let (digits, joints) = (robot.hand.cables.len(), robot.hand.tree.len());
+        for grasp in self.grasps.values().flatten() {
+            let angles = grasp.held_joints.as_ref().map_or(joints, Vec::len);
+            let tensions = [("pre_tension", &grasp.pre_tension), ("close_tension", &grasp.close_tension)];
+            let counts = tensions.map(|(field, tensions)| (field, tensions.len(), digits));
+            for (field, found, expected) in counts.into_iter().chain([("held_joints", angles, joints)]) {
+                if found != expected {
+                    let of = format!("grasps.{}[id {}].{field}", grasp.object, grasp.id);
+                    let message = format!("{of}: found {found} numbers, expected {expected}");
+                    return Err(RepertoireError::Syntax { path: path.into(), message });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub fn read(path: &Path) -> Result<Self, RepertoireError> {
+        let text =
+            ftac_platform::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Writes a file with one grasp per line. It is written whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
+        let robot = self.robot.as_ref().map_or(String::new(), |mark| format!("\"robot\":{},", serde_json::json!(mark)));
+        let mut text = format!(
+            "{{\"version\":{},\"command\":{},\"seed\":{},{robot}\"grasps\":{{\n",
+            self.version,
+            serde_json::Value::from(self.command.clone()),
+            self.seed
+        );
+        for (n, (object, grasps)) in self.grasps.iter().enumerate() {
+            let lines: Vec<String> = grasps.iter().filter_map(|grasp| serde_json::to_string(grasp).ok()).collect();
+            text += &format!(
+                "{}: [\n{}\n]{}\n",
+                serde_json::Value::from(object.clone()),
+                lines.join(",\n"),
+                if n + 1 < self.grasps.len() { "," } else { "" }
+            );
+        }
+        text += "}}\n";
+        write_whole(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
+    }
+
+    /// Returns the grasps of `object` that close these `digits`, best first.
+    pub fn of<'a, 'd>(&'a self, object: &str, digits: &'d [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a, 'd> {
+        self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == digits)
+    }
+
+    /// Adds a grasp and keeps its object's list ranked by score (ties: by number).
+    pub fn insert(&mut self, grasp: Grasp) {
+        let list = self.grasps.entry(grasp.object.clone()).or_default();
+        list.push(grasp);
+        list.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.id.cmp(&b.id)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FIRST: &[Digit] = &[Digit::Ring, Digit::Little];
+    const SECOND: &[Digit] = &[Digit::Thumb, Digit::Index, Digit::Middle];
+
+    fn grasp(id: u32, object: &str, digits: &[Digit], score: f64) -> Grasp {
+        Grasp {
+            id,
+            object: object.into(),
+            digits: digits.to_vec(),
+            yaw: 0.1,
+            pitch: 0.2,
+            roll: -0.9,
+            center: [-0.03, -0.04, 1.0 / 3.0],
+            pre_tension: [0.0, 0.0, 0.0, 1.5, 1.5].into(),
+            close_tension: [0.0, 0.0, 0.0, 18.0, 18.0].into(),
+            opposition: 0.1,
+            raise: 0.002,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            held_spread: None,
+            score,
+        }
+    }
+
+    fn repertoire() -> Repertoire {
+        let mut repertoire =
+            Repertoire { version: VERSION, command: "a \"quoted\" command".into(), seed: 7, ..Repertoire::default() };
+        for (id, score) in [(0, 0.4), (1, 0.9), (2, 0.9), (3, 0.1)] {
+            repertoire.insert(grasp(id, "ball", if id == 1 { SECOND } else { FIRST }, score));
+        }
+        repertoire.insert(grasp(0, "can", SECOND, 0.5));
+        repertoire
+    }
+
+    #[test]
+    fn best_first_and_by_digits() {
+        let repertoire = repertoire();
+        let ids = |digits| repertoire.of("ball", digits).map(|grasp| grasp.id).collect::<Vec<_>>();
+        assert_eq!((ids(FIRST), ids(SECOND)), (vec![2, 0, 3], vec![1]));
+        assert_eq!(repertoire.grasps["ball"].iter().map(|grasp| grasp.id).collect::<Vec<_>>(), [1, 2, 0, 3]);
+        assert_eq!(repertoire.of("pawn", FIRST).count(), 0);
+    }
+
+    /// The writer formats one grasp per line itself. The result must still be valid JSON that can be read.
+    #[test]
+    fn a_written_file_has_one_grasp_per_line_and_is_read_back() {
+        let path = std::env::temp_dir().join(format!("repertoire-{}.json", std::process::id()));
+        let written = repertoire();
+        written.write(&path).expect("written");
+        let text = std::fs::read_to_string(&path).expect("text");
+        let read = Repertoire::read(&path).expect("read");
+        std::fs::remove_file(&path).expect("removed");
+        assert_eq!((read.command, read.seed, read.grasps), (written.command, written.seed, written.grasps));
+        assert_eq!(text.lines().filter(|line| line.starts_with("{\"id\":")).count(), 5);
+    }
+
+    /// A grasp with too few tensions is refused by name, instead of an index out of range in a trial.
+    #[test]
+    fn grasps_of_another_hand_are_refused() {
+        let path = std::env::temp_dir().join(format!("short-repertoire-{}.json", std::process::id()));
+        let mut short = repertoire();
+        if let Some(grasp) = short.grasps.get_mut("can").and_then(|grasps| grasps.first_mut()) {
+            grasp.close_tension.pop();
+        }
+        short.write(&path).expect("written");
+        let error = Repertoire::read_for(&RobotModel::ftac_gen3(), &path).expect_err("refused").to_string();
+        std::fs::remove_file(&path).expect("removed");
+        assert!(error.ends_with("grasps.can[id 0].close_tension: found 4 numbers, expected 5"), "{error}");
+    }
+
+    #[test]
+    fn other_versions_and_damage_are_errors_that_name_the_file() {
+        let path = Path::new("r.json");
+        let error = |text: &str| Repertoire::parse(text, path).expect_err("refused").to_string();
+        let old = r#"{"version":9,"command":"","seed":1,"grasps":{}}"#;
+        assert_eq!(error(old), "r.json: version: found 9, expected 1");
+        assert!(error("{").starts_with("r.json: EOF"), "{}", error("{"));
+    }
+}

@@ -1,0 +1,83 @@
+//! Built-in proven grasps and plans, which come with the program.
+
+use std::path::Path;
+
+use anyhow::Result;
+use dexterous_grasping::Repertoire;
+use hand_model::RobotModel;
+
+use crate::plan::Plans;
+
+/// Returns the benchmark's repertoire of pick-ups.
+pub fn repertoire() -> Result<Repertoire> {
+    Ok(Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
+}
+
+/// True if the built-in grasps and plans fit `robot`: it moves like the built-in robot, or is an individual of one that
+/// does.
+pub fn fits(robot: &RobotModel) -> Result<bool> {
+    Ok(robot.sources.is_none() || Repertoire::mark(&robot.nominal()?).is_none())
+}
+
+/// Returns the benchmark's 60 combinations, planned without noise.
+pub fn plans() -> Result<Plans> {
+    Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use hand_model::{Digit, Hand};
+
+    use super::*;
+
+    /// Every plan names a first grasp of its first object and second grasps of its second object. No ordered pair of
+    /// objects is planned twice.
+    #[test]
+    fn plans_name_grasps_of_the_repertoire() {
+        let (repertoire, plans) = (repertoire().unwrap(), plans().unwrap());
+        let sets = dexterous_grasping::digit_sets(&Hand::ftac(), 2);
+        assert_eq!(plans.plans.len(), 60);
+        let mut pairs = BTreeSet::new();
+        for plan in &plans.plans {
+            let pair = (&plan.first, &plan.second);
+            assert!(pairs.insert(pair), "{pair:?} is planned twice");
+            let has =
+                |object: &str, place: usize, id: u32| repertoire.of(object, &sets[place]).any(|grasp| grasp.id == id);
+            assert!(has(&plan.first, 0, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
+            assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
+            let mut numbers = BTreeSet::new();
+            for (id, worth) in &plan.second_grasps {
+                assert!(has(&plan.second, 1, *id), "{pair:?}: second grasp {id}");
+                assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
+                assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
+            }
+        }
+        for plan in &plans.plans {
+            let candidates = plan.grasps(&Hand::ftac(), &repertoire).unwrap().second;
+            let known = candidates.iter().filter(|candidate| !candidate.rehearsed.is_empty()).count();
+            assert!(
+                known > 0 && known == plan.proof.as_ref().map_or(plan.outcomes.len(), |proof| proof.grasps.len()),
+                "{}, {}: odds of {known} grasps",
+                plan.first,
+                plan.second
+            );
+            assert!(!candidates[0].rehearsed.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
+        }
+        for rejected in &plans.rejected {
+            assert!(!pairs.contains(&(&rejected[0], &rejected[1])), "{rejected:?} is planned and rejected");
+        }
+    }
+
+    /// A number identifies one grasp of an object and set of digits, so that a plan that names it is unambiguous.
+    #[test]
+    fn numbers_of_grasps_are_unique() {
+        let repertoire = repertoire().unwrap();
+        for (object, grasps) in &repertoire.grasps {
+            let numbers: BTreeSet<(&[Digit], u32)> = grasps.iter().map(|grasp| (&grasp.digits[..], grasp.id)).collect();
+            assert_eq!(numbers.len(), grasps.len(), "{object}");
+            assert!(grasps.iter().all(|grasp| grasp.object == *object), "{object}");
+        }
+    }
+}
