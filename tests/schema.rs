@@ -37,10 +37,12 @@ pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
 /// are used here.
 fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let schema = schema.as_object().expect("a schema is an object");
-    const CHECKED: &str = "additionalProperties anyOf const enum items maxItems maxLength maximum minItems minLength minimum oneOf \
+    const VALIDATED_KEYWORDS: &str = "additionalProperties anyOf const enum items maxItems maxLength maximum minItems minLength minimum oneOf \
                            prefixItems properties required type";
-    const TOLD: [&str; 3] = ["$schema", "description", "format"];
-    let known = |key: &str| TOLD.contains(&key) || CHECKED.split_whitespace().any(|checked| checked == key);
+    const ANNOTATION_KEYWORDS: [&str; 3] = ["$schema", "description", "format"];
+    let known = |key: &str| {
+        ANNOTATION_KEYWORDS.contains(&key) || VALIDATED_KEYWORDS.split_whitespace().any(|checked| checked == key)
+    };
     let unknown: Vec<&String> = schema.keys().filter(|key| !known(key)).collect();
     assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
     if let Some(Value::Array(either)) = schema.get("anyOf").or(schema.get("oneOf")) {

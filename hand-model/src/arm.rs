@@ -1,5 +1,5 @@
 //! A serial arm: frames, limits, inertias, control gains and collision radii, from a parameter file like
-//! `data/gen3.toml` (Kinova Gen3), or from a URDF and a file with what a URDF lacks ([`urdf`]).
+//! `data/gen3.toml` (Kinova Gen3), or from a URDF and a file with what a URDF lacks ([`urdf_name`]).
 
 use std::path::Path;
 
@@ -14,9 +14,9 @@ use ftac_platform::data::{DataError, parse_toml};
 mod urdf;
 
 /// Largest number of joints of an arm.
-pub const MOST_ARM_JOINTS: usize = 7;
+pub const MAX_ARM_JOINTS: usize = 7;
 /// A value for each joint of an arm, from the base outwards.
-pub type ArmVector<T = f64> = ArrayVec<[T; MOST_ARM_JOINTS]>;
+pub type ArmVector<T = f64> = ArrayVec<[T; MAX_ARM_JOINTS]>;
 
 /// Version of the file format.
 const VERSION: u32 = 1;
@@ -64,9 +64,9 @@ impl ArmFile {
         if self.version != VERSION {
             return Err(DataError::field(path, "version", self.version, VERSION.to_string()));
         }
-        if !(1..=MOST_ARM_JOINTS).contains(&self.joint.len()) {
+        if !(1..=MAX_ARM_JOINTS).contains(&self.joint.len()) {
             let found = format!("{} joints", self.joint.len());
-            return Err(DataError::field(path, "joint", found, format!("1 to {MOST_ARM_JOINTS} joints")));
+            return Err(DataError::field(path, "joint", found, format!("1 to {MAX_ARM_JOINTS} joints")));
         }
         if self.home.len() != self.joint.len() {
             let found = format!("{} angles", self.home.len());
@@ -172,8 +172,8 @@ impl Arm {
     /// Returns the name of the URDF that a parameter file refers to for frames, limits and masses.
     ///
     /// # Errors
-    /// [`DataError`] for a text that is not TOML.
-    pub fn urdf(text: &str, path: &Path) -> Result<Option<String>, DataError> {
+    /// [`TaxonomyError`] for a text that is not TOML.
+    pub fn urdf_name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
         urdf::name(text, path)
     }
 
@@ -181,10 +181,10 @@ impl Arm {
     /// errors.
     ///
     /// # Errors
-    /// [`DataError`] with the field at fault.
+    /// [`TaxonomyError`] with the field at fault.
     pub fn parse(text: &str, path: &Path, urdf: Option<(&str, &Path)>) -> Result<Self, DataError> {
         let file = match urdf {
-            Some((urdf, its_path)) => urdf::complete((text, path), (urdf.as_bytes(), its_path))?,
+            Some((urdf, its_path)) => urdf::merge_with_urdf((text, path), (urdf.as_bytes(), its_path))?,
             None => parse_toml(text, path)?,
         };
         Self::build(file, path)
@@ -270,7 +270,7 @@ impl Arm {
     }
 
     /// Converts readings of the joint torque sensors, `torque`, to true joint torques, N m.
-    pub fn borne(&self, torque: &[f64]) -> ArmVector {
+    pub fn true_torques(&self, torque: &[f64]) -> ArmVector {
         self.each(|joint| torque[joint] / self.torque_gains[joint])
     }
 }

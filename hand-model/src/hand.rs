@@ -10,30 +10,30 @@ use tinyvec::ArrayVec;
 
 use crate::digit::Digit;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
-use crate::pads::{Camera, Pad};
+use crate::pads::{Pad, PadCamera};
 use crate::parameters::{
     Cable, Cover, Follows, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo,
 };
 use crate::robot::ServoGoal;
 use crate::transmission::friction::CableFriction;
-use crate::transmission::{CablePath, Crossing, Follower, Guides, Lever, Transmission};
+use crate::transmission::{CablePath, Crossing, Follower, GuidePair, Lever, Transmission};
 use ftac_platform::data::DataError;
 
 pub use cover::{CoverShape, SkinElement};
 pub use jaws::Jaws;
 
 /// Largest number of joints of a hand.
-pub const MOST_HAND_JOINTS: usize = 24;
+pub const MAX_HAND_JOINTS: usize = 24;
 /// Largest number of digits of a hand; each is closed by one actuator.
-pub const MOST_DIGITS: usize = 5;
+pub const MAX_DIGITS: usize = 5;
 /// Largest number of actuators of a hand: one for each digit, and the thumb's opposition.
-pub const MOST_ACTUATORS: usize = MOST_DIGITS + 1;
+pub const MAX_ACTUATORS: usize = MAX_DIGITS + 1;
 /// A value for each joint of a hand, in the order of its tree.
-pub type HandVector<T = f64> = ArrayVec<[T; MOST_HAND_JOINTS]>;
+pub type HandVector<T = f64> = ArrayVec<[T; MAX_HAND_JOINTS]>;
 /// A value for each digit of a hand.
-pub type DigitVector<T = f64> = ArrayVec<[T; MOST_DIGITS]>;
+pub type DigitVector<T = f64> = ArrayVec<[T; MAX_DIGITS]>;
 /// A value for each actuator of a hand: the digits' actuators, then the opposition.
-pub type ActuatorVector<T = f64> = ArrayVec<[T; MOST_ACTUATORS]>;
+pub type ActuatorVector<T = f64> = ArrayVec<[T; MAX_ACTUATORS]>;
 
 /// Mass, centre of mass and inertia of a link.
 #[derive(Debug, Clone, Copy)]
@@ -65,7 +65,7 @@ pub struct Hand {
     /// The arm's tool frame in the palm frame.
     pub palm_from_flange: Isometry3<f64>,
     pub pads: Vec<Pad>,
-    pub cameras: Vec<Camera>,
+    pub cameras: Vec<PadCamera>,
     /// Cables, springs and opposition drive.
     pub transmission: Transmission,
     /// Servos of the actuators: identical in the nominal hand, each with its own deviations in an individual.
@@ -121,12 +121,12 @@ impl Hand {
     }
 
     /// Returns the joint angles of the open hand, rad.
-    pub fn open(&self) -> HandVector {
+    pub fn open_angles(&self) -> HandVector {
         self.each_joint(|_| 0.0)
     }
 
     /// Returns zero tensions, those of slack cables, N.
-    pub fn slack(&self) -> DigitVector {
+    pub fn slack_tensions(&self) -> DigitVector {
         self.each_digit(|_| 0.0)
     }
 
@@ -148,7 +148,7 @@ impl Hand {
 
     /// Scales guide friction to cable `n`: returns its friction where the guides of the nominal hand have friction
     /// `drawn`.
-    pub fn guides(&self, n: usize, drawn: &CableFriction) -> CableFriction {
+    pub fn cable_guide_friction(&self, n: usize, drawn: &CableFriction) -> CableFriction {
         let (own, design) = (&self.cables[n].friction, &self.parameters.cable.friction);
         if own == design {
             return *drawn;
@@ -162,7 +162,7 @@ impl Hand {
 
     pub(crate) fn build(mut parameters: HandParameters) -> Self {
         if parameters.handedness == Handedness::Right {
-            mirror(&mut parameters);
+            mirror_in_x(&mut parameters);
         }
         let index = |name: &str| parameters.joint.iter().position(|joint| joint.name == name);
         let joints: Vec<Joint> = parameters
@@ -179,7 +179,7 @@ impl Hand {
             })
             .collect();
         let lever = |joint: &JointParameters| match (joint.guide_before, joint.guide_after) {
-            (Some(before), Some(after)) => Lever::Guides(Guides { before, after }),
+            (Some(before), Some(after)) => Lever::Guides(GuidePair { before, after }),
             _ => Lever::Constant(joint.arm.unwrap_or_default()),
         };
         let crossing = |joint: usize| {
@@ -201,8 +201,8 @@ impl Hand {
         Self {
             chains: chains(&joints),
             tree: Tree { joints },
-            palm_cover: CoverShape::of(&parameters.palm.cover),
-            covers: parameters.joint.iter().map(|joint| CoverShape::of(&joint.cover)).collect(),
+            palm_cover: CoverShape::from_parameters(&parameters.palm.cover),
+            covers: parameters.joint.iter().map(|joint| CoverShape::from_parameters(&joint.cover)).collect(),
             palm_mass: with_point_mass(palm_body, parameters.palm.servo_pack_mass, parameters.palm.servo_pack_com),
             masses: parameters.joint.iter().map(|joint| box_mass(joint.mass, &joint.cover, None)).collect(),
             // The tool axis (z) runs along the fingers (y); the tool's y points out of the back of the hand.
@@ -222,7 +222,7 @@ impl Hand {
                 opposition,
                 followers,
                 springs: parameters.joint.iter().map(|joint| joint.spring).collect(),
-                rests: parameters.joint.iter().map(|_| 0.0).collect(),
+                spring_rests: parameters.joint.iter().map(|_| 0.0).collect(),
             },
             servos: vec![parameters.servo; parameters.actuator.len()],
             parameters,
@@ -250,7 +250,7 @@ impl Hand {
     }
 
     /// Returns the index of the pad called `name`.
-    pub fn pad(&self, name: &str) -> Option<usize> {
+    pub fn find_pad(&self, name: &str) -> Option<usize> {
         self.pads.iter().position(|pad| pad.name == name)
     }
 }
@@ -294,7 +294,7 @@ fn with_point_mass(body: MassProperties, mass: f64, at: [f64; 3]) -> MassPropert
     }
 }
 
-fn build_pads(parameters: &HandParameters) -> (Vec<Pad>, Vec<Camera>) {
+fn build_pads(parameters: &HandParameters) -> (Vec<Pad>, Vec<PadCamera>) {
     let mut pads = Vec::new();
     let mut cameras = Vec::new();
     for (index, pad) in parameters.pad.iter().enumerate() {
@@ -304,7 +304,7 @@ fn build_pads(parameters: &HandParameters) -> (Vec<Pad>, Vec<Camera>) {
         let first = cameras.len();
         let h = configuration.h / configuration.cameras as f64;
         for n in 0..configuration.cameras {
-            cameras.push(Camera {
+            cameras.push(PadCamera {
                 name: if configuration.cameras == 1 { pad.name.clone() } else { format!("{}_{n}", pad.name) },
                 pad: index,
                 center_y: (n as f64 + 0.5) * h - 0.5 * configuration.h,
@@ -339,7 +339,7 @@ fn pad_frame(pad: &PadParameters) -> Isometry3<f64> {
 /// Mirrors the hand in x of the palm frame. Link frames keep x along the phalanx and y palmar, so that only z (the
 /// axis) changes side: a rotation R becomes M R S with M = diag(-1, 1, 1) on the palm side and S = diag(1, 1, -1) on
 /// the link side.
-fn mirror(parameters: &mut HandParameters) {
+fn mirror_in_x(parameters: &mut HandParameters) {
     let palm_side = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, 1.0));
     let link_side = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
     let side = |name: &str| if name == "palm" { palm_side } else { link_side };

@@ -25,7 +25,7 @@ pub struct Pad {
 
 /// The rectangle of a pad that one camera sees. Its images are rectified to 240 x 240 pixels.
 #[derive(Debug, Clone)]
-pub struct Camera {
+pub struct PadCamera {
     /// Name, `<pad>` or `<pad>_<n>`.
     pub name: String,
     /// Index of the pad.
@@ -41,7 +41,7 @@ pub struct Camera {
 /// Number of pixels along each side of a tactile image.
 pub const IMAGE_SIZE: usize = 240;
 
-impl Camera {
+impl PadCamera {
     /// Returns the size of a pixel along x and y, m.
     pub fn pixel_size(&self) -> (f64, f64) {
         (self.w / IMAGE_SIZE as f64, self.h / IMAGE_SIZE as f64)

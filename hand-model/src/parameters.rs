@@ -2,7 +2,7 @@
 
 mod checks;
 mod grasps;
-mod reading;
+mod hold_detection;
 
 use std::fmt;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::transmission::friction::CableFriction;
 use ftac_platform::data::{DataError, parse_toml};
 
 pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
-pub use self::reading::{HoldLimits, Palpation};
+pub use self::hold_detection::{HoldLimits, PalpationParameters};
 
 /// The content of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents
 /// them.
@@ -31,14 +31,14 @@ pub struct HandParameters {
     pub joint_defaults: JointDefaults,
     pub joint: Vec<JointParameters>,
     pub actuator: Vec<ActuatorParameters>,
-    pub configuration: std::collections::BTreeMap<String, Configuration>,
+    pub configuration: std::collections::BTreeMap<String, SensorConfiguration>,
     pub pad: Vec<PadParameters>,
     pub grasps: Option<Grasps>,
     pub hold: Option<HoldLimits>,
-    pub palpation: Option<Palpation>,
+    pub palpation: Option<PalpationParameters>,
 }
 
-/// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics`] needs it. How the
+/// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics_text`] needs it. How the
 /// hand is used is left out.
 impl fmt::Debug for HandParameters {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -200,7 +200,7 @@ pub struct ActuatorParameters {
 /// A sensor configuration from the paper's table.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Configuration {
+pub struct SensorConfiguration {
     /// Size along the digit, m.
     pub h: f64,
     /// Size across, m.

@@ -3,7 +3,7 @@
 //! A backend is driven by ticks and owns the clock. [`RobotBackend::observe`] returns the newest readings,
 //! [`RobotBackend::send`] takes a command and returns the one *actually sent* after limits, and
 //! [`RobotBackend::wait_for_tick`] lets a tick pass. The first two can fail, and a reading may be missing: a controller
-//! holds until it has an [`Observation`] again ([`Readings::complete`]). No backend offers ground truth: object poses,
+//! holds until it has an [`Observation`] again ([`Readings::into_observation`]). No backend offers ground truth: object poses,
 //! noise samples and true contact forces reach only the referee, through a separate interface of the simulator.
 //!
 //! A [`Plant`] is the physics behind emulated devices. It cannot fail.
@@ -38,7 +38,7 @@ pub struct ArmState {
 
 impl ArmState {
     /// Returns the state at rest at `position` (rad), without torques.
-    pub fn still(position: ArmVector) -> Self {
+    pub fn at_rest(position: ArmVector) -> Self {
         let none = position.iter().map(|_| 0.0).collect();
         Self { position, velocity: none, torque: none }
     }
@@ -91,12 +91,12 @@ impl Readings {
     ///
     /// # Errors
     /// [`RobotError::Unread`] with the first device that was never read.
-    pub fn complete(self) -> Result<Observation, RobotError> {
+    pub fn into_observation(self) -> Result<Observation, RobotError> {
         let mut servos = ActuatorVector::new();
         for (n, reading) in self.servos.into_iter().enumerate() {
-            servos.push(reading.ok_or(RobotError::Unread(Device::Servo(n)))?.value);
+            servos.push(reading.ok_or(RobotError::Unread(RobotDevice::Servo(n)))?.value);
         }
-        let arm = self.arm.ok_or(RobotError::Unread(Device::Arm))?.value;
+        let arm = self.arm.ok_or(RobotError::Unread(RobotDevice::Arm))?.value;
         Ok(Observation { time: self.time, sequence: self.sequence, servos, arm, tactile: self.tactile })
     }
 }
@@ -112,13 +112,13 @@ impl From<Observation> for Readings {
 
 /// A part of the robot that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Device {
+pub enum RobotDevice {
     /// A servo, by the index of its actuator.
     Servo(usize),
     Arm,
 }
 
-impl std::fmt::Display for Device {
+impl std::fmt::Display for RobotDevice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Servo(index) => write!(f, "servo {}", index + 1),
@@ -132,16 +132,16 @@ impl std::fmt::Display for Device {
 pub enum RobotError {
     /// A device has not been read yet.
     #[error("{0}: not read yet")]
-    Unread(Device),
+    Unread(RobotDevice),
     /// The command did not go out in time.
     #[error("the command was not sent within {0:.3} s")]
     NotSent(f64),
     /// The request to the cameras for images failed.
     #[error("images could not be asked for: {0}")]
-    Capture(String),
+    CaptureFailed(String),
     /// The connection is lost.
     #[error("{0}")]
-    Lost(String),
+    ConnectionLost(String),
 }
 
 /// A complete set of the newest measurements.
@@ -181,7 +181,7 @@ impl Default for ServoGoal {
 
 /// One tick's command.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Command {
+pub struct RobotCommand {
     /// Arm joint position set-points, rad.
     pub arm: ArmVector,
     /// Goal of each actuator.
@@ -210,7 +210,7 @@ pub trait RobotBackend {
     ///
     /// # Errors
     /// The reason why nothing was sent.
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError>;
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError>;
     /// Waits until one control tick has passed.
     fn wait_for_tick(&mut self) -> Tick;
     /// Returns the length of a control tick, s.
@@ -222,7 +222,7 @@ impl<R: RobotBackend + ?Sized> RobotBackend for Box<R> {
         (**self).observe()
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         (**self).send(command)
     }
 
@@ -239,7 +239,7 @@ impl<R: RobotBackend + ?Sized> RobotBackend for Box<R> {
 pub trait Plant {
     fn observe(&mut self) -> Observation;
     /// Takes a command and returns the one that it follows.
-    fn send(&mut self, command: &Command) -> Command;
+    fn send(&mut self, command: &RobotCommand) -> RobotCommand;
     fn wait_for_tick(&mut self) -> Tick;
     /// Returns the length of a control tick, s.
     fn tick_length(&self) -> f64;
@@ -257,11 +257,11 @@ mod tests {
         assert_eq!(whole.arm.map(|arm| arm.time), Some(0.5));
         let mut part = whole.clone();
         part.servos[2] = None;
-        let error = part.complete().expect_err("incomplete");
-        assert_eq!(error, RobotError::Unread(Device::Servo(2)));
+        let error = part.into_observation().expect_err("incomplete");
+        assert_eq!(error, RobotError::Unread(RobotDevice::Servo(2)));
         assert_eq!(error.to_string(), "servo 3: not read yet");
         let part = Readings { arm: None, ..whole.clone() };
-        assert_eq!(part.complete().expect_err("incomplete"), RobotError::Unread(Device::Arm));
-        assert_eq!(whole.complete().expect("complete").sequence, 3);
+        assert_eq!(part.into_observation().expect_err("incomplete"), RobotError::Unread(RobotDevice::Arm));
+        assert_eq!(whole.into_observation().expect("complete").sequence, 3);
     }
 }

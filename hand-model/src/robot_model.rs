@@ -37,24 +37,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ftac_platform::data::{DataError, parse_toml, read_text};
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 use crate::kinematics::pose_from_xyz_rpy;
-use crate::parameters::{Configuration, HandParameters, Handedness, PadParameters};
+use crate::parameters::{HandParameters, Handedness, PadParameters, SensorConfiguration};
 use crate::{Arm, Hand};
 
 /// Version of the file format.
 const VERSION: u32 = 1;
 /// File of the built-in robot.
-const BUILTIN: &str = "ftac_gen3.toml";
+const BUILTIN_FILE: &str = "ftac_gen3.toml";
 /// Name by which a file asks for the built-in hand.
-const FTAC: &str = "ftac";
+const BUILTIN_HAND: &str = "ftac";
 /// Name by which a file asks for the built-in arm.
-const GEN3: &str = "gen3";
+const BUILTIN_ARM: &str = "gen3";
 /// Smallest and largest scale of a hand.
-const SCALES: [f64; 2] = [0.5, 2.0];
+const SCALE_RANGE: [f64; 2] = [0.5, 2.0];
 
 /// Arm and hand: everything that is fixed for a run.
 #[derive(Debug, Clone)]
@@ -104,8 +104,8 @@ struct StartFile {
 
 impl StartFile {
     fn check(&self, path: &Path) -> Result<f64, DataError> {
-        if !(-FRAC_PI_2..=START_PITCH).contains(&self.pitch) {
-            let expected = format!("{:.4} to {START_PITCH:.4}", -FRAC_PI_2);
+        if !(-FRAC_PI_2..=MAX_START_PITCH).contains(&self.pitch) {
+            let expected = format!("{:.4} to {MAX_START_PITCH:.4}", -FRAC_PI_2);
             return Err(DataError::field(path, "start.pitch", self.pitch, expected));
         }
         Ok(self.pitch)
@@ -120,14 +120,14 @@ struct MountFile {
 }
 
 /// Steepest pitch of the fingers when a trial begins, rad: straight down, plus a margin for rounding.
-const START_PITCH: f64 = FRAC_PI_2 + 1e-3;
+const MAX_START_PITCH: f64 = FRAC_PI_2 + 1e-3;
 /// Largest offset of a mounted hand from its flange along each axis, m.
-const MOUNT: f64 = 0.5;
+const MAX_MOUNT_OFFSET: f64 = 0.5;
 
 impl MountFile {
     /// Checks the mount and returns `flange_from_hand`.
     fn pose(&self, path: &Path) -> Result<Isometry3<f64>, DataError> {
-        for (field, values, most) in [("xyz", self.xyz, MOUNT), ("rpy", self.rpy, TAU)] {
+        for (field, values, most) in [("xyz", self.xyz, MAX_MOUNT_OFFSET), ("rpy", self.rpy, TAU)] {
             if let Some(n) = values.iter().position(|value| !(-most..=most).contains(value)) {
                 let expected = format!("{} to {most:.3}", -most);
                 return Err(DataError::field(path, format!("mount.{field}[{n}]"), values[n], expected));
@@ -144,16 +144,16 @@ struct HandFile {
     handedness: Option<Handedness>,
     scale: Option<f64>,
     #[serde(default)]
-    configuration: BTreeMap<String, Configuration>,
+    configuration: BTreeMap<String, SensorConfiguration>,
     #[serde(default)]
     pad: Vec<PadParameters>,
 }
 
 impl RobotFile {
     /// Returns the files that it names: (field, name).
-    fn files(&self) -> impl Iterator<Item = (&'static str, &String)> {
-        let arm = (self.arm != GEN3).then_some(("arm", &self.arm));
-        let hand = (self.hand.parameters != FTAC).then_some(("hand.parameters", &self.hand.parameters));
+    fn named_files(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        let arm = (self.arm != BUILTIN_ARM).then_some(("arm", &self.arm));
+        let hand = (self.hand.parameters != BUILTIN_HAND).then_some(("hand.parameters", &self.hand.parameters));
         let calibration = self.calibration.as_ref().map(|name| ("calibration", name));
         arm.into_iter().chain(hand).chain(calibration)
     }
@@ -164,18 +164,18 @@ impl RobotSources {
     /// out, because it has to be made with the robot.
     ///
     /// # Errors
-    /// [`DataError`] with the file and field at fault.
-    pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
+    /// [`TaxonomyError`] with the file and field at fault.
+    pub fn read(path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let robot = read_text(path)?;
         let file: RobotFile = parse_toml(&robot, path)?;
         let mut files = BTreeMap::new();
-        for (field, name) in file.files() {
+        for (field, name) in file.named_files() {
             let named = reach.resolve(path, field, Path::new(name))?;
             if field != "calibration" || named.exists() {
                 files.insert(name.clone(), read_text(&named)?);
             }
             if let Some(urdf) =
-                files.get(name).filter(|_| field == "arm").map_or(Ok(None), |arm| Arm::urdf(arm, &named))?
+                files.get(name).filter(|_| field == "arm").map_or(Ok(None), |arm| Arm::urdf_name(arm, &named))?
             {
                 let text = read_text(&reach.resolve(&named, "urdf", Path::new(&urdf))?)?;
                 files.insert(urdf, text);
@@ -193,7 +193,7 @@ impl RobotModel {
     /// Never in a tested build: the files are compiled in and a test reads them.
     pub fn ftac_gen3() -> Self {
         let text = include_str!("../data/ftac_gen3.toml");
-        let file: RobotFile = parse_toml(text, Path::new(BUILTIN)).expect("the built-in robot is valid");
+        let file: RobotFile = parse_toml(text, Path::new(BUILTIN_FILE)).expect("the built-in robot is valid");
         let (arm, hand) = (Arc::new(Arm::gen3()), Arc::new(Hand::ftac()));
         Self { name: file.name, arm, hand, start_pitch: file.start.pitch, calibration: file.calibration, sources: None }
     }
@@ -201,16 +201,16 @@ impl RobotModel {
     /// Reads a robot file; the files that it names are looked for beside it.
     ///
     /// # Errors
-    /// [`DataError`] with the file and field at fault.
+    /// [`TaxonomyError`] with the file and field at fault.
     pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse(&RobotSources::read(path, Reach::Anywhere)?, path)
+        Self::parse(&RobotSources::read(path, FileAccess::Anywhere)?, path)
     }
 
     /// Builds the robot from `sources`, or the built-in one.
     ///
     /// # Errors
     /// Those of [`Self::parse`].
-    pub fn of(sources: Option<&RobotSources>) -> Result<Self, DataError> {
+    pub fn from_sources(sources: Option<&RobotSources>) -> Result<Self, DataError> {
         sources.map_or_else(|| Ok(Self::ftac_gen3()), |sources| Self::parse(sources, &sources.name))
     }
 
@@ -219,18 +219,18 @@ impl RobotModel {
     /// # Errors
     /// Those of [`Self::parse`].
     pub fn nominal(&self) -> Result<Self, DataError> {
-        Self::of(self.sources.as_ref())
+        Self::from_sources(self.sources.as_ref())
     }
 
     /// Returns the name of the robot's file, for errors.
     pub fn file(&self) -> &Path {
-        self.sources.as_ref().map_or(Path::new(BUILTIN), |sources| &sources.name)
+        self.sources.as_ref().map_or(Path::new(BUILTIN_FILE), |sources| &sources.name)
     }
 
     /// Builds the robot from `sources`; `path` is used in errors.
     ///
     /// # Errors
-    /// [`DataError`] with the file and field at fault.
+    /// [`TaxonomyError`] with the file and field at fault.
     pub fn parse(sources: &RobotSources, path: &Path) -> Result<Self, DataError> {
         let file: RobotFile = parse_toml(&sources.robot, path)?;
         if file.version != VERSION {
@@ -243,22 +243,22 @@ impl RobotModel {
                 .ok_or_else(|| DataError::field(path, field, name, "a file that was kept with the robot"))?;
             Ok::<_, DataError>((text, path.with_file_name(name)))
         };
-        let arm = if file.arm == GEN3 {
+        let arm = if file.arm == BUILTIN_ARM {
             Arm::gen3()
         } else {
             let (text, path) = named("arm", &file.arm)?;
-            let urdf = Arm::urdf(text, &path)?.map(|name| named("urdf", &name)).transpose()?;
+            let urdf = Arm::urdf_name(text, &path)?.map(|name| named("urdf", &name)).transpose()?;
             Arm::parse(text, &path, urdf.as_ref().map(|(text, path)| (text.as_str(), path.as_path())))?
         };
         let start_pitch = file.start.check(path)?;
         let arm = Arm { last_from_tool: arm.last_from_tool * file.mount.pose(path)?, ..arm };
-        let mut parameters = if file.hand.parameters == FTAC {
+        let mut parameters = if file.hand.parameters == BUILTIN_HAND {
             HandParameters::ftac()
         } else {
             let (text, path) = named("hand.parameters", &file.hand.parameters)?;
             HandParameters::parse(text, &path)?
         };
-        file.hand.change(&mut parameters, path)?;
+        file.hand.apply(&mut parameters, path)?;
         // Sessions and individuals name the hand to which they belong.
         parameters.name.clone_from(&file.name);
         Ok(Self {
@@ -274,7 +274,7 @@ impl RobotModel {
     /// Returns the pads' photometric calibration, if it is not the built-in one: text and name of its file.
     ///
     /// # Errors
-    /// [`DataError`] for a file that was missing.
+    /// [`TaxonomyError`] for a file that was missing.
     pub fn calibration(&self) -> Result<Option<(&str, PathBuf)>, DataError> {
         let Some((sources, name)) = self.sources.as_ref().zip(self.calibration.as_ref()) else { return Ok(None) };
         match sources.files.get(name) {
@@ -289,7 +289,7 @@ impl RobotModel {
 
     /// Returns all of arm, hand and start except pads, cameras and names, as text. Robots with the same text can share
     /// grasps. The file's own grasps are included if they differ from those of the F-TAC Hand.
-    pub fn mechanics(&self) -> String {
+    pub fn mechanics_text(&self) -> String {
         let parameters = HandParameters {
             name: String::new(),
             configuration: BTreeMap::new(),
@@ -305,13 +305,13 @@ impl RobotModel {
 
     /// True if arm and hand move and touch like those of `other`.
     pub fn moves_like(&self, other: &Self) -> bool {
-        self.mechanics() == other.mechanics()
+        self.mechanics_text() == other.mechanics_text()
     }
 }
 
 impl HandFile {
     /// Applies the requested changes and checks the result.
-    fn change(self, parameters: &mut HandParameters, path: &Path) -> Result<(), DataError> {
+    fn apply(self, parameters: &mut HandParameters, path: &Path) -> Result<(), DataError> {
         for (letter, configuration) in self.configuration {
             let field = format!("hand.configuration.{letter}");
             if parameters.configuration.insert(letter, configuration).is_some() {
@@ -324,8 +324,8 @@ impl HandFile {
         }
         parameters.check(path).map_err(|error| error.within("hand"))?;
         let scale = self.scale.unwrap_or(1.0);
-        if !(SCALES[0]..=SCALES[1]).contains(&scale) {
-            let expected = format!("{} to {}", SCALES[0], SCALES[1]);
+        if !(SCALE_RANGE[0]..=SCALE_RANGE[1]).contains(&scale) {
+            let expected = format!("{} to {}", SCALE_RANGE[0], SCALE_RANGE[1]);
             return Err(DataError::field(path, "hand.scale", scale, expected));
         }
         if scale != 1.0 {
@@ -341,7 +341,7 @@ mod tests {
 
     fn parse(text: &str) -> Result<RobotModel, DataError> {
         let sources = RobotSources { name: "robot.toml".into(), robot: text.to_owned(), files: BTreeMap::new() };
-        RobotModel::of(Some(&sources))
+        RobotModel::from_sources(Some(&sources))
     }
 
     const PLAIN: &str = "version = 1\nname = \"r\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
@@ -365,7 +365,7 @@ mod tests {
         let down = parse(&PLAIN.replace("[hand]", "[start]\npitch = 1.5\n[hand]")).expect("valid");
         let level = RobotModel::ftac_gen3();
         assert_eq!((down.start_pitch, level.start_pitch), (1.5, 0.0));
-        assert_eq!(down.mechanics(), level.mechanics() + " 1.5");
+        assert_eq!(down.mechanics_text(), level.mechanics_text() + " 1.5");
     }
 
     /// Grasps do not depend on the thresholds for a hold, but they do depend on the sets of digits that take objects.

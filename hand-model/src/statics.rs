@@ -14,46 +14,46 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use crate::hand::{Hand, SkinElement};
 use crate::transmission::friction::CableFriction;
-use crate::transmission::{Crossing, SPANS};
+use crate::transmission::{Crossing, MAX_SPANS};
 use crate::{Digit, HandVector};
 
 /// Side length of a skin element, m; coarser for a digit of which only the closure is needed.
-const ELEMENT: f64 = 0.002;
-const COARSE_ELEMENT: f64 = 0.005;
+const ELEMENT_SIZE: f64 = 0.002;
+const COARSE_ELEMENT_SIZE: f64 = 0.005;
 /// Number of load steps from zero to full tension.
 const LOAD_STEPS: usize = 24;
 /// Largest number of Newton iterations of a load step.
-const ITERATIONS: usize = 200;
+const MAX_NEWTON_ITERATIONS: usize = 200;
 /// Residual torque below which a joint is at rest, N m.
-const TOLERANCE: f64 = 1e-7;
+const TORQUE_TOLERANCE: f64 = 1e-7;
 /// Residual torque above which no equilibrium was found, N m; where only a digit's closure is needed, a hundredth of
 /// the torque that bends it.
-const FAILURE: f64 = 1e-4;
-const COARSE_FAILURE: f64 = 2e-3;
+const MAX_RESIDUAL_TORQUE: f64 = 1e-4;
+const COARSE_MAX_RESIDUAL: f64 = 2e-3;
 /// Largest number of rounds of updates of the spans' tensions, and the change of an angle below which they have
 /// converged, rad.
-const ROUNDS: usize = 30;
-const STANDS: f64 = 1e-6;
+const MAX_TENSION_UPDATES: usize = 30;
+const ANGLE_TOLERANCE: f64 = 1e-6;
 /// Largest change of a joint in one iteration, rad.
-const LARGEST_STEP: f64 = 0.05;
+const MAX_JOINT_STEP: f64 = 0.05;
 
 /// Cable friction with all guides in the same state: 1 after the digits have closed, -1 after they have opened.
 #[derive(Debug, Clone, Copy)]
-pub struct Slid {
+pub struct GuideFriction {
     /// Friction in the guides.
     pub friction: CableFriction,
     /// State of all guides, -1 to 1.
     pub state: f64,
 }
 
-impl Slid {
+impl GuideFriction {
     /// Frictionless guides.
-    pub const NOTHING: Self = Self { friction: CableFriction::NONE, state: 0.0 };
+    pub const NONE: Self = Self { friction: CableFriction::NONE, state: 0.0 };
 }
 
 /// A contact force on a link.
 #[derive(Debug, Clone, Copy)]
-pub struct Push {
+pub struct LinkForce {
     /// Loaded link.
     pub link: usize,
     /// Centre of pressure, palm frame, m.
@@ -68,37 +68,44 @@ pub struct Equilibrium {
     /// Joint angles, rad.
     pub angles: HandVector,
     /// Contact forces on the links.
-    pub pushes: Vec<Push>,
+    pub contact_forces: Vec<LinkForce>,
 }
 
 /// Error: no posture at rest was found.
 #[derive(Debug, thiserror::Error, PartialEq)]
-#[error("{digit}: no equilibrium at tension {tension} N: torque off balance by {found} N m, expected below {most} N m")]
+#[error(
+    "{digit}: no equilibrium at tension {tension} N: torque off balance by {residual} N m, expected below {max_residual} N m"
+)]
 pub struct NoEquilibrium {
     /// The digit that does not come to rest.
     pub digit: &'static str,
     /// Tension of its cable, N.
     pub tension: f64,
     /// Residual torque, N m.
-    pub found: f64,
+    pub residual: f64,
     /// Largest permitted residual torque, N m.
-    pub most: f64,
+    pub max_residual: f64,
 }
 
 /// Computes the equilibrium without contact at cable `tensions` (N), with the opposition joint at `opposition` (rad).
-pub fn free(hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
-    free_sliding(hand, tensions, opposition, &Slid::NOTHING)
+pub fn free_equilibrium(hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
+    free_equilibrium_with_friction(hand, tensions, opposition, &GuideFriction::NONE)
 }
 
-/// Like [`free`], for cables with friction in their guides.
-pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid) -> HandVector {
-    let mut angles = hand.open();
+/// Like [`free_equilibrium`], for cables with friction in their guides.
+pub fn free_equilibrium_with_friction(
+    hand: &Hand,
+    tensions: &[f64],
+    opposition: f64,
+    slid: &GuideFriction,
+) -> HandVector {
+    let mut angles = hand.open_angles();
     if let Some(joint) = hand.transmission.opposition {
         angles[joint] = opposition;
     }
     for (cable, tension) in tensions.iter().enumerate() {
-        let friction = hand.guides(cable, &slid.friction);
-        let found = hand.transmission.free_angles_sliding(cable, *tension, &friction, slid.state);
+        let friction = hand.cable_guide_friction(cable, &slid.friction);
+        let found = hand.transmission.free_angles_with_friction(cable, *tension, &friction, slid.state);
         for (joint, angle) in found {
             angles[joint] = angle.clamp(hand.tree.joints[joint].lower, hand.tree.joints[joint].upper);
         }
@@ -108,32 +115,32 @@ pub fn free_sliding(hand: &Hand, tensions: &[f64], opposition: f64, slid: &Slid)
 
 /// Computes the equilibrium against an obstacle. `obstacle` returns the signed distance (m, negative inside) of a point
 /// in the palm frame and the outward direction there. `foundation` is the skin's stiffness, Pa/m.
-pub fn against(
+pub fn contact_equilibrium(
     hand: &Hand,
     tensions: &[f64],
     opposition: f64,
-    slid: &Slid,
+    slid: &GuideFriction,
     foundation: f64,
     obstacle: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<Equilibrium, NoEquilibrium> {
-    let mut angles = hand.open();
+    let mut angles = hand.open_angles();
     if let Some(joint) = hand.transmission.opposition {
         angles[joint] = opposition;
     }
     let mut pushes = Vec::new();
     for &digit in hand.digits() {
-        let skin = skin_of(hand, digit, ELEMENT);
+        let skin = build_skin(hand, digit, ELEMENT_SIZE);
         let problem = Problem { hand, digit, skin, foundation, obstacle: &|_, point: &Point3<f64>| obstacle(point) };
-        problem.close(&mut angles, tensions[digit.index()], slid, FAILURE)?;
-        pushes.extend(problem.pushes(&angles));
+        problem.close(&mut angles, tensions[digit.index()], slid, MAX_RESIDUAL_TORQUE)?;
+        pushes.extend(problem.contact_forces(&angles));
     }
-    Ok(Equilibrium { angles, pushes })
+    Ok(Equilibrium { angles, contact_forces: pushes })
 }
 
 /// Computes the joint angles (rad) after one `digit` has continued closing at its `tension` (N) from the hand's angles
 /// `q` (rad) until it rests against an obstacle. The obstacle may differ from link to link: signed distance and outward
-/// direction as in [`against`].
-pub fn closed(
+/// direction as in [`contact_equilibrium`].
+pub fn close_digit(
     hand: &Hand,
     (digit, tension): (Digit, f64),
     q: &[f64],
@@ -141,14 +148,15 @@ pub fn closed(
     obstacle: impl Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<HandVector, NoEquilibrium> {
     let mut angles: HandVector = q.iter().copied().collect();
-    let problem = Problem { hand, digit, skin: skin_of(hand, digit, COARSE_ELEMENT), foundation, obstacle: &obstacle };
-    problem.settle(&mut angles, tension, &Slid::NOTHING, COARSE_FAILURE)?;
+    let problem =
+        Problem { hand, digit, skin: build_skin(hand, digit, COARSE_ELEMENT_SIZE), foundation, obstacle: &obstacle };
+    problem.settle(&mut angles, tension, &GuideFriction::NONE, COARSE_MAX_RESIDUAL)?;
     Ok(angles)
 }
 
 /// Builds the skin of each link of a digit, with elements of side length `element` (m).
-fn skin_of(hand: &Hand, digit: Digit, element: f64) -> Vec<Vec<SkinElement>> {
-    hand.links(digit).iter().map(|link| hand.covers[*link].skin(element)).collect()
+fn build_skin(hand: &Hand, digit: Digit, element: f64) -> Vec<Vec<SkinElement>> {
+    hand.links(digit).iter().map(|link| hand.covers[*link].skin_elements(element)).collect()
 }
 
 struct Problem<'a, F> {
@@ -162,25 +170,31 @@ struct Problem<'a, F> {
 
 impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     /// Raises the digit's tension from zero to `full` (N) and moves the joints from `angles` along. The residual
-    /// torques are at most `most` (N m).
-    fn close(&self, angles: &mut HandVector, full: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
+    /// torques are at most `max_residual` (N m).
+    fn close(&self, angles: &mut HandVector, full: f64, slid: &GuideFriction, most: f64) -> Result<(), NoEquilibrium> {
         (1..=LOAD_STEPS).try_for_each(|step| self.settle(angles, full * step as f64 / LOAD_STEPS as f64, slid, most))
     }
 
-    /// Moves the joints from `angles` to rest at this `tension` (N), with residual torques of at most `most` (N m).
-    fn settle(&self, angles: &mut HandVector, tension: f64, slid: &Slid, most: f64) -> Result<(), NoEquilibrium> {
+    /// Moves the joints from `angles` to rest at this `tension` (N), with residual torques of at most `max_residual` (N m).
+    fn settle(
+        &self,
+        angles: &mut HandVector,
+        tension: f64,
+        slid: &GuideFriction,
+        most: f64,
+    ) -> Result<(), NoEquilibrium> {
         let (hand, digit) = (self.hand, self.digit);
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_TENSION_UPDATES {
             let before = *angles;
             let path = &hand.transmission.cables[digit.index()];
-            let friction = hand.guides(digit.index(), &slid.friction);
-            let spans = path.span_tensions(angles, tension, &friction, &[slid.state; SPANS]);
+            let friction = hand.cable_guide_friction(digit.index(), &slid.friction);
+            let spans = path.span_tensions(angles, tension, &friction, &[slid.state; MAX_SPANS]);
             let rest = self.relax(angles, &spans);
             if rest > most {
-                return Err(NoEquilibrium { digit: digit.name(), tension, found: rest, most });
+                return Err(NoEquilibrium { digit: digit.name(), tension, residual: rest, max_residual: most });
             }
             let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
-            if slid.friction.coefficient == 0.0 || changed < STANDS {
+            if slid.friction.coefficient == 0.0 || changed < ANGLE_TOLERANCE {
                 break;
             }
         }
@@ -193,20 +207,20 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
 
     /// Computes the energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the
     /// cable's joints.
-    fn energy(&self, angles: &[f64], spans: &[f64; SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
+    fn energy(&self, angles: &[f64], spans: &[f64; MAX_SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
         let path = &self.hand.transmission.cables[self.digit.index()];
         let n = path.joints.len();
         let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
         for (row, Crossing { joint, lever, .. }) in path.joints.iter().enumerate() {
             let (q, k) = (angles[*joint], self.hand.transmission.springs[*joint]);
-            let (tension, turn) = (spans[row], q - self.hand.transmission.rests[*joint]);
+            let (tension, turn) = (spans[row], q - self.hand.transmission.spring_rests[*joint]);
             energy += 0.5 * k * turn * turn - tension * lever.excursion(q);
             gradient[row] = k * turn - tension * lever.moment_arm(q);
             let h = 1e-5;
             let slope = (lever.moment_arm(q + h) - lever.moment_arm(q - h)) / (2.0 * h);
             hessian[(row, row)] = (k - tension * slope).max(0.1 * k);
         }
-        self.each_pressed(angles, |link, at, outward, depth, stiffness, poses| {
+        self.for_each_penetrating(angles, |link, at, outward, depth, stiffness, poses| {
             energy += 0.5 * stiffness * depth * depth;
             let jacobian = self.hand.tree.jacobian(poses, link, &poses[link].inverse_transform_point(&at));
             let lever: DVector<f64> = DVector::from_iterator(
@@ -219,9 +233,9 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         (energy, gradient, hessian)
     }
 
-    /// Calls `found` for each skin element that penetrates the obstacle: link, position, outward direction, depth (m),
+    /// Calls `residual` for each skin element that penetrates the obstacle: link, position, outward direction, depth (m),
     /// stiffness (N/m), poses.
-    fn each_pressed(
+    fn for_each_penetrating(
         &self,
         angles: &[f64],
         mut found: impl FnMut(usize, Point3<f64>, Vector3<f64>, f64, f64, &[nalgebra::Isometry3<f64>]),
@@ -243,13 +257,13 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     }
 
     /// Moves the digit to rest at its spans' tensions; returns the largest residual torque, N m.
-    fn relax(&self, angles: &mut HandVector, spans: &[f64; SPANS]) -> f64 {
+    fn relax(&self, angles: &mut HandVector, spans: &[f64; MAX_SPANS]) -> f64 {
         let joints = self.joints();
         let limits: Vec<(f64, f64)> =
             joints.iter().map(|j| (self.hand.tree.joints[*j].lower, self.hand.tree.joints[*j].upper)).collect();
         let mut damping = 0.0;
         let (mut energy, mut gradient, mut hessian) = self.energy(angles, spans);
-        for _ in 0..ITERATIONS {
+        for _ in 0..MAX_NEWTON_ITERATIONS {
             // A joint pressed against its stop is left out.
             let stopped = |row: usize, angles: &[f64], gradient: &DVector<f64>| {
                 let (q, (low, high)) = (angles[joints[row]], limits[row]);
@@ -258,7 +272,7 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             let rest = (0..joints.len())
                 .filter(|row| !stopped(*row, angles, &gradient))
                 .fold(0.0, |most: f64, row| most.max(gradient[row].abs()));
-            if rest < TOLERANCE {
+            if rest < TORQUE_TOLERANCE {
                 return rest;
             }
             let (mut system, mut right) = (hessian.clone(), -&gradient);
@@ -274,8 +288,8 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             let Some(factor) = system.cholesky() else { return rest };
             let mut step = factor.solve(&right);
             let longest = step.amax();
-            if longest > LARGEST_STEP {
-                step *= LARGEST_STEP / longest;
+            if longest > MAX_JOINT_STEP {
+                step *= MAX_JOINT_STEP / longest;
             }
             let mut trial = *angles;
             for (row, joint) in joints.iter().enumerate() {
@@ -298,16 +312,16 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             .fold(0.0, |most: f64, row| most.max(gradient[row].abs()))
     }
 
-    fn pushes(&self, angles: &[f64]) -> Vec<Push> {
+    fn contact_forces(&self, angles: &[f64]) -> Vec<LinkForce> {
         let mut sums = vec![(0.0, Vector3::zeros(), Vector3::zeros()); angles.len()];
-        self.each_pressed(angles, |link, at, outward, depth, stiffness, _| {
+        self.for_each_penetrating(angles, |link, at, outward, depth, stiffness, _| {
             let force = stiffness * depth;
             sums[link].0 += force;
             sums[link].1 += at.coords * force;
             sums[link].2 += outward * force;
         });
         let loaded = sums.iter().enumerate().filter(|(_, sum)| sum.0 > 0.0);
-        loaded.map(|(link, sum)| Push { link, point: (sum.1 / sum.0).into(), force: sum.2 }).collect()
+        loaded.map(|(link, sum)| LinkForce { link, point: (sum.1 / sum.0).into(), force: sum.2 }).collect()
     }
 }
 
@@ -316,7 +330,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const NOTHING: fn(&Point3<f64>) -> (f64, Vector3<f64>) = |_| (1.0, Vector3::z());
+    const NO_OBSTACLE: fn(&Point3<f64>) -> (f64, Vector3<f64>) = |_| (1.0, Vector3::z());
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
@@ -325,8 +339,8 @@ mod tests {
         fn free_is_the_limit_of_against(t in proptest::collection::vec(0.0f64..15.0, 5), opposition in 0.0f64..1.5) {
             let hand = Hand::ftac();
             let tensions = [t[0], t[1], t[2], t[3], t[4]];
-            let found = against(&hand, &tensions, opposition, &Slid::NOTHING, 1e9, NOTHING).expect("at rest");
-            let expected = free(&hand, &tensions, opposition);
+            let found = contact_equilibrium(&hand, &tensions, opposition, &GuideFriction::NONE, 1e9, NO_OBSTACLE).expect("at rest");
+            let expected = free_equilibrium(&hand, &tensions, opposition);
             for (ours, closed) in found.angles.iter().zip(&expected) {
                 prop_assert!((ours - closed).abs() < 1e-4, "{ours} {closed}");
             }
@@ -339,9 +353,9 @@ mod tests {
             let hand = Hand::ftac();
             let (tensions, friction) = ([tension; 5], hand.parameters.cable.friction);
             let [closed, opened] = [1.0, -1.0].map(|state| {
-                let slid = Slid { friction, state };
-                let found = against(&hand, &tensions, opposition, &slid, 1e9, NOTHING).expect("at rest");
-                (found.angles, free_sliding(&hand, &tensions, opposition, &slid))
+                let slid = GuideFriction { friction, state };
+                let found = contact_equilibrium(&hand, &tensions, opposition, &slid, 1e9, NO_OBSTACLE).expect("at rest");
+                (found.angles, free_equilibrium_with_friction(&hand, &tensions, opposition, &slid))
             });
             for (found, expected) in [&closed, &opened] {
                 for (ours, exact) in found.iter().zip(expected) {
@@ -357,9 +371,9 @@ mod tests {
             let hand = Hand::ftac();
             let digit = Digit::Middle;
             let wall = |_: usize, p: &Point3<f64>| (p.z + 0.01, Vector3::z());
-            let skin = skin_of(&hand, digit, ELEMENT);
+            let skin = build_skin(&hand, digit, ELEMENT_SIZE);
             let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
-            let mut angles = hand.open();
+            let mut angles = hand.open_angles();
             angles[6..9].copy_from_slice(&q);
             let (_, gradient, _) = problem.energy(&angles, &[tension, 0.9 * tension, 0.7 * tension]);
             for row in 0..3 {
@@ -377,13 +391,14 @@ mod tests {
     fn balance_at_a_wall() {
         let hand = Hand::ftac();
         let wall = |p: &Point3<f64>| (p.z, Vector3::z());
-        let rest = against(&hand, &[0.0, 12.0, 0.0, 0.0, 0.0], 0.0, &Slid::NOTHING, 1e9, wall).expect("at rest");
+        let rest = contact_equilibrium(&hand, &[0.0, 12.0, 0.0, 0.0, 0.0], 0.0, &GuideFriction::NONE, 1e9, wall)
+            .expect("at rest");
         let torques = hand.transmission.torques(&rest.angles, &[0.0, 12.0, 0.0, 0.0, 0.0]);
         let poses = hand.tree.forward(&rest.angles);
-        assert!(!rest.pushes.is_empty());
+        assert!(!rest.contact_forces.is_empty());
         for (joint, torque) in torques.iter().enumerate().take(6).skip(3) {
             let push: f64 = rest
-                .pushes
+                .contact_forces
                 .iter()
                 .map(|push| {
                     let local = poses[push.link].inverse_transform_point(&push.point);

@@ -24,19 +24,19 @@ use friction::CableFriction;
 use crate::HandVector;
 
 /// Largest number of joints that one cable crosses.
-pub const SPANS: usize = 3;
+pub const MAX_SPANS: usize = 3;
 
 /// The pair of guide points at one joint, in the plane perpendicular to its axis at angle zero: (along the link,
 /// towards the palm side).
 #[derive(Debug, Clone, Copy)]
-pub struct Guides {
+pub struct GuidePair {
     /// Guide point on the link before the joint, m.
     pub before: [f64; 2],
     /// Guide point on the link after the joint, m.
     pub after: [f64; 2],
 }
 
-impl Guides {
+impl GuidePair {
     /// Computes the free cable length between the guides at angle `q` (rad), m.
     pub fn length(&self, q: f64) -> f64 {
         let [x, y] = self.rotated(q);
@@ -75,7 +75,7 @@ impl Guides {
 #[derive(Debug, Clone, Copy)]
 pub enum Lever {
     /// Straight line between two guide points.
-    Guides(Guides),
+    Guides(GuidePair),
     /// The same moment arm (m) in any posture; for a sliding joint, force over tension.
     Constant(f64),
 }
@@ -137,8 +137,8 @@ impl CablePath {
 
     /// Computes the sliding velocity of the cable over the guides before each span, m/s: the rate at which all spans
     /// from there on shorten.
-    pub fn sliding(&self, q: &[f64], qd: &[f64]) -> [f64; SPANS] {
-        let mut speeds = [0.0; SPANS];
+    pub fn sliding_velocities(&self, q: &[f64], qd: &[f64]) -> [f64; MAX_SPANS] {
+        let mut speeds = [0.0; MAX_SPANS];
         let mut sum = 0.0;
         for (n, Crossing { joint, lever, .. }) in self.joints.iter().enumerate().rev() {
             sum += lever.moment_arm(q[*joint]) * qd[*joint];
@@ -149,8 +149,8 @@ impl CablePath {
 
     /// Computes the total wrap angle (rad) of the cable between the spool and each span, including the turn in the palm
     /// ([`CableFriction::routing`]).
-    pub fn wraps(&self, q: &[f64], friction: &CableFriction) -> [f64; SPANS] {
-        let mut wraps = [0.0; SPANS];
+    pub fn wraps(&self, q: &[f64], friction: &CableFriction) -> [f64; MAX_SPANS] {
+        let mut wraps = [0.0; MAX_SPANS];
         let mut turned = friction.routing;
         for (wrap, Crossing { joint, lever, .. }) in wraps.iter_mut().zip(&self.joints) {
             let [before, after] = lever.wraps(q[*joint]);
@@ -166,13 +166,13 @@ impl CablePath {
         q: &[f64],
         tension: f64,
         friction: &CableFriction,
-        states: &[f64; SPANS],
-    ) -> [f64; SPANS] {
-        let mut spans = [0.0; SPANS];
+        states: &[f64; MAX_SPANS],
+    ) -> [f64; MAX_SPANS] {
+        let mut spans = [0.0; MAX_SPANS];
         let (mut carried, mut turned) = (tension, friction.routing);
         for (n, Crossing { joint, lever, .. }) in self.joints.iter().enumerate() {
             let [before, after] = lever.wraps(q[*joint]);
-            carried *= friction.ratio(states[n], turned + before);
+            carried *= friction.tension_ratio(states[n], turned + before);
             spans[n] = carried;
             turned = after;
         }
@@ -209,22 +209,22 @@ pub struct Transmission {
     pub springs: HandVector,
     /// Rest angle of each spring, rad: 0 in the nominal hand, negative where the spring presses the open joint against
     /// its stop.
-    pub rests: HandVector,
+    pub spring_rests: HandVector,
 }
 
 impl Transmission {
     /// Computes the torque that holds `joint` at angle `q` (rad) against its spring, N m.
     pub fn spring_torque(&self, joint: usize, q: f64) -> f64 {
-        self.springs[joint] * (q - self.rests[joint])
+        self.springs[joint] * (q - self.spring_rests[joint])
     }
 
     /// Computes the joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), without the opposition drive.
     pub fn torques(&self, q: &[f64], tensions: &[f64]) -> HandVector {
-        self.span_torques(q, tensions.iter().map(|tension| [*tension; SPANS]))
+        self.span_torques(q, tensions.iter().map(|tension| [*tension; MAX_SPANS]))
     }
 
-    /// Like [`Self::torques`], with the tension (N) of each span of the cables.
-    pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; SPANS]>) -> HandVector {
+    /// Like [`Self::pack_torques`], with the tension (N) of each span of the cables.
+    pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; MAX_SPANS]>) -> HandVector {
         let mut torques: HandVector = q.iter().enumerate().map(|(joint, q)| -self.spring_torque(joint, *q)).collect();
         for (cable, tensions) in self.cables.iter().zip(spans) {
             for (Crossing { joint, lever, .. }, tension) in cable.joints.iter().zip(tensions) {
@@ -249,11 +249,11 @@ impl Transmission {
     /// Computes the coordinates (rad or m) of the joints on `cable` in static equilibrium at `tension` (N) without
     /// contact, within their limits.
     pub fn free_angles(&self, cable: usize, tension: f64) -> Vec<(usize, f64)> {
-        self.free_angles_sliding(cable, tension, &CableFriction::NONE, 0.0)
+        self.free_angles_with_friction(cable, tension, &CableFriction::NONE, 0.0)
     }
 
     /// Like [`Self::free_angles`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
-    pub fn free_angles_sliding(
+    pub fn free_angles_with_friction(
         &self,
         cable: usize,
         tension: f64,
@@ -261,9 +261,9 @@ impl Transmission {
         state: f64,
     ) -> Vec<(usize, f64)> {
         let (mut carried, mut turned) = (tension, friction.routing);
-        let mut angles = Vec::with_capacity(SPANS);
+        let mut angles = Vec::with_capacity(MAX_SPANS);
         for Crossing { joint, lever, range: [lower, upper] } in &self.cables[cable].joints {
-            let span = |q: f64| carried * friction.ratio(state, turned + lever.wraps(q)[0]);
+            let span = |q: f64| carried * friction.tension_ratio(state, turned + lever.wraps(q)[0]);
             // K q - r(q) T increases as long as the spring term grows faster than r. Bisection never diverges.
             let residual = |q: f64| self.spring_torque(*joint, q) - lever.moment_arm(q) * span(q);
             let (mut low, mut high) = (*lower, *upper);
@@ -321,10 +321,10 @@ mod tests {
             let path = &hand.transmission.cables[cable];
             let friction = hand.parameters.cable.friction;
             let (state, qd) = if closing { (1.0, qd) } else { (-1.0, qd.iter().map(|v| -v).collect()) };
-            let spans = path.span_tensions(&q, tension, &friction, &[state; SPANS]);
+            let spans = path.span_tensions(&q, tension, &friction, &[state; MAX_SPANS]);
             let given = tension * path.excursion_rate(&q, &qd);
             let got: f64 = path.joints.iter().zip(spans).map(|(c, t)| c.lever.moment_arm(q[c.joint]) * t * qd[c.joint]).sum();
-            let sliding = path.sliding(&q, &qd);
+            let sliding = path.sliding_velocities(&q, &qd);
             let taken: f64 = (0..path.joints.len()).map(|n| (if n == 0 { tension } else { spans[n - 1] } - spans[n]) * sliding[n]).sum();
             prop_assert!(taken >= 0.0);
             prop_assert!((given - got - taken).abs() < 1e-9, "{given} {got} {taken}");

@@ -1,5 +1,5 @@
 //! Writing and reading of URDF. The URDFs of the hand and the arm are generated from their parameters and checked in
-//! (`data/*.urdf`). Any URDF can be read into a [`Tree`], with errors that name file, element and field.
+//! (`data/*.urdf_name`). Any URDF can be read into a [`Tree`], with errors that name file, element and field.
 
 pub(crate) mod numbers;
 mod screen;
@@ -15,7 +15,7 @@ use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
 use ftac_platform::data::DataError;
 
-/// Writes the hand as URDF text. The root link is `palm`; covers are boxes.
+/// Writes the hand as URDF text. The root link is `palm_description`; covers are boxes.
 pub fn hand_urdf(hand: &Hand) -> String {
     let mut out = header(&hand.parameters.name);
     link(&mut out, "palm", Some(&hand.palm_mass), Some((&hand.palm_cover.link_from_cover, hand.palm_cover.half)));
@@ -156,7 +156,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
     let mut bytes = Vec::new();
     // One byte more than allowed, so that the screening detects a file that is too large.
     let file = std::fs::File::open(path).map_err(io)?;
-    file.take(screen::LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
+    file.take(screen::MAX_FILE_SIZE + 1).read_to_end(&mut bytes).map_err(io)?;
     Ok(bytes)
 }
 
@@ -169,7 +169,7 @@ pub(crate) fn parse_robot(bytes: &[u8], path: &Path) -> Result<(urdf_rs::Robot, 
     for joint in robot.joints.iter_mut().filter(|joint| screened.unlimited.contains(&joint.name)) {
         if joint.joint_type == urdf_rs::JointType::Prismatic {
             let expected = "lower and upper in m of a joint that slides";
-            return Err(fault(path, format!("joint[{}]", joint.name), "limit", "none".into(), expected));
+            return Err(urdf_error(path, format!("joint[{}]", joint.name), "limit", "none".into(), expected));
         }
         joint.joint_type = urdf_rs::JointType::Continuous;
         let file = path.display();
@@ -183,7 +183,7 @@ pub(crate) fn parse_robot(bytes: &[u8], path: &Path) -> Result<(urdf_rs::Robot, 
 }
 
 /// Builds an error of `path` at an element's field.
-pub(crate) fn fault(path: &Path, element: String, field: &str, found: String, expected: &str) -> DataError {
+pub(crate) fn urdf_error(path: &Path, element: String, field: &str, found: String, expected: &str) -> DataError {
     DataError::field(path, format!("{element}.{field}"), found, expected)
 }
 
@@ -191,7 +191,7 @@ pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), Da
     for joint in robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed) {
         let link = robot.links.iter().find(|link| link.name == joint.child.link);
         if link.is_some_and(|link| link.inertial.mass.value <= 0.0) {
-            return Err(fault(
+            return Err(urdf_error(
                 path,
                 format!("link[{}]", joint.child.link),
                 "inertial.mass",
@@ -205,7 +205,7 @@ pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), Da
 
 pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     let fault =
-        |element: String, field: &str, found: String, expected: &str| fault(path, element, field, found, expected);
+        |element: String, field: &str, found: String, expected: &str| urdf_error(path, element, field, found, expected);
     for name in expected {
         if !robot.joints.iter().any(|joint| joint.name == *name) {
             return Err(fault(
@@ -237,10 +237,10 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
 }
 
 /// Error constructor for an element of the file: element, field, found, expected.
-type Fault<'a> = &'a dyn Fn(String, &str, String, &str) -> DataError;
+type ErrorFn<'a> = &'a dyn Fn(String, &str, String, &str) -> DataError;
 
 /// Checks that every joint names links of the file, and that no link is carried by two joints.
-fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
+fn check_links(robot: &urdf_rs::Robot, fault: ErrorFn) -> Result<(), DataError> {
     let linked = |name: &str| robot.links.iter().find(|link| link.name == name);
     for joint in &robot.joints {
         for (field, name) in [("parent", &joint.parent.link), ("child", &joint.child.link)] {
@@ -280,7 +280,7 @@ fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
 }
 
 /// Collects the movable joints of the tree below link `root`, parents first.
-fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<Joint>, DataError> {
+fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: ErrorFn) -> Result<Vec<Joint>, DataError> {
     let mut joints = Vec::new();
     // Breadth first from the root; each entry is (link, index of the last movable joint, pose of the link in that joint).
     let mut open = std::collections::VecDeque::from([(root.to_owned(), None::<usize>, Isometry3::identity())]);

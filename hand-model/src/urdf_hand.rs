@@ -35,10 +35,10 @@
 //! otherwise at rest: 0, or the nearest value within its limits. Its link becomes part of the link that carries it.
 //! Collision meshes are decomposed into convex parts ([`MeshTools`]); they need not be watertight.
 
+mod actuation;
 mod held;
 pub(crate) mod masses;
 mod meshes;
-mod pulls;
 mod shapes;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -50,21 +50,21 @@ use urdf_rs::{JointType, Robot};
 use crate::hand_mechanism::HandMechanism;
 use crate::kinematics::{JointKind, Tree, pose_from_xyz_rpy};
 use crate::transmission::Follower;
-use crate::urdf::{fault, frames, parse_robot, read_bytes};
+use crate::urdf::{frames, parse_robot, read_bytes, urdf_error};
 use ftac_platform::data::{DataError, parse_toml, read_text};
 
-pub use meshes::{Cut, MeshTools};
+pub use meshes::{ConvexDecomposition, MeshTools};
 
-use pulls::PullsFile;
+use actuation::ActuationFile;
 
 /// Radius of the pinion that is assumed to drive a sliding joint if `[slide]` is not given, m. It converts the damping,
 /// armature and spring of a revolute joint to those of a sliding one.
-const PINION: f64 = 0.01;
+const PINION_RADIUS: f64 = 0.01;
 impl HandMechanism {
     /// Reads a hand from its URDF and its pulls file.
     pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let robot = read_bytes(urdf)?;
-        Self::of_files(&robot, urdf, parse_toml(&read_text(pulls)?, pulls)?, pulls, meshes)
+        Self::from_files(&robot, urdf, parse_toml(&read_text(pulls)?, pulls)?, pulls, meshes)
     }
 
     /// Like [`Self::read`], from text; meshes are looked for beside `urdf_path`.
@@ -75,37 +75,37 @@ impl HandMechanism {
         pulls_path: &Path,
         meshes: MeshTools,
     ) -> Result<Self, DataError> {
-        Self::of_files(urdf.as_bytes(), urdf_path, parse_toml(pulls, pulls_path)?, pulls_path, meshes)
+        Self::from_files(urdf.as_bytes(), urdf_path, parse_toml(pulls, pulls_path)?, pulls_path, meshes)
     }
 
     /// Reads a hand from its URDF alone: every joint that does not follow another moves, and nothing pulls.
-    pub fn read_unpulled(urdf: &Path, meshes: MeshTools) -> Result<Self, DataError> {
+    pub fn read_unactuated(urdf: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let bytes = read_bytes(urdf)?;
         let (robot, _) = parse_robot(&bytes, urdf)?;
         let moving = robot.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed);
         let names = moving.filter(|joint| joint.mimic.is_none()).map(|joint| joint.name.clone());
-        Self::of_files(&bytes, urdf, PullsFile::unpulled(names.collect()), urdf, meshes)
+        Self::from_files(&bytes, urdf, ActuationFile::without_actuators(names.collect()), urdf, meshes)
     }
 
-    fn of_files(
+    fn from_files(
         bytes: &[u8],
         path: &Path,
-        file: PullsFile,
+        file: ActuationFile,
         pulls_path: &Path,
         meshes: MeshTools,
     ) -> Result<Self, DataError> {
         let (mut robot, mut notes) = parse_robot(bytes, path)?;
         check_leaders(&robot, path)?;
         file.check(&robot, pulls_path)?;
-        let held = held::fix(&mut robot, &file.pulled(), &file.held, pulls_path)?;
+        let held = held::fix(&mut robot, &file.actuated_joints(), &file.held, pulls_path)?;
         let tree = frames(&robot, path, &[])?;
-        let carried = carriers(&robot, &tree);
+        let carried = carrying_joints(&robot, &tree);
         let shapes = shapes::read(&robot, &carried, path, file.visuals, meshes, &mut notes)?;
-        let masses = masses::of(&robot, &tree, &carried, &shapes.solids, path, &mut notes)?;
-        let efforts = efforts(&robot, &tree, path, &mut notes);
+        let masses = masses::link_masses(&robot, &tree, &carried, &shapes.solids, path, &mut notes)?;
+        let efforts = effort_limits(&robot, &tree, path, &mut notes);
         let feel = |kind| match kind {
-            JointKind::Turn => file.turn(),
-            JointKind::Slide => file.slide(),
+            JointKind::Turn => file.revolute_dynamics(),
+            JointKind::Slide => file.prismatic_dynamics(),
         };
         let mut hand = Self {
             name: robot.name.clone(),
@@ -114,27 +114,27 @@ impl HandMechanism {
             masses,
             solids: shapes.solids,
             surfaces: shapes.surfaces,
-            bare: shapes.bare,
+            links_without_collision: shapes.links_without_collision,
             followers: followers(&robot, &tree),
-            pulls: Vec::new(),
+            actuators: Vec::new(),
             opposition: None,
-            efforts,
-            feel: tree.joints.iter().map(|joint| feel(joint.kind)).collect(),
+            effort_limits: efforts,
+            joint_dynamics: tree.joints.iter().map(|joint| feel(joint.kind)).collect(),
             spring_rest: vec![0.0; tree.len()],
-            digits_apart: false,
-            palm: file.palm(),
+            independent_digits: false,
+            palm: file.palm_description(),
             tree,
-            held,
+            held_joints: held,
             notes,
         };
-        pulls::complete(&mut hand, file, pulls_path)?;
+        actuation::add_actuators(&mut hand, file, pulls_path)?;
         Ok(hand)
     }
 }
 
 /// Returns the effort limit of each joint from the URDF. A limit of 0 counts as unknown, because exporters write it
 /// when they know none.
-fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> Vec<Option<f64>> {
+fn effort_limits(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> Vec<Option<f64>> {
     let mut unknown = Vec::new();
     let efforts = tree.joints.iter().map(|joint| {
         let own = robot.joints.iter().find(|own| own.name == joint.name)?;
@@ -158,7 +158,7 @@ fn efforts(robot: &Robot, tree: &Tree, path: &Path, notes: &mut Vec<String>) -> 
 }
 
 /// Maps each link to the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
-pub(crate) fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
+pub(crate) fn carrying_joints(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
     let roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
     let mut open: VecDeque<_> = roots.map(|link| (link.name.clone(), None, Isometry3::identity())).collect();
     let mut carried = BTreeMap::new();
@@ -183,7 +183,7 @@ fn check_leaders(robot: &Robot, path: &Path) -> Result<(), DataError> {
     for joint in robot.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed) {
         if let Some(mimic) = joint.mimic.as_ref().filter(|mimic| !moving(&mimic.joint)) {
             let element = format!("joint[{}].mimic", joint.name);
-            return Err(fault(path, element, "joint", format!("`{}`", mimic.joint), "the name of a moving joint"));
+            return Err(urdf_error(path, element, "joint", format!("`{}`", mimic.joint), "the name of a moving joint"));
         }
     }
     Ok(())

@@ -1,13 +1,13 @@
 //! Measures the rate of the servo bus on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
 //! beside the one calculated from the line's timing. `cargo run --release -p hardware-bridge --example cycle_rate`
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::time::Instant;
 
 use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::servo_bus::timing::Cycle;
+use hardware_bridge::servo_bus::timing::CycleTraffic;
 use hardware_bridge::servo_bus::{BusSettings, ServoBus};
 use hardware_bridge::xc330::{self, PRESENT_BLOCK_LONG};
 
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
         let rate = f64::from(CYCLES) / started.elapsed().as_secs_f64();
-        let cycle = Cycle { servos: IDS.len(), read: length.into(), writes: &[2, 4], fast };
+        let cycle = CycleTraffic { servos: IDS.len(), read: length.into(), writes: &[2, 4], fast };
         let round_trip = |quantile| 1e3 * bus.statistics().round_trip(quantile).unwrap_or(f64::NAN);
         println!(
             "fast {fast}: {rate:.0} cycles/s measured, {:.0} calculated; round trip p50 {:.2} ms, p99 {:.2} ms",

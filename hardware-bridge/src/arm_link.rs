@@ -57,8 +57,8 @@ impl LoopbackArm {
 
 impl ArmLink for LoopbackArm {
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
-        let state = ArmState::still(self.position);
-        Ok(ArmReading { at: now, state, fault: None })
+        let state = ArmState::at_rest(self.position);
+        Ok(ArmReading { received_at: now, state, fault: None })
     }
 
     fn engage(&mut self) -> Result<(), ArmLinkError> {

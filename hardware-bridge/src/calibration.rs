@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::config::ConfigError;
-use crate::driven::SERVOS;
+use crate::supported_robot::SERVOS;
 use crate::tactile_link::frame::digest;
 
 /// Version of this format.
 const VERSION: u32 = 1;
 /// Maximum distance of a shaft before the open mark that is assumed at power-up, as a share of a turn.
-const BEFORE_MARK: f64 = 0.2;
+const OPEN_MARK_MARGIN: f64 = 0.2;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -82,7 +82,7 @@ impl HandCalibration {
             return field("crc", calibration.crc, expected);
         }
         for (n, servo) in calibration.servos.iter().enumerate() {
-            if !(0.5..(1.0 - BEFORE_MARK) * TAU).contains(&servo.travel) {
+            if !(0.5..(1.0 - OPEN_MARK_MARGIN) * TAU).contains(&servo.travel) {
                 return field(&format!("servos[{n}].travel"), servo.travel.to_string(), "0.5 to 5.03 rad".into());
             }
         }
@@ -96,9 +96,9 @@ impl HandCalibration {
 }
 
 /// Results of a calibration that failed, kept beside the calibration file.
-pub struct Unfinished(PathBuf);
+pub struct PartialCalibration(PathBuf);
 
-impl Unfinished {
+impl PartialCalibration {
     /// Returns the unfinished calibration beside the calibration file at `path`.
     pub fn beside(path: &Path) -> Self {
         let mut name = path.as_os_str().to_owned();
@@ -139,14 +139,14 @@ impl Unfinished {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
-    ftac_platform::file::write_whole(path, text.as_bytes())
+    ftac_platform::file::write_atomically(path, text.as_bytes())
         .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
 }
 
 /// Returns the whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a
-/// servo knows its angle only within one turn; `reading` (rad) is its present one.
-pub fn turns_to_forget(reading: f64) -> f64 {
-    ((reading + BEFORE_MARK * TAU) / TAU).floor() * TAU
+/// servo knows its angle only within one turn; `decode_reading` (rad) is its present one.
+pub fn turn_offset(reading: f64) -> f64 {
+    ((reading + OPEN_MARK_MARGIN * TAU) / TAU).floor() * TAU
 }
 
 #[cfg(test)]
@@ -178,7 +178,7 @@ mod tests {
         #[test]
         fn turns(angle in -1.2..5.0_f64, turns in -3..3_i32) {
             let reading = angle + f64::from(turns) * TAU;
-            prop_assert!((reading - turns_to_forget(reading) - angle).abs() < 1e-9);
+            prop_assert!((reading - turn_offset(reading) - angle).abs() < 1e-9);
         }
     }
 }

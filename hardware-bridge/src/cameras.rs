@@ -6,13 +6,13 @@ use crate::clock::Clock;
 use crate::config::BridgeConfig;
 use crate::tactile_link::TactileLink;
 use crate::tactile_link::counters::CameraCounters;
-use crate::tactile_link::link::LinkError;
+use crate::tactile_link::link::TactileLinkError;
 
 /// Error of opening the cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
     #[error(transparent)]
-    Board(#[from] LinkError),
+    Board(#[from] TactileLinkError),
     /// The UVC devices show another number of cameras than the hand has.
     #[error("uvc: found {found} cameras, expected {expected}")]
     Number { found: usize, expected: usize },
@@ -35,7 +35,7 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Opens the configured cameras of a hand with `cameras` cameras; `None` if none are configured.
+    /// Opens the configured cameras of a hand with `camera_counters` cameras; `None` if none are configured.
     ///
     /// # Errors
     /// [`CamerasError`].
@@ -70,7 +70,7 @@ impl Cameras {
     ///
     /// # Errors
     /// Error of the board's port.
-    pub fn request_capture(&self) -> Result<(), LinkError> {
+    pub fn request_capture(&self) -> Result<(), TactileLinkError> {
         match self {
             Self::Board(link) => link.request_capture(),
             #[cfg(feature = "uvc")]
@@ -82,27 +82,27 @@ impl Cameras {
     }
 
     /// Returns the images finished since the last call.
-    pub fn take(&self) -> Vec<TactileFrame> {
+    pub fn take_images(&self) -> Vec<TactileFrame> {
         match self {
-            Self::Board(link) => link.take(),
+            Self::Board(link) => link.take_images(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.take(),
         }
     }
 
     /// Returns the counters of every camera.
-    pub fn cameras(&self) -> Vec<CameraCounters> {
+    pub fn camera_counters(&self) -> Vec<CameraCounters> {
         match self {
-            Self::Board(link) => link.cameras(),
+            Self::Board(link) => link.camera_counters(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.cameras(),
         }
     }
 
     /// Returns the reason why the cameras stopped working, if they did.
-    pub fn lost(&self) -> Option<String> {
+    pub fn failure(&self) -> Option<String> {
         match self {
-            Self::Board(link) => link.lost_port(),
+            Self::Board(link) => link.port_error(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.lost(),
         }

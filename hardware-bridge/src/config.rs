@@ -40,12 +40,12 @@ use kortex::arm::{TCP_PORT, UDP_PORT};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
-use crate::driven::SERVOS;
-use crate::safety::limits::Limits;
+use crate::safety::limits::SafetyLimits;
 use crate::servo_bus::BusSettings;
+use crate::supported_robot::SERVOS;
 use crate::xc330;
 
-pub use limits::{ArmLimitConfig, LimitConfig, SpaceConfig};
+pub use limits::{ArmLimitConfig, LimitConfig, WorkspaceConfig};
 use secrets::{Password, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
 
@@ -90,7 +90,7 @@ pub struct BridgeConfig {
     /// Calibration file, relative to this file.
     pub calibration: PathBuf,
     /// Additional socket of the remote stop, accessible only to its owner; relative to this file.
-    /// ([`crate::remote::places`] has the usual one.)
+    /// ([`crate::remote::socket_paths`] has the usual one.)
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_socket: Option<PathBuf>,
     /// File from which the configuration was read; empty if none.
@@ -223,7 +223,7 @@ impl BridgeConfig {
     }
 
     /// Returns the supervisor's limits, with the servos' travel (rad) from the calibration.
-    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
+    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> SafetyLimits {
         self.limits.limits(travel, arm)
     }
 
@@ -245,10 +245,10 @@ impl BridgeConfig {
         if self.cameras.is_some() && !self.uvc.is_empty() {
             return field("uvc", format!("{} devices and [cameras]", self.uvc.len()), "one or the other".into());
         }
-        if let Some((name, found, expected)) = uvc::wrong_squares(&self.uvc) {
+        if let Some((name, found, expected)) = uvc::find_square_error(&self.uvc) {
             return field(&name, found, expected);
         }
-        for (name, values) in self.limits.arm.lists() {
+        for (name, values) in self.limits.arm.joint_limits() {
             if values.len() != JOINTS {
                 return field(
                     &name,

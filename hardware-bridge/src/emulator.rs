@@ -32,24 +32,24 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use camera_board::{BoardSettings, CameraBoard};
-use faults::{Event, Faults};
-use hand_model::robot::{Command, Plant, ServoGoal, ServoState, TactileFrame};
+use faults::{FaultEvent, Faults};
+use hand_model::robot::{Plant, RobotCommand, ServoGoal, ServoState, TactileFrame};
 use hand_model::{ActuatorVector, RobotModel};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serial2::SerialPort;
 use servo::EmulatedServo;
-use servo_chain::{Answer, ServoChain};
+use servo_chain::{LineAnswer, ServoChain};
 
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
-use crate::driven::SERVOS;
 use crate::lock::lock;
 use crate::protocol2::Decoder;
+use crate::supported_robot::SERVOS;
 
 /// Longest wait of a device thread for bytes before it checks whether to end.
-const WAIT: Duration = Duration::from_millis(5);
+const READ_TIMEOUT: Duration = Duration::from_millis(5);
 
 #[derive(Debug, Clone)]
 pub struct EmulatorSettings {
@@ -87,11 +87,11 @@ pub enum Plug {
     Cameras,
 }
 
-struct Shared {
+struct SharedDevices {
     /// Device end of the servo line, used to see whether bytes wait in it; `None` once it is unplugged.
     servo_line: Mutex<Option<SerialPort>>,
-    servos_gone: AtomicBool,
-    cameras_gone: AtomicBool,
+    servos_unplugged: AtomicBool,
+    cameras_unplugged: AtomicBool,
     chain: Mutex<ServoChain>,
     board: Mutex<CameraBoard>,
     shafts: Mutex<ActuatorVector<ServoState>>,
@@ -101,16 +101,16 @@ struct Shared {
     ticks: AtomicU64,
     late_ticks: AtomicU64,
     /// Images that the plant has handed to the camera board.
-    images: AtomicU64,
+    image_count: AtomicU64,
     clock: Clock,
 }
 
-impl Shared {
+impl SharedDevices {
     fn now(&self) -> f64 {
         self.clock.now()
     }
 
-    fn stepped(&self) -> bool {
+    fn is_stepped(&self) -> bool {
         matches!(self.clock, Clock::Emulated(_))
     }
 
@@ -119,12 +119,12 @@ impl Shared {
     }
 
     /// True if the host has sent bytes that the servos have not read yet.
-    fn bytes_wait(&self) -> bool {
+    fn has_pending_bytes(&self) -> bool {
         lock(&self.servo_line).as_ref().is_some_and(|line| has_bytes(line, Duration::ZERO))
     }
 }
 
-/// Waits up to `patience`; true if there is something to read on `port`.
+/// Waits up to `timeout`; true if there is something to read on `port`.
 fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
     let patience = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
     let mut polled = [PollFd::new(port, PollFlags::IN)];
@@ -134,15 +134,15 @@ fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
 
 /// The running emulator; it ends when dropped.
 pub struct EmulatedHand {
-    shared: Arc<Shared>,
+    shared: Arc<SharedDevices>,
     servo_pty: Option<Pty>,
     board_pty: Option<Pty>,
     paths: [PathBuf; 2],
     /// Device ends of unplugged ports, kept open.
-    gone: Vec<SerialPort>,
+    unplugged_ports: Vec<SerialPort>,
     threads: Vec<JoinHandle<()>>,
     /// The plant, if it advances by [`EmulatedHand::step`], with the queue of its images.
-    stepped: Option<ImagedPlant>,
+    stepped_plant: Option<PlantWithImages>,
 }
 
 impl EmulatedHand {
@@ -175,16 +175,16 @@ impl EmulatedHand {
         let (servo_pty, board_pty) = (Pty::open()?, Pty::open()?);
         let port_of = |pty: &Pty| pty.device.try_clone().map_err(PtyError::Open);
         let (servo_port, board_port) = (port_of(&servo_pty)?, port_of(&board_pty)?);
-        let jpeg_chance = settings.faults.chances.jpeg;
+        let jpeg_chance = settings.faults.probabilities.jpeg;
         let observation = plant.observe();
         let shafts = observation.servos;
         let mut chain = ServoChain::new(settings.servos, settings.faults, settings.usb_latency, settings.seed);
         chain.advance(clock.now(), 0.0, &shafts);
         let board = CameraBoard::new(settings.board, robot.hand.cameras.len(), jpeg_chance, settings.seed);
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(SharedDevices {
             servo_line: Mutex::new(Some(port_of(&servo_pty)?)),
-            servos_gone: AtomicBool::new(false),
-            cameras_gone: AtomicBool::new(false),
+            servos_unplugged: AtomicBool::new(false),
+            cameras_unplugged: AtomicBool::new(false),
             chain: Mutex::new(chain),
             board: Mutex::new(board),
             shafts: Mutex::new(shafts),
@@ -193,7 +193,7 @@ impl EmulatedHand {
             stop: AtomicBool::new(false),
             ticks: AtomicU64::new(0),
             late_ticks: AtomicU64::new(0),
-            images: AtomicU64::new(0),
+            image_count: AtomicU64::new(0),
             clock,
         });
         let (images, arrived) = mpsc::channel();
@@ -205,8 +205,8 @@ impl EmulatedHand {
             spawn("servos", Box::new(move || run_servos(servo_port, &for_servos)))?,
             spawn("cameras", Box::new(move || run_board(board_port, &for_board, &arrived)))?,
         ];
-        let plant = ImagedPlant { physics: plant, images };
-        let stepped = if shared.stepped() {
+        let plant = PlantWithImages { physics: plant, images };
+        let stepped = if shared.is_stepped() {
             Some(plant)
         } else {
             threads.push(spawn("plant", Box::new(move || run_plant(plant, &for_plant)))?);
@@ -214,13 +214,13 @@ impl EmulatedHand {
         };
         let paths = [servo_pty.path().to_owned(), board_pty.path().to_owned()];
         let (servo_pty, board_pty) = (Some(servo_pty), Some(board_pty));
-        Ok(Self { shared, servo_pty, board_pty, paths, gone: Vec::new(), threads, stepped })
+        Ok(Self { shared, servo_pty, board_pty, paths, unplugged_ports: Vec::new(), threads, stepped_plant: stepped })
     }
 
     /// Advances the plant by one of its ticks, and the clock with it. Returns the tick's length, s; 0 if the plant runs
     /// in real time.
     pub fn step(&mut self) -> f64 {
-        let Some(plant) = &mut self.stepped else { return 0.0 };
+        let Some(plant) = &mut self.stepped_plant else { return 0.0 };
         let tick = plant.physics.tick_length();
         self.shared.clock.advance(tick);
         // Images without a receiver are dropped.
@@ -234,8 +234,8 @@ impl EmulatedHand {
     }
 
     /// Returns the number of images that the plant has handed to the camera board so far.
-    pub fn images(&self) -> u64 {
-        self.shared.images.load(Ordering::Relaxed)
+    pub fn image_count(&self) -> u64 {
+        self.shared.image_count.load(Ordering::Relaxed)
     }
 
     /// Returns the servos' last watchdog trips: id, time, and delay after the last packet heard, s.
@@ -266,32 +266,32 @@ impl EmulatedHand {
     /// Pulls a USB plug; the port does not come back.
     pub fn unplug(&mut self, plug: Plug) {
         let (gone, pty) = match plug {
-            Plug::Servos => (&self.shared.servos_gone, &mut self.servo_pty),
-            Plug::Cameras => (&self.shared.cameras_gone, &mut self.board_pty),
+            Plug::Servos => (&self.shared.servos_unplugged, &mut self.servo_pty),
+            Plug::Cameras => (&self.shared.cameras_unplugged, &mut self.board_pty),
         };
         gone.store(true, Ordering::Relaxed);
         if plug == Plug::Servos {
             *lock(&self.shared.servo_line) = None;
         }
-        self.gone.extend(pty.take().map(Pty::hang_up));
+        self.unplugged_ports.extend(pty.take().map(Pty::hang_up));
     }
 
     /// Injects a fault now.
-    pub fn inject(&self, event: Event) {
+    pub fn inject(&self, event: FaultEvent) {
         match event {
-            event if event.is_of_cameras() => lock(&self.shared.board).happen(event),
-            event => lock(&self.shared.chain).happen(event, self.shared.now()),
+            event if event.concerns_cameras() => lock(&self.shared.board).apply_fault(event),
+            event => lock(&self.shared.chain).apply_fault(event, self.shared.now()),
         }
     }
 
     /// Sets the probabilities of random line faults of the servos.
-    pub fn set_chances(&self, chances: faults::Chances) {
-        lock(&self.shared.chain).set_chances(chances);
+    pub fn set_fault_probabilities(&self, chances: faults::FaultProbabilities) {
+        lock(&self.shared.chain).set_fault_probabilities(chances);
     }
 
     /// Sets the probability that an image's JPEG is cut in half.
-    pub fn set_jpeg_chance(&self, chance: f64) {
-        lock(&self.shared.board).set_jpeg_chance(chance);
+    pub fn set_jpeg_cut_probability(&self, chance: f64) {
+        lock(&self.shared.board).set_jpeg_cut_probability(chance);
     }
 
     /// Returns the true state of the shafts, for tests and displays; a host must not use it.
@@ -300,8 +300,8 @@ impl EmulatedHand {
     }
 
     /// Returns the goal that each servo applies to its shaft now.
-    pub fn drives(&self) -> Vec<ServoGoal> {
-        lock(&self.shared.chain).drives()
+    pub fn applied_goals(&self) -> Vec<ServoGoal> {
+        lock(&self.shared.chain).applied_goals()
     }
 
     /// Returns the number of servos that their bus watchdog has stopped.
@@ -315,13 +315,13 @@ impl EmulatedHand {
     }
 
     /// Writes the servos' homing offsets into their memory, as a calibration does over the bus.
-    pub fn home(&self, calibration: &HandCalibration) {
-        lock(&self.shared.chain).home(calibration);
+    pub fn write_homing_offsets(&self, calibration: &HandCalibration) {
+        lock(&self.shared.chain).write_homing_offsets(calibration);
     }
 
     /// Returns the number of plant ticks so far, and of those that began late because the plant is slower than real
     /// time.
-    pub fn ticks(&self) -> (u64, u64) {
+    pub fn tick_counts(&self) -> (u64, u64) {
         (self.shared.ticks.load(Ordering::Relaxed), self.shared.late_ticks.load(Ordering::Relaxed))
     }
 }
@@ -337,25 +337,25 @@ impl Drop for EmulatedHand {
 }
 
 /// Capture time on the devices' clock, s, and the images that left the plant together.
-type Exposed = (f64, Vec<TactileFrame>);
+type CapturedImages = (f64, Vec<TactileFrame>);
 
 /// The plant and the queue of its images.
-struct ImagedPlant {
+struct PlantWithImages {
     physics: Box<dyn Plant + Send>,
-    images: Sender<Exposed>,
+    images: Sender<CapturedImages>,
 }
 
 /// Ticks the plant; returns false once its images have no receiver.
-fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
+fn tick_plant(plant: &mut PlantWithImages, shared: &SharedDevices, tick: f64) -> bool {
     let mut servos = [ServoGoal::Current(0.0); SERVOS];
-    for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
+    for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).applied_goals()) {
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
     // With a stepped clock the tick has passed already. With a running one it begins now, however soon the plant is
     // done with it.
-    let end = if shared.stepped() { shared.now() } else { shared.now() + tick };
-    plant.physics.send(&Command { arm: shared.arm.goal(), servos: servos.into(), capture });
+    let end = if shared.is_stepped() { shared.now() } else { shared.now() + tick };
+    plant.physics.send(&RobotCommand { arm: shared.arm.goal(), servos: servos.into(), capture });
     plant.physics.wait_for_tick();
     let observation = plant.physics.observe();
     *lock(&shared.shafts) = observation.servos;
@@ -363,22 +363,22 @@ fn tick_plant(plant: &mut ImagedPlant, shared: &Shared, tick: f64) -> bool {
     let others = {
         let mut chain = lock(&shared.chain);
         // A packet that waits to be read is not a missing one.
-        if shared.bytes_wait() {
+        if shared.has_pending_bytes() {
             chain.feed_watchdogs(shared.now());
         }
         chain.advance(shared.now(), tick, &observation.servos)
     };
     for event in others {
-        lock(&shared.board).happen(event);
+        lock(&shared.board).apply_fault(event);
     }
     shared.ticks.fetch_add(1, Ordering::Relaxed);
     let Some(first) = observation.tactile.first() else { return true };
     let taken = end - (observation.time - first.time);
-    shared.images.fetch_add(observation.tactile.len() as u64, Ordering::Relaxed);
+    shared.image_count.fetch_add(observation.tactile.len() as u64, Ordering::Relaxed);
     plant.images.send((taken, observation.tactile)).is_ok()
 }
 
-fn run_plant(mut plant: ImagedPlant, shared: &Shared) {
+fn run_plant(mut plant: PlantWithImages, shared: &SharedDevices) {
     let tick = plant.physics.tick_length();
     let mut next = Instant::now();
     while shared.running() {
@@ -397,15 +397,15 @@ fn run_plant(mut plant: ImagedPlant, shared: &Shared) {
     }
 }
 
-fn run_servos(mut port: SerialPort, shared: &Shared) {
+fn run_servos(mut port: SerialPort, shared: &SharedDevices) {
     let mut decoder = Decoder::default();
     let mut held_back: Vec<Vec<u8>> = Vec::new();
     let mut buffer = [0; 4096];
-    if port.set_read_timeout(WAIT).is_err() {
+    if port.set_read_timeout(READ_TIMEOUT).is_err() {
         return;
     }
-    while shared.running() && !shared.servos_gone.load(Ordering::Relaxed) {
-        if !has_bytes(&port, WAIT) {
+    while shared.running() && !shared.servos_unplugged.load(Ordering::Relaxed) {
+        if !has_bytes(&port, READ_TIMEOUT) {
             continue;
         }
         // The lock keeps bytes either on the line or with the servos, never between.
@@ -415,7 +415,7 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
         let baud = port.get_configuration().and_then(|settings| settings.get_baud_rate()).unwrap_or(0);
         decoder.push(&buffer[..count]);
         let packets = decoder.drain().into_iter().flatten();
-        let answers: Vec<Vec<Answer>> = packets
+        let answers: Vec<Vec<LineAnswer>> = packets
             .map(|packet| {
                 let length = packet.encode().map_or(0, |wire| wire.len());
                 chain.handle(&packet, length, baud, shared.now())
@@ -427,15 +427,15 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
                 let _ = port.write_all(&late);
             }
             for answer in answers {
-                if shared.stepped() && answer.delayed {
+                if shared.is_stepped() && answer.delayed {
                     held_back.push(answer.bytes);
                     continue;
                 }
-                if shared.stepped() {
+                if shared.is_stepped() {
                     let _ = port.write_all(&answer.bytes);
                     continue;
                 }
-                let due = arrived + Duration::from_secs_f64(answer.after);
+                let due = arrived + Duration::from_secs_f64(answer.arrival);
                 std::thread::sleep(due.saturating_duration_since(Instant::now()));
                 // A host that does not read loses answers, as on a real line.
                 let _ = port.write_all(&answer.bytes);
@@ -444,12 +444,12 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
     }
 }
 
-fn run_board(mut port: SerialPort, shared: &Shared, images: &mpsc::Receiver<Exposed>) {
+fn run_board(mut port: SerialPort, shared: &SharedDevices, images: &mpsc::Receiver<CapturedImages>) {
     let mut buffer = [0; 4096];
     if port.set_read_timeout(Duration::from_millis(2)).is_err() {
         return;
     }
-    while shared.running() && !shared.cameras_gone.load(Ordering::Relaxed) {
+    while shared.running() && !shared.cameras_unplugged.load(Ordering::Relaxed) {
         let mut out = Vec::new();
         if let Ok(count) = port.read(&mut buffer) {
             let reaction = lock(&shared.board).receive(&buffer[..count], shared.now());

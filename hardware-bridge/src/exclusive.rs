@@ -25,13 +25,13 @@ pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
         .custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed())
         .open(path)
         .map_err(|error| match error.kind() {
-            ErrorKind::ResourceBusy => taken(path),
+            ErrorKind::ResourceBusy => port_in_use(path),
             _ => error,
         })?;
     // The port is locked before it is set up: a rate set by a second program would garble what the first one sends and
     // receives.
     if flock(&device, FlockOperation::NonBlockingLockExclusive).is_err() {
-        return Err(taken(path));
+        return Err(port_in_use(path));
     }
     let mut port = SerialPort::from(OwnedFd::from(device));
     let mut settings = port.get_configuration()?;
@@ -44,7 +44,7 @@ pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
     Ok(port)
 }
 
-fn taken(path: &Path) -> io::Error {
+fn port_in_use(path: &Path) -> io::Error {
     let owner = owner(path).unwrap_or_else(|| "another program".to_owned());
     io::Error::new(ErrorKind::ResourceBusy, format!("in use by {owner}"))
 }

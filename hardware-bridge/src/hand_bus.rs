@@ -1,14 +1,14 @@
 //! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
-use crate::driven::SERVOS;
+use crate::supported_robot::SERVOS;
 use hand_model::Digit;
 use hand_model::robot::ServoState;
 
-use crate::calibration::{HandCalibration, turns_to_forget};
+use crate::calibration::{HandCalibration, turn_offset};
 use crate::protocol2::{ReplyError, Status};
 use crate::safety::checks::ServoReading;
 use crate::safety::limits::SafeGoal;
-use crate::safety::state::Cause;
+use crate::safety::state::StopCause;
 use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
@@ -16,7 +16,7 @@ use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
 /// Number of times that a servo that does not answer is asked.
-const TRIES: usize = 2;
+const READ_ATTEMPTS: usize = 2;
 
 /// The servos behind an open bus.
 #[derive(Debug)]
@@ -25,13 +25,13 @@ pub struct HandBus {
     ids: [u8; SERVOS],
     fast: bool,
     /// Whole turns to subtract from each reading, rad, once known.
-    forget: [Option<f64>; SERVOS],
+    turn_offsets: [Option<f64>; SERVOS],
 }
 
 impl HandBus {
     /// Wraps the servos `ids` on `bus`, read with fast sync reads if `fast`.
     pub fn new(bus: ServoBus, ids: [u8; SERVOS], fast: bool) -> Self {
-        Self { bus, ids, fast, forget: [None; SERVOS] }
+        Self { bus, ids, fast, turn_offsets: [None; SERVOS] }
     }
 
     /// Returns the ids in actuator order.
@@ -41,7 +41,10 @@ impl HandBus {
 
     /// Compares the servos' homing offsets with the calibration's. Returns the first that differs, as (actuator, found,
     /// expected) in counts.
-    pub fn compare(&mut self, calibration: &HandCalibration) -> Result<Option<(usize, i64, i64)>, BusError> {
+    pub fn compare_homing_offsets(
+        &mut self,
+        calibration: &HandCalibration,
+    ) -> Result<Option<(usize, i64, i64)>, BusError> {
         let per_count = xc330::HOMING_OFFSET.unit.per_count();
         for (n, servo) in calibration.servos.iter().enumerate() {
             let found = (self.bus.read(self.ids[n], &xc330::HOMING_OFFSET)? / per_count).round() as i64;
@@ -62,7 +65,7 @@ impl HandBus {
         };
         let mut read = |n: usize, reply: &Result<Status, ReplyError>| {
             let Status { data, alert, .. } = reply.as_ref().ok()?;
-            reading(data, *alert, &mut self.forget[n], now)
+            decode_reading(data, *alert, &mut self.turn_offsets[n], now)
         };
         Ok(std::array::from_fn(|n| read(n, &replies[n])))
     }
@@ -70,7 +73,7 @@ impl HandBus {
     /// Sends goals, the current first, so that no position is approached with an older, larger current.
     pub fn send(&mut self, goals: &[SafeGoal; SERVOS]) -> Result<(), BusError> {
         self.sync_write(&xc330::GOAL_CURRENT, |n| goals[n].current)?;
-        let forget = self.forget;
+        let forget = self.turn_offsets;
         self.sync_write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0))
     }
 
@@ -92,7 +95,7 @@ impl HandBus {
     pub fn torque_off(&mut self) -> Vec<String> {
         let ids = self.ids;
         // A lost answer must not leave a torque on.
-        for _ in 0..TRIES {
+        for _ in 0..READ_ATTEMPTS {
             if self.bus.set_torque(&ids, false).iter().all(Result::is_ok) {
                 break;
             }
@@ -100,7 +103,7 @@ impl HandBus {
         let names = Digit::ALL.map(Digit::name).into_iter().chain(["opposition"]);
         let unsure = names.zip(ids).filter_map(|(name, id)| {
             let mut off = self.bus.expect(id, &xc330::TORQUE_ENABLE, 0.0);
-            for _ in 1..TRIES {
+            for _ in 1..READ_ATTEMPTS {
                 off = off.or_else(|_| self.bus.expect(id, &xc330::TORQUE_ENABLE, 0.0));
             }
             off.err().map(|error| format!("{name}: {error}"))
@@ -118,15 +121,15 @@ impl HandBus {
 
     /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, of which a sync write
     /// tells nothing.
-    pub fn audit(&mut self, n: usize) -> Result<Option<Cause>, BusError> {
+    pub fn audit(&mut self, n: usize) -> Result<Option<StopCause>, BusError> {
         let status = self.bus.read_block(self.ids[n], AUDIT_START, AUDIT_LENGTH)?;
         let value = |register: Register| register.read_from(&status.data, AUDIT_START).unwrap_or(f64::NAN);
         Ok(if value(xc330::HARDWARE_ERROR_STATUS) != 0.0 {
-            Some(Cause::ServoAlert(n))
+            Some(StopCause::ServoAlert(n))
         } else if value(xc330::TORQUE_ENABLE) != 1.0 {
-            Some(Cause::TorqueLost(n))
+            Some(StopCause::TorqueLost(n))
         } else if value(xc330::BUS_WATCHDOG) < 0.0 {
-            Some(Cause::WatchdogTripped(n))
+            Some(StopCause::WatchdogTripped(n))
         } else {
             None
         })
@@ -144,15 +147,15 @@ impl HandBus {
 
 /// Decodes a servo's present block and alert bit as a reading at `now` (s). The first reading also sets the whole turns
 /// to subtract.
-pub(crate) fn reading(block: &[u8], alert: bool, forget: &mut Option<f64>, now: f64) -> Option<ServoReading> {
+pub(crate) fn decode_reading(block: &[u8], alert: bool, forget: &mut Option<f64>, now: f64) -> Option<ServoReading> {
     let value = |register: Register| register.read_from(block, PRESENT_BLOCK_LONG.start);
     let raw = value(xc330::PRESENT_POSITION)?;
-    let forget = *forget.get_or_insert_with(|| turns_to_forget(raw));
+    let forget = *forget.get_or_insert_with(|| turn_offset(raw));
     let state = ServoState {
         position: raw - forget,
         velocity: value(xc330::PRESENT_VELOCITY)?,
         current: value(xc330::PRESENT_CURRENT)?,
         temperature: value(xc330::PRESENT_TEMPERATURE)?,
     };
-    Some(ServoReading { at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert })
+    Some(ServoReading { received_at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert })
 }

@@ -14,34 +14,34 @@ use std::time::{Duration, Instant};
 
 use ftac_platform::data::DataError;
 use hand_model::RobotModel;
-use hand_model::robot::{Command, Readings, RobotBackend, RobotError, ServoGoal, Tick};
-use robot_session_log::{Packet, Tap};
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, Tick};
+use robot_session_log::{LinkPacket, LinkTap};
 
 use crate::arm_link::ArmLink;
 use crate::calibration::HandCalibration;
 use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
-use crate::driven::SERVOS;
-use crate::driven::expect_driven;
 use crate::hand_bus::HandBus;
 use crate::lock::lock;
-use crate::real_time::run_ahead;
-use crate::remote::door::{Fulfil, RemoteDoor};
-use crate::remote::{RemoteError, Wish, places};
-use crate::safety::checks::Measured;
-use crate::safety::limits::{Limits, SafeGoal};
+use crate::real_time::set_real_time_priority;
+use crate::remote::endpoint::{RemoteEndpoint, RequestHandler};
+use crate::remote::{RemoteCommand, RemoteError, socket_paths};
+use crate::requests;
+use crate::safety::checks::Measurements;
+use crate::safety::limits::{SafeGoal, SafetyLimits};
 use crate::safety::set_points::TICK;
-use crate::safety::state::State;
+use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
-use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared, give};
+use crate::servo_cycle::{CycleOrder, CycleReport, CycleShared, DryLines, ServoCycle, SharedState, send_order};
 use crate::setup;
+use crate::supported_robot::SERVOS;
+use crate::supported_robot::check_supported;
 use crate::tactile_link::TactileLink;
-use crate::wishes;
 
 /// Servo cycles between two audits, each of one servo.
-const AUDIT_EVERY: u64 = 5;
+const AUDIT_INTERVAL: u64 = 5;
 /// Longest wait for the cycle that uses a command: a few cycles, or their time-outs on a bus that is being lost.
 const SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
@@ -96,12 +96,12 @@ pub struct OrderError(pub String);
 
 /// The connected robot.
 pub struct HardwareRobot {
-    shared: Arc<Shared>,
+    shared: Arc<CycleShared>,
     cameras: Option<Cameras>,
-    doors: Vec<RemoteDoor>,
+    endpoints: Vec<RemoteEndpoint>,
     release_time: f64,
     /// Error of the last request for images, reported by the next observation.
-    unasked: Option<RobotError>,
+    capture_error: Option<RobotError>,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
     next_tick: Instant,
@@ -117,7 +117,7 @@ impl HardwareRobot {
         robot: &RobotModel,
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
-        expect_driven(robot)?;
+        check_supported(robot)?;
         let calibration = HandCalibration::read(&config.calibration)?;
         let clock = Clock::wall();
         let hand = open_hand(config, &calibration, robot)?;
@@ -130,64 +130,75 @@ impl HardwareRobot {
             .name("servo cycle".into())
             .spawn(move || {
                 let mut cycle = cycle;
-                cycle.report.behind = run_ahead().err();
+                cycle.report.priority_error = set_real_time_priority().err();
                 cycle.run();
             })
             .map_err(ConnectError::Thread)?;
         let (release_time, next_tick) = (config.limits.release_time, Instant::now());
         let (thread, unasked) = (Some(thread), None);
-        Ok(Self { shared, cameras, doors, release_time, unasked, thread, clock, next_tick, sequence: 0 })
+        Ok(Self {
+            shared,
+            cameras,
+            endpoints: doors,
+            release_time,
+            capture_error: unasked,
+            thread,
+            clock,
+            next_tick,
+            sequence: 0,
+        })
     }
 
     /// Checks the newest measurements; the robot may be armed once they pass.
     pub fn check(&self) -> Result<(), OrderError> {
-        self.order(Order::Check)
+        self.order(CycleOrder::Check)
     }
 
     /// Enables torque at the present positions, with zero force. Requires the consent of an operator.
     pub fn arm(&self) -> Result<(), OrderError> {
-        self.order(Order::Arm)
+        self.order(CycleOrder::Arm)
     }
 
     /// Stops and holds.
     pub fn hold(&self) -> Result<(), OrderError> {
-        self.order(Order::Remote(Wish::Hold))
+        self.order(CycleOrder::Remote(RemoteCommand::Hold))
     }
 
     /// Fades the currents, disables torque, and reads back whether it is off. Returns for how many servos it is, in
     /// words.
     pub fn release(&self) -> Result<String, OrderError> {
-        wishes::fulfil(&self.shared, &self.clock, Wish::Release, self.release_time).map_err(OrderError)
+        requests::execute_request(&self.shared, &self.clock, RemoteCommand::Release, self.release_time)
+            .map_err(OrderError)
     }
 
     /// Describes the measured state in words: whether the arm is at rest, and how many servos answer.
-    pub fn standing(&self) -> String {
-        wishes::standing(&lock(&self.shared.board), self.now())
+    pub fn describe_state(&self) -> String {
+        requests::describe_state(&lock(&self.shared.state), self.now())
     }
 
     /// Returns the sockets on which another terminal can stop this robot.
     pub fn stop_sockets(&self) -> impl Iterator<Item = &Path> {
-        self.doors.iter().map(RemoteDoor::path)
+        self.endpoints.iter().map(RemoteEndpoint::path)
     }
 
     /// Announces a pause: no command will come for up to `seconds`. The arm stands still, the hand keeps its last
     /// goals, and the controller's watchdog is suspended. The next command ends the pause.
     pub fn pause(&self, seconds: f64) {
-        lock(&self.shared.board).quiet_until = self.now() + seconds;
+        lock(&self.shared.state).quiet_until = self.now() + seconds;
     }
 
-    pub fn state(&self) -> State {
-        lock(&self.shared.board).state
+    pub fn state(&self) -> SupervisorState {
+        lock(&self.shared.state).state
     }
 
     /// Returns the statistics of the servo cycles.
     pub fn report(&self) -> CycleReport {
-        lock(&self.shared.board).report.clone()
+        lock(&self.shared.state).report.clone()
     }
 
     /// Copies the bytes on the servo bus to `packets` from the next cycle on, under the name `servos`.
-    pub fn tap(&self, packets: &mpsc::Sender<Packet>) {
-        *lock(&self.shared.tap) = Some(Tap::new("servos", packets.clone()));
+    pub fn tap(&self, packets: &mpsc::Sender<LinkPacket>) {
+        *lock(&self.shared.tap) = Some(LinkTap::new("servos", packets.clone()));
     }
 
     /// Returns the link to the camera board, if there is one.
@@ -200,8 +211,8 @@ impl HardwareRobot {
         self.cameras.as_ref()
     }
 
-    fn order(&self, order: Order) -> Result<(), OrderError> {
-        give(&self.shared, order).map(drop).map_err(OrderError)
+    fn order(&self, order: CycleOrder) -> Result<(), OrderError> {
+        send_order(&self.shared, order).map(drop).map_err(OrderError)
     }
 
     fn now(&self) -> f64 {
@@ -211,18 +222,24 @@ impl HardwareRobot {
 
 /// Opens the sockets on which this robot can be stopped: the default one, which any terminal finds, and the configured
 /// one.
-fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> Result<Vec<RemoteDoor>, RemoteError> {
-    let failed = |source| RemoteError::Socket { path: places::SHARED.into(), source };
-    let folder = places::folder().map_err(failed)?;
-    places::sweep(&folder.path);
+fn stop_sockets(
+    config: &BridgeConfig,
+    shared: &Arc<CycleShared>,
+    clock: &Clock,
+) -> Result<Vec<RemoteEndpoint>, RemoteError> {
+    let failed = |source| RemoteError::Socket { path: socket_paths::OPERATORS_FOLDER.into(), source };
+    let folder = socket_paths::folder().map_err(failed)?;
+    socket_paths::remove_stale_sockets(&folder.path);
     // A configuration that was not read from a file is named after its port.
     let file = if config.file.as_os_str().is_empty() { &config.servos.port } else { &config.file };
     let of = format!("{}, process {}", file.display(), std::process::id());
     let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
-    let fulfil: Arc<Fulfil> = Arc::new(move |wish| wishes::fulfil(&shared, &clock, wish, release_time));
-    let mut doors = vec![RemoteDoor::open(&places::socket(&folder.path, file), folder.group, &of, fulfil.clone())?];
+    let fulfil: Arc<RequestHandler> =
+        Arc::new(move |wish| requests::execute_request(&shared, &clock, wish, release_time));
+    let mut doors =
+        vec![RemoteEndpoint::open(&socket_paths::socket_path(&folder.path, file), folder.group, &of, fulfil.clone())?];
     if let Some(own) = &config.stop_socket {
-        doors.push(RemoteDoor::open(own, None, &of, fulfil)?);
+        doors.push(RemoteEndpoint::open(own, None, &of, fulfil)?);
     }
     Ok(doors)
 }
@@ -237,12 +254,12 @@ pub(crate) fn open_hand(
     let names: Vec<&str> = robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.as_str()).collect();
     for (id, name) in config.servos.ids.iter().zip(&names) {
         let findings = setup::check(&mut bus, config, *id, name)?;
-        if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
-            return Err(ConnectError::Setup { what: bad.what, found: bad.found, expected: bad.expected });
+        if let Some(bad) = findings.into_iter().find(|finding| !finding.passed) {
+            return Err(ConnectError::Setup { what: bad.item, found: bad.found, expected: bad.expected });
         }
     }
     let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
-    if let Some((actuator, found, expected)) = hand.compare(calibration)? {
+    if let Some((actuator, found, expected)) = hand.compare_homing_offsets(calibration)? {
         let owner = calibration.servos.iter().zip(&names).find(|(servo, _)| i64::from(servo.homing_offset) == found);
         let why = match owner {
             Some((_, owner)) => format!("it is that of {owner}; were their ids exchanged?"),
@@ -263,26 +280,26 @@ pub(crate) fn servo_cycle(
     clock: Clock,
 ) -> ServoCycle {
     let limits = config.limits(&calibration.travel(), &robot.arm);
-    let press = limits.press.filter(|_| arm.senses_torque());
-    let mut supervisor = Supervisor::new(Limits { press, ..limits }).watching(robot);
+    let press = limits.torque.filter(|_| arm.senses_torque());
+    let mut supervisor = Supervisor::new(SafetyLimits { torque: press, ..limits }).with_monitors(robot);
     // A new supervisor is disconnected, so this cannot be refused.
     let _ = supervisor.connect();
-    let measured = Measured { servos: [None; SERVOS], arm: None, cameras: true };
-    let shared = Arc::new(Shared {
+    let measured = Measurements { servos: [None; SERVOS], arm: None, cameras: true };
+    let shared = Arc::new(CycleShared {
         tap: Mutex::new(None),
-        board: Mutex::new(Board {
-            asked: None,
-            asked_number: 0,
+        state: Mutex::new(SharedState {
+            requested: None,
+            requested_number: 0,
             used_number: 0,
             quiet_until: 0.0,
-            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.still() },
+            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.zero_speed() },
             measured,
             state: supervisor.state(),
             orders: VecDeque::new(),
             report: CycleReport::default(),
             cameras: true,
         }),
-        cycled: Condvar::new(),
+        cycle_done: Condvar::new(),
         stop: AtomicBool::new(false),
     });
     ServoCycle {
@@ -296,39 +313,40 @@ pub(crate) fn servo_cycle(
         supervisor,
         period: Duration::from_secs_f64(1.0 / config.servos.rate),
         clock,
-        audit_every: AUDIT_EVERY,
+        audit_interval: AUDIT_INTERVAL,
         dry: None,
         measured,
         report: CycleReport::default(),
         lost_at: Instant::now(),
-        dry_told: 0.0,
+        last_dry_line: 0.0,
     }
 }
 
 impl RobotBackend for HardwareRobot {
     fn observe(&mut self) -> Result<Readings, RobotError> {
-        match self.unasked.take() {
+        match self.capture_error.take() {
             Some(error) => Err(error),
-            None => Ok(newest(&self.shared, self.cameras.as_ref(), self.now(), self.sequence)),
+            None => Ok(newest_readings(&self.shared, self.cameras.as_ref(), self.now(), self.sequence)),
         }
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         if let (true, Some(cameras)) = (command.capture, &self.cameras) {
-            self.unasked = cameras.request_capture().err().map(|error| RobotError::Capture(error.to_string()));
+            self.capture_error =
+                cameras.request_capture().err().map(|error| RobotError::CaptureFailed(error.to_string()));
         }
         let now = self.now();
-        let mut board = lock(&self.shared.board);
-        board.asked = Some((*command, now));
+        let mut board = lock(&self.shared.state);
+        board.requested = Some((*command, now));
         board.quiet_until = 0.0;
-        board.asked_number += 1;
-        let number = board.asked_number;
-        let waited = self.shared.cycled.wait_timeout_while(board, SEND_TIMEOUT, |board| board.used_number < number);
+        board.requested_number += 1;
+        let number = board.requested_number;
+        let waited = self.shared.cycle_done.wait_timeout_while(board, SEND_TIMEOUT, |board| board.used_number < number);
         let (board, waited) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
         if waited.timed_out() {
             return Err(RobotError::NotSent(SEND_TIMEOUT.as_secs_f64()));
         }
-        Ok(sent_as(command, &board.sent, board.state))
+        Ok(sent_command(command, &board.sent, board.state))
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -350,17 +368,17 @@ impl RobotBackend for HardwareRobot {
 }
 
 /// Returns the newest measurements that have arrived.
-pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Readings {
-    let frames = cameras.map(Cameras::take).unwrap_or_default();
-    let mut board = lock(&shared.board);
-    board.cameras = cameras.is_none_or(|cameras| cameras.lost().is_none());
+pub(crate) fn newest_readings(shared: &CycleShared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Readings {
+    let frames = cameras.map(Cameras::take_images).unwrap_or_default();
+    let mut board = lock(&shared.state);
+    board.cameras = cameras.is_none_or(|cameras| cameras.failure().is_none());
     board.measured.readings(time, sequence, frames)
 }
 
 /// Converts the command that was sent to the kinds of goal that were requested, if the command was followed.
-pub(crate) fn sent_as(asked: &Command, sent: &SafeCommand, state: State) -> Command {
+pub(crate) fn sent_command(asked: &RobotCommand, sent: &SafeCommand, state: SupervisorState) -> RobotCommand {
     let mut sent = sent.as_command(asked.capture);
-    if state == State::Running {
+    if state == SupervisorState::Running {
         for (goal, asked) in sent.servos.iter_mut().zip(&asked.servos) {
             if let (ServoGoal::Current(asked), ServoGoal::Position { current_limit, .. }) = (asked, *goal) {
                 *goal = ServoGoal::Current(current_limit.copysign(*asked));

@@ -1,8 +1,8 @@
 //! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! [`feel`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark, winds
+//! [`find_stops`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark, winds
 //! with a moderate current until the digit stops, and then fades the current so that the springs open the digit gently.
-//! It writes nothing to the servo's EEPROM. [`store`] writes the open marks of all servos as their homing offsets, so
+//! It writes nothing to the servo's EEPROM. [`write_offsets`] writes the open marks of all servos as their homing offsets, so
 //! that each reads 0 there.
 
 use std::time::{Duration, Instant};
@@ -13,7 +13,7 @@ use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330;
 
 /// Time after which a servo's clock wraps around, s.
-const TICKS: f64 = 32.768;
+const SERVO_CLOCK_PERIOD: f64 = 32.768;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HomingSettings {
@@ -21,17 +21,17 @@ pub struct HomingSettings {
     pub open_current: f64,
     /// Current for winding to the closed stop, A.
     pub close_current: f64,
-    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::still_for`] has met its stop. It
+    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::stall_time`] has met its stop. It
     /// may oscillate there, because gears have backlash and a stop is compliant.
-    pub progress: f64,
+    pub min_progress: f64,
     /// Time without progress after which a shaft counts as stopped, s.
-    pub still_for: f64,
+    pub stall_time: f64,
     /// Maximum distance to a stop, rad: a longer one means that nothing stops the shaft.
-    pub longest: f64,
+    pub max_travel: f64,
     /// Longest wait for a stop, s.
-    pub patience: f64,
+    pub timeout: f64,
     /// Time in which the current fades afterwards, s.
-    pub fade: f64,
+    pub fade_time: f64,
     /// Time limit of the servo's bus watchdog, s: it stops by itself if the host is silent for longer.
     pub watchdog: f64,
 }
@@ -41,11 +41,11 @@ impl Default for HomingSettings {
         Self {
             open_current: 0.06,
             close_current: 0.20,
-            progress: 0.015,
-            still_for: 0.3,
-            longest: 7.0,
-            patience: 8.0,
-            fade: 1.0,
+            min_progress: 0.015,
+            stall_time: 0.3,
+            max_travel: 7.0,
+            timeout: 8.0,
+            fade_time: 1.0,
             watchdog: 2.54,
         }
     }
@@ -75,7 +75,7 @@ pub enum HomingError {
     #[error(
         "servo {id}: still gets further {direction} after {patience} s: is the cable off the spool, or does it slip?"
     )]
-    Restless {
+    StopTimeout {
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
@@ -98,7 +98,7 @@ pub enum HomingError {
         ids: Vec<u8>,
     },
     #[error("servo {id}: stopped itself, because it heard nothing for {silence} s: is this computer too busy?")]
-    HeldUp {
+    WatchdogTripped {
         id: u8,
         /// Time limit of the watchdog that tripped, s.
         silence: f64,
@@ -112,7 +112,7 @@ pub enum HomingError {
 
 /// Finds the stops of servo `id`, and leaves it without torque, its EEPROM unchanged. It ends at once when
 /// `interrupted` returns true.
-pub fn feel(
+pub fn find_stops(
     bus: &mut ServoBus,
     id: u8,
     settings: &HomingSettings,
@@ -125,7 +125,7 @@ pub fn feel(
         // A servo whose watchdog has stopped it refuses goals.
         let refused = matches!(error, HomingError::Bus(BusError::Reply(ReplyError::Refused { .. })));
         match bus.read(id, &xc330::BUS_WATCHDOG) {
-            Ok(state) if refused && state < 0.0 => HomingError::HeldUp { id, silence: settings.watchdog },
+            Ok(state) if refused && state < 0.0 => HomingError::WatchdogTripped { id, silence: settings.watchdog },
             _ => error,
         }
     });
@@ -152,7 +152,7 @@ fn torque_off(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
 }
 
 /// Writes the homing offsets of all `servos`. If one cannot be written, it and those before it get their old ones back.
-pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), HomingError> {
+pub fn write_offsets(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), HomingError> {
     let unit = xc330::HOMING_OFFSET.unit.per_count();
     let old = servos.iter().map(|servo| bus.read(servo.id, &xc330::HOMING_OFFSET)).collect::<Result<Vec<_>, _>>()?;
     for (n, servo) in servos.iter().enumerate() {
@@ -193,7 +193,7 @@ fn seek_both(
     let steps = 20;
     for step in (0..steps).rev() {
         bus.write(id, &xc330::GOAL_CURRENT, settings.close_current * f64::from(step) / f64::from(steps))?;
-        std::thread::sleep(Duration::from_secs_f64(settings.fade / f64::from(steps)));
+        std::thread::sleep(Duration::from_secs_f64(settings.fade_time / f64::from(steps)));
     }
     let travel = closed - open;
     if !(0.5..=5.0).contains(&travel) {
@@ -210,36 +210,36 @@ fn seek(
     interrupted: &dyn Fn() -> bool,
     (direction, sign): (&'static str, f64),
 ) -> Result<f64, HomingError> {
-    let (mut tick, start) = moment(bus, id)?;
-    bus.write(id, &xc330::GOAL_POSITION, start + sign * (settings.longest + 1.0))?;
+    let (mut tick, start) = read_timed_position(bus, id)?;
+    bus.write(id, &xc330::GOAL_POSITION, start + sign * (settings.max_travel + 1.0))?;
     let began = Instant::now();
     // Time on the servo's own clock: a host that is held up must not take a moving shaft for one at its stop.
     let mut elapsed = 0.0;
-    let mut stop = Stop::new(sign * start);
+    let mut stop = StopDetector::new(sign * start);
     loop {
         std::thread::sleep(Duration::from_millis(10));
         if interrupted() {
             return Err(HomingError::Interrupted);
         }
-        let (now, at) = moment(bus, id)?;
-        elapsed += (now - tick).rem_euclid(TICKS);
+        let (now, at) = read_timed_position(bus, id)?;
+        elapsed += (now - tick).rem_euclid(SERVO_CLOCK_PERIOD);
         tick = now;
         let way = (at - start).abs();
-        if way > settings.longest {
-            return Err(HomingError::NoStop { id, direction, way, longest: settings.longest });
+        if way > settings.max_travel {
+            return Err(HomingError::NoStop { id, direction, way, longest: settings.max_travel });
         }
-        if let Some(mean) = stop.at(elapsed, sign * at, settings) {
+        if let Some(mean) = stop.update(elapsed, sign * at, settings) {
             return Ok(sign * mean);
         }
-        let stuck = began.elapsed().as_secs_f64() > 10.0 * settings.patience;
-        if elapsed > settings.patience || stuck {
-            return Err(HomingError::Restless { id, direction, patience: settings.patience });
+        let stuck = began.elapsed().as_secs_f64() > 10.0 * settings.timeout;
+        if elapsed > settings.timeout || stuck {
+            return Err(HomingError::StopTimeout { id, direction, patience: settings.timeout });
         }
     }
 }
 
-/// Reads a servo's own time (s, modulo [`TICKS`]) and its position (rad), both of the same moment.
-fn moment(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
+/// Reads a servo's own time (s, modulo [`SERVO_CLOCK_PERIOD`]) and its position (rad), both of the same moment.
+fn read_timed_position(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
     let first = xc330::REALTIME_TICK.address;
     let last = xc330::PRESENT_POSITION.address + u16::from(xc330::PRESENT_POSITION.size);
     let mut answer = bus.read_block(id, first, last - first);
@@ -256,7 +256,7 @@ fn moment(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
 
 /// Detector of the stop, for readings that rise on the way to it.
 #[derive(Debug)]
-struct Stop {
+struct StopDetector {
     /// Furthest reading at the last progress, rad; `since` is the time of that, s.
     furthest: f64,
     since: f64,
@@ -265,21 +265,21 @@ struct Stop {
     count: u32,
 }
 
-impl Stop {
+impl StopDetector {
     fn new(start: f64) -> Self {
         Self { furthest: start, since: 0.0, sum: 0.0, count: 0 }
     }
 
     /// Takes a reading (rad) at a time (s). Returns the mean of the readings at the stop, once there was no progress
     /// for long enough.
-    fn at(&mut self, time: f64, reading: f64, settings: &HomingSettings) -> Option<f64> {
-        if reading > self.furthest + settings.progress {
+    fn update(&mut self, time: f64, reading: f64, settings: &HomingSettings) -> Option<f64> {
+        if reading > self.furthest + settings.min_progress {
             *self = Self { furthest: reading, since: time, sum: 0.0, count: 0 };
         }
         self.sum += reading;
         self.count += 1;
         // A host that was held up has too few readings.
-        let enough = time - self.since > settings.still_for && self.count > 5;
+        let enough = time - self.since > settings.stall_time && self.count > 5;
         enough.then(|| self.sum / f64::from(self.count))
     }
 }
@@ -294,16 +294,16 @@ mod tests {
         #[test]
         fn a_stop_is_found_where_it_is(way in 0.1..4.0_f64, speed in 0.3..6.0_f64, swing in 0.0..0.03_f64, beat in 40.0..140.0_f64) {
             let settings = HomingSettings::default();
-            let mut stop = Stop::new(0.0);
+            let mut stop = StopDetector::new(0.0);
             let found = (1..2000).find_map(|n| {
                 let time = 0.01 * f64::from(n);
                 let free = speed * time;
                 let at = if free < way { free } else { way + swing * (beat * time).sin() };
-                stop.at(time, at, &settings)
+                stop.update(time, at, &settings)
             });
             prop_assert!(found.is_some_and(|found| (found - way).abs() < 0.02 + 0.5 * swing), "{found:?} for {way}");
-            let mut stop = Stop::new(0.0);
-            prop_assert!((1..700).all(|n| stop.at(0.01 * f64::from(n), 0.01 * speed * f64::from(n), &settings).is_none()));
+            let mut stop = StopDetector::new(0.0);
+            prop_assert!((1..700).all(|n| stop.update(0.01 * f64::from(n), 0.01 * speed * f64::from(n), &settings).is_none()));
         }
     }
 }

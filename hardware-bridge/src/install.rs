@@ -2,7 +2,7 @@
 //! sockets, a stop at shutdown.
 //!
 //! [`files`] lists the files; [`write`] writes them below a root folder, and [`remove`] removes them again. Foreign
-//! files are left alone: every text of ours begins with [`MARK`], and the program lies beside one that does.
+//! files are left alone: every text of ours begins with [`FILE_MARK`], and the program lies beside one that does.
 //!
 //! # Stop at shutdown
 //! The service runs a copy of the program that only root can change, under a user that exists only for this purpose and
@@ -14,14 +14,14 @@ use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 
-use crate::remote::places;
+use crate::remote::socket_paths;
 
 /// First line of every text file that is ours.
-pub const MARK: &str = "# Written by `ftac bridge install`; `ftac bridge install --remove` takes it away.\n";
+pub const FILE_MARK: &str = "# Written by `ftac bridge install`; `ftac bridge install --remove` takes it away.\n";
 /// Group of the users who may use the servos and stop robots.
-pub const GROUP: &str = "dialout";
+pub const OPERATOR_GROUP: &str = "dialout";
 /// USB adapters that talk to servos: FT232H (U2D2) and FT232R, by vendor and product.
 const ADAPTERS: [(&str, &str); 2] = [("0403", "6014"), ("0403", "6001")];
 
@@ -30,13 +30,13 @@ const ADAPTERS: [(&str, &str); 2] = [("0403", "6014"), ("0403", "6001")];
 pub enum InstallError {
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: io::Error },
-    #[error("{path}: found a file of somebody else, expected none or one that begins with {expected:?}", expected = MARK.trim_end())]
+    #[error("{path}: found a file of somebody else, expected none or one that begins with {expected:?}", expected = FILE_MARK.trim_end())]
     Foreign { path: PathBuf },
 }
 
 /// Parameters of an installation.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setup {
+pub struct InstallSetup {
     /// Serial number of the adapter; `None` for any adapter of a known kind.
     pub serial: Option<String>,
     /// Program that is copied for the stop at shutdown.
@@ -45,7 +45,7 @@ pub struct Setup {
 
 /// Content of an installed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Content {
+pub enum FileContent {
     Text(String),
     /// A copy of the program at this path.
     Program(PathBuf),
@@ -58,18 +58,18 @@ pub struct InstallFile {
     pub path: &'static str,
     /// Purpose of the file, in words.
     pub purpose: &'static str,
-    pub content: Content,
+    pub content: FileContent,
 }
 
 impl InstallFile {
     fn text(path: &'static str, purpose: &'static str, text: String) -> Self {
-        Self { path, purpose, content: Content::Text(text) }
+        Self { path, purpose, content: FileContent::Text(text) }
     }
 }
 
-/// Path of the program's copy; `PROGRAM_NOTE` is the text that says whose it is.
-const PROGRAM: &str = "usr/local/lib/ftac/ftac";
-const PROGRAM_NOTE: &str = "usr/local/lib/ftac/README";
+/// Path of the program's copy; `PROGRAM_NOTE_PATH` is the text that says whose it is.
+const PROGRAM_PATH: &str = "usr/local/lib/ftac/ftac";
+const PROGRAM_NOTE_PATH: &str = "usr/local/lib/ftac/README";
 
 /// Extracts the serial number from a port's name below `/dev/serial/by-id`, as udev makes it:
 /// `usb-VENDOR_MODEL_SERIAL-if00-port0`.
@@ -82,37 +82,37 @@ pub fn serial_of(port: &Path) -> Option<String> {
 }
 
 /// Returns the files of an installation.
-pub fn files(setup: &Setup) -> Vec<InstallFile> {
+pub fn files(setup: &InstallSetup) -> Vec<InstallFile> {
     let serial = setup.serial.as_ref().map_or(String::new(), |serial| format!(", ATTRS{{serial}}==\"{serial}\""));
     let adapters: String = ADAPTERS
         .iter()
         .map(|(vendor, product)| {
             format!(
                 "SUBSYSTEM==\"tty\", ATTRS{{idVendor}}==\"{vendor}\", ATTRS{{idProduct}}==\"{product}\"{serial}, \
-                 SYMLINK+=\"ftac-servos\", GROUP=\"{GROUP}\", MODE=\"0660\"\n"
+                 SYMLINK+=\"ftac-servos\", GROUP=\"{OPERATOR_GROUP}\", MODE=\"0660\"\n"
             )
         })
         .collect();
     let rules = format!(
-        "{MARK}# The servo adapter as /dev/ftac-servos for the group {GROUP}; 1 ms instead of 16 until it passes short answers on.\n{adapters}\
+        "{FILE_MARK}# The servo adapter as /dev/ftac-servos for the group {OPERATOR_GROUP}; 1 ms instead of 16 until it passes short answers on.\n{adapters}\
          ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\"\n"
     );
     let unit = format!(
-        "{MARK}[Unit]\nDescription=Holds F-TAC hands and their arms before this computer shuts down\n\
+        "{FILE_MARK}[Unit]\nDescription=Holds F-TAC hands and their arms before this computer shuts down\n\
          # It is stopped before these are: the arm's network, and the programs of users.\n\
          After=network.target systemd-user-sessions.service systemd-tmpfiles-setup.service\n\n\
          [Service]\nType=oneshot\nRemainAfterExit=yes\nExecStart=/bin/true\n\
          # Where no robot is running there is nothing to stop.\n\
-         ExecStop=-/{PROGRAM} bridge stop\nTimeoutStopSec=10\n\
+         ExecStop=-/{PROGRAM_PATH} bridge stop\nTimeoutStopSec=10\n\
          # It may write to the stop sockets, and nothing else.\n\
-         DynamicUser=yes\nSupplementaryGroups={GROUP}\nEnvironment=FTAC_LOG=\nNoNewPrivileges=yes\nCapabilityBoundingSet=\n\
+         DynamicUser=yes\nSupplementaryGroups={OPERATOR_GROUP}\nEnvironment=FTAC_LOG=\nNoNewPrivileges=yes\nCapabilityBoundingSet=\n\
          ProtectSystem=strict\nProtectHome=yes\nPrivateDevices=yes\nRestrictAddressFamilies=AF_UNIX\n\n\
          [Install]\nWantedBy=multi-user.target\n"
     );
-    let limits = format!("{MARK}@{GROUP} - rtprio 50\n@{GROUP} - memlock unlimited\n");
+    let limits = format!("{FILE_MARK}@{OPERATOR_GROUP} - rtprio 50\n@{OPERATOR_GROUP} - memlock unlimited\n");
     // Members of the group can create sockets there, but cannot remove each other's.
-    let runtime = format!("{MARK}d {} 3770 root {GROUP} -\n", places::SHARED);
-    let note = format!("{MARK}# The program beside this file is run by ftac-stop.service, and by nothing else.\n");
+    let runtime = format!("{FILE_MARK}d {} 3770 root {OPERATOR_GROUP} -\n", socket_paths::OPERATORS_FOLDER);
+    let note = format!("{FILE_MARK}# The program beside this file is run by ftac-stop.service, and by nothing else.\n");
     vec![
         InstallFile::text(
             "etc/udev/rules.d/70-ftac.rules",
@@ -129,11 +129,11 @@ pub fn files(setup: &Setup) -> Vec<InstallFile> {
             "makes /run/ftac at boot: there every member of the group dialout can stop a robot, whoever runs it",
             runtime,
         ),
-        InstallFile::text(PROGRAM_NOTE, "says whose the program beside it is", note),
+        InstallFile::text(PROGRAM_NOTE_PATH, "says whose the program beside it is", note),
         InstallFile {
-            path: PROGRAM,
+            path: PROGRAM_PATH,
             purpose: "a copy of this program that root alone may change, for the stop at shutdown",
-            content: Content::Program(setup.program.clone()),
+            content: FileContent::Program(setup.program.clone()),
         },
         InstallFile::text(
             "etc/systemd/system/ftac-stop.service",
@@ -148,19 +148,19 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> InstallError + '_ {
 }
 
 /// True if a file is there and ours. A program is ours if the text beside it says so.
-fn ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
+fn is_ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
     let path = root.join(file.path);
     let text = match file.content {
-        Content::Text(_) => path.clone(),
-        Content::Program(_) if path.exists() => path.with_file_name("README"),
-        Content::Program(_) => return Ok(false),
+        FileContent::Text(_) => path.clone(),
+        FileContent::Program(_) if path.exists() => path.with_file_name("README"),
+        FileContent::Program(_) => return Ok(false),
     };
     match std::fs::read_to_string(&text) {
-        Ok(text) if text.starts_with(MARK) => Ok(true),
+        Ok(text) if text.starts_with(FILE_MARK) => Ok(true),
         Ok(_) => Err(InstallError::Foreign { path }),
         Err(error) if error.kind() == io::ErrorKind::NotFound => match file.content {
-            Content::Text(_) => Ok(false),
-            Content::Program(_) => Err(InstallError::Foreign { path }),
+            FileContent::Text(_) => Ok(false),
+            FileContent::Program(_) => Err(InstallError::Foreign { path }),
         },
         Err(error) => Err(io_error(&text)(error)),
     }
@@ -169,7 +169,7 @@ fn ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
 /// Writes all files below `root`, or none if one of them is foreign.
 pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
     for file in files {
-        ours(root, file)?;
+        is_ours(root, file)?;
     }
     for file in files {
         let path = root.join(file.path);
@@ -177,10 +177,10 @@ pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
             std::fs::create_dir_all(folder).map_err(io_error(folder))?;
         }
         match &file.content {
-            Content::Text(text) => write_whole(&path, text.as_bytes()).map_err(io_error(&path))?,
-            Content::Program(program) => {
+            FileContent::Text(text) => write_atomically(&path, text.as_bytes()).map_err(io_error(&path))?,
+            FileContent::Program(program) => {
                 let bytes = std::fs::read(program).map_err(io_error(program))?;
-                write_whole(&path, &bytes).map_err(io_error(&path))?;
+                write_atomically(&path, &bytes).map_err(io_error(&path))?;
                 std::fs::set_permissions(&path, Permissions::from_mode(0o755)).map_err(io_error(&path))?;
             }
         }
@@ -192,7 +192,7 @@ pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
 pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, InstallError> {
     let mut there = Vec::new();
     for file in files {
-        if ours(root, file)? {
+        if is_ours(root, file)? {
             there.push(root.join(file.path));
         }
     }
@@ -200,7 +200,7 @@ pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, Instal
         std::fs::remove_file(path).map_err(io_error(path))?;
     }
     // The folder is empty now, unless somebody else has put something there.
-    let _ = std::fs::remove_dir(root.join(PROGRAM).with_file_name(""));
+    let _ = std::fs::remove_dir(root.join(PROGRAM_PATH).with_file_name(""));
     Ok(there)
 }
 
@@ -209,16 +209,16 @@ mod tests {
     use super::*;
 
     /// A setup whose program is in a user's home.
-    fn setup(home: &Path) -> Setup {
+    fn setup(home: &Path) -> InstallSetup {
         let program = home.join("f tac");
         std::fs::write(&program, "the program").expect("written");
-        Setup { serial: Some("FT4TFKX0".into()), program }
+        InstallSetup { serial: Some("FT4TFKX0".into()), program }
     }
 
     fn text(file: &InstallFile) -> &str {
         match &file.content {
-            Content::Text(text) => text,
-            Content::Program(_) => "",
+            FileContent::Text(text) => text,
+            FileContent::Program(_) => "",
         }
     }
 
@@ -246,7 +246,7 @@ mod tests {
         assert!(unit.contains("DynamicUser=yes\nSupplementaryGroups=dialout\n"), "{unit}");
         assert!(!unit.contains(&root.path().display().to_string()) && !unit.contains("--config"), "{unit}");
         write(root.path(), &files).expect("written");
-        let copy = root.path().join(PROGRAM);
+        let copy = root.path().join(PROGRAM_PATH);
         assert_eq!(std::fs::read(&copy).expect("copied"), b"the program");
         assert_eq!(std::fs::metadata(&copy).expect("there").permissions().mode() & 0o777, 0o755);
     }
@@ -257,7 +257,11 @@ mod tests {
     fn others_files_are_left_alone() {
         let root = tempfile::tempdir().expect("a folder");
         let files = files(&setup(root.path()));
-        assert!(files.iter().all(|file| matches!(file.content, Content::Program(_)) || text(file).starts_with(MARK)));
+        assert!(
+            files
+                .iter()
+                .all(|file| matches!(file.content, FileContent::Program(_)) || text(file).starts_with(FILE_MARK))
+        );
         write(root.path(), &files).expect("written");
         write(root.path(), &files).expect("written again");
         assert_eq!(remove(root.path(), &files).expect("removed").len(), files.len());

@@ -12,7 +12,7 @@ use kortex::safety_bank::{self, Report};
 use kortex::servo_loop::{Pacing, ServoLoop};
 use kortex::servoing::{Limits, fault_of};
 use kortex::{Arm, KortexError, Motion};
-use robot_session_log::Packet;
+use robot_session_log::LinkPacket;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
 use crate::safety::checks::ArmReading;
@@ -26,8 +26,8 @@ pub fn limits(arm: &ArmModel) -> Limits {
     Limits::at_1_khz(lower, upper, speed)
 }
 
-/// Converts joint values to those of a Gen3; [`expect_driven`](crate::driven::expect_driven) has refused other arms.
-pub fn of_gen3(joints: &[f64]) -> [f64; JOINTS] {
+/// Converts joint values to those of a Gen3; [`check_supported`](crate::driven::expect_driven) has refused other arms.
+pub fn to_gen3(joints: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|joint| joints[joint])
 }
 
@@ -38,25 +38,25 @@ pub fn arm_state(motion: Motion) -> ArmState {
 }
 
 /// Records both links of `arm` from now on, as `arm_tcp` and `arm_udp`.
-pub fn tap(arm: &mut Arm, packets: &Sender<Packet>) {
+pub fn tap(arm: &mut Arm, packets: &Sender<LinkPacket>) {
     let tap = |link| {
-        let tap = robot_session_log::Tap::new(link, packets.clone());
+        let tap = robot_session_log::LinkTap::new(link, packets.clone());
         kortex::Tap::new(move |direction, bytes| {
             let direction = match direction {
                 kortex::Direction::Sent => robot_session_log::Direction::Sent,
                 kortex::Direction::Received => robot_session_log::Direction::Received,
             };
-            tap.packet(direction, bytes);
+            tap.copy_packet(direction, bytes);
         })
     };
     arm.tap(tap("arm_tcp"), tap("arm_udp"));
 }
 
 /// Interval between readings of an arm that is not servoing; each costs a round trip.
-const LOOK: Duration = Duration::from_millis(20);
+const READ_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The owner of the arm.
-enum Hands {
+enum ArmOwner {
     /// Nobody: the arm's base holds it.
     Idle(Box<Arm>),
     Servoing(Box<ServoLoop>),
@@ -66,11 +66,11 @@ enum Hands {
 
 /// A connected Gen3.
 pub struct KortexLink {
-    hands: Hands,
+    owner: ArmOwner,
     limits: Limits,
     pacing: Pacing,
     reading: Option<ArmReading>,
-    looked: Option<Instant>,
+    last_read: Option<Instant>,
     answered: u64,
     /// Reason why the servo loop ended, once it has, or the fault that an arm that is not servoing reports.
     fault: Option<ArmLinkError>,
@@ -86,11 +86,11 @@ impl KortexLink {
         let limits = Limits { silent_cycles, ..limits };
         let pacing = Pacing { tick, host_deadline: deadline };
         Self {
-            hands: Hands::Idle(Box::new(arm)),
+            owner: ArmOwner::Idle(Box::new(arm)),
             limits,
             pacing,
             reading: None,
-            looked: None,
+            last_read: None,
             answered: 0,
             fault: None,
         }
@@ -99,15 +99,15 @@ impl KortexLink {
     /// Ends the servo loop, if one runs, and takes the arm back. Returns the error with which the loop had ended, if
     /// any.
     fn take_back(&mut self) -> Option<ArmLinkError> {
-        match std::mem::replace(&mut self.hands, Hands::Lost) {
-            Hands::Servoing(servo_loop) => {
+        match std::mem::replace(&mut self.owner, ArmOwner::Lost) {
+            ArmOwner::Servoing(servo_loop) => {
                 let (arm, result) = servo_loop.finish();
-                let failed = result.err().map(|error| failed(&error));
-                self.hands = Hands::Idle(Box::new(arm));
+                let failed = result.err().map(|error| arm_link_error(&error));
+                self.owner = ArmOwner::Idle(Box::new(arm));
                 failed
             }
             other => {
-                self.hands = other;
+                self.owner = other;
                 None
             }
         }
@@ -115,11 +115,11 @@ impl KortexLink {
 }
 
 /// Converts an error of the client to the trouble that the operator has to deal with, and its text.
-pub fn failed(error: &KortexError) -> ArmLinkError {
-    ArmLinkError { trouble: trouble(error), text: error.to_string() }
+pub fn arm_link_error(error: &KortexError) -> ArmLinkError {
+    ArmLinkError { trouble: arm_trouble(error), text: error.to_string() }
 }
 
-fn trouble(error: &KortexError) -> ArmTrouble {
+fn arm_trouble(error: &KortexError) -> ArmTrouble {
     let of_report = |report: &Report| {
         let stopped = report.joints.iter().any(|joint| joint.a & safety_bank::WATCHDOG != 0);
         if stopped { ArmTrouble::Watchdog } else { ArmTrouble::Fault }
@@ -148,14 +148,14 @@ fn trouble(error: &KortexError) -> ArmTrouble {
     }
 }
 
-fn lost() -> ArmLinkError {
+fn lost_error() -> ArmLinkError {
     let text = "the connection was lost in a change of mode".to_owned();
     ArmLinkError { trouble: ArmTrouble::Closed, text }
 }
 
 impl ArmLink for KortexLink {
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
-        if let Hands::Servoing(servo_loop) = &self.hands
+        if let ArmOwner::Servoing(servo_loop) = &self.owner
             && servo_loop.snapshot().ended
         {
             // Leaving servoing over a dead network takes a second; the servos' watchdogs do not wait that long.
@@ -164,30 +164,32 @@ impl ArmLink for KortexLink {
             let ended = || ArmLinkError { trouble: ArmTrouble::Network, text: "servoing ended".to_owned() };
             self.fault = reason.or(self.fault.take()).or_else(|| Some(ended()));
         }
-        match &mut self.hands {
-            Hands::Servoing(servo_loop) => {
+        match &mut self.owner {
+            ArmOwner::Servoing(servo_loop) => {
                 let snapshot = servo_loop.snapshot();
                 // An old measurement keeps its time.
                 if snapshot.counters.answered != self.answered || self.reading.is_none() {
                     self.answered = snapshot.counters.answered;
                     self.reading =
-                        Some(ArmReading { at: now, state: arm_state(snapshot.feedback.motion), fault: None });
+                        Some(ArmReading { received_at: now, state: arm_state(snapshot.feedback.motion), fault: None });
                 }
             }
             // After a fault the arm is not asked again: a dead network would block the servo cycle.
-            Hands::Idle(arm) if self.fault.is_none() && self.looked.is_none_or(|looked| looked.elapsed() > LOOK) => {
-                self.looked = Some(Instant::now());
-                arm.keep_up().map_err(|error| failed(&error))?;
-                let feedback = arm.cyclic.feedback().map_err(|error| failed(&error))?;
-                let fault = fault_of(&feedback).err().map(|error| failed(&error));
+            ArmOwner::Idle(arm)
+                if self.fault.is_none() && self.last_read.is_none_or(|looked| looked.elapsed() > READ_INTERVAL) =>
+            {
+                self.last_read = Some(Instant::now());
+                arm.keep_up().map_err(|error| arm_link_error(&error))?;
+                let feedback = arm.cyclic.feedback().map_err(|error| arm_link_error(&error))?;
+                let fault = fault_of(&feedback).err().map(|error| arm_link_error(&error));
                 let trouble = fault.as_ref().map(|fault| fault.trouble);
-                self.reading = Some(ArmReading { at: now, state: arm_state(feedback.motion), fault: trouble });
+                self.reading = Some(ArmReading { received_at: now, state: arm_state(feedback.motion), fault: trouble });
                 if let Some(fault) = fault {
                     return Err(fault);
                 }
             }
-            Hands::Idle(_) => {}
-            Hands::Lost => return Err(lost()),
+            ArmOwner::Idle(_) => {}
+            ArmOwner::Lost => return Err(lost_error()),
         }
         match (&self.fault, self.reading) {
             (Some(fault), Some(reading)) if reading.fault.is_none() => {
@@ -202,21 +204,22 @@ impl ArmLink for KortexLink {
     fn engage(&mut self) -> Result<(), ArmLinkError> {
         self.take_back();
         self.fault = None;
-        match std::mem::replace(&mut self.hands, Hands::Lost) {
-            Hands::Idle(arm) => {
-                let servo_loop = ServoLoop::start(*arm, self.limits, self.pacing).map_err(|error| failed(&error))?;
+        match std::mem::replace(&mut self.owner, ArmOwner::Lost) {
+            ArmOwner::Idle(arm) => {
+                let servo_loop =
+                    ServoLoop::start(*arm, self.limits, self.pacing).map_err(|error| arm_link_error(&error))?;
                 self.answered = 0;
-                self.hands = Hands::Servoing(Box::new(servo_loop));
+                self.owner = ArmOwner::Servoing(Box::new(servo_loop));
                 Ok(())
             }
-            _ => Err(lost()),
+            _ => Err(lost_error()),
         }
     }
 
     fn command(&mut self, set_points: &[f64]) -> Result<(), ArmLinkError> {
-        match &self.hands {
-            Hands::Servoing(servo_loop) => {
-                servo_loop.set_target(of_gen3(set_points)).map_err(|error| failed(&error.into()))
+        match &self.owner {
+            ArmOwner::Servoing(servo_loop) => {
+                servo_loop.set_target(to_gen3(set_points)).map_err(|error| arm_link_error(&error.into()))
             }
             _ => Err(self.fault.clone().unwrap_or_else(ArmLinkError::unready)),
         }

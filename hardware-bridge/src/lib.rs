@@ -4,15 +4,15 @@
 //! # From the wire to the robot
 //! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus. [`xc330`]: the servo's control table as data. [`servo_bus`]:
 //!   requests, and answers with deadlines. [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`cameras`]: either of the two.
+//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`camera_counters`]: either of the two.
 //! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
 //! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it. [`remote`]: the handle of
-//!   another terminal; `wishes` carries out its requests.
+//!   another terminal; `requests` carries out its requests.
 //!
 //! # Bring-up
 //! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, and
-//! [`calibration`] stores it. [`reboot`] recovers a servo that has shut down. [`pictures`] identifies cameras by the
+//! [`calibration`] stores it. [`reboot`] recovers a servo that has shut down. [`reference_pictures`] identifies cameras by the
 //! appearance of their pads. [`install`] sets up the computer.
 //!
 //! # Without hardware
@@ -26,7 +26,6 @@ pub mod calibration;
 pub mod cameras;
 pub mod clock;
 pub mod config;
-pub mod driven;
 #[cfg(feature = "emulator")]
 pub mod emulator;
 mod exclusive;
@@ -36,16 +35,17 @@ pub mod homing;
 pub mod install;
 pub mod kortex_link;
 mod lock;
-pub mod pictures;
 pub mod protocol2;
 pub mod real_time;
 pub mod reboot;
+pub mod reference_pictures;
 pub mod remote;
+mod requests;
 pub mod safety;
 pub mod servo_bus;
 pub mod servo_cycle;
 pub mod setup;
+pub mod supported_robot;
 pub mod tactile_link;
 pub mod uvc;
-mod wishes;
 pub mod xc330;

@@ -5,7 +5,7 @@
 //! header never occurs inside a packet; length and CRC are those of the stuffed bytes. A servo answers with a status
 //! packet, whose instruction is 0x55 and whose first parameter is an error byte.
 //!
-//! The layers: [`crc`] and [`stuffing`] work on bytes, [`packet`] on one packet, [`decoder`] on the stream.
+//! The layers: [`crc`] and [`stuffing`] work on bytes, [`copy_packet`] on one packet, [`decoder`] on the stream.
 //! [`instruction`] and [`status`] are the contents of packets; [`bulk`] has the parameters that name different
 //! registers for each servo. [`fast_sync`] is the one answer that several servos write into a single packet.
 //!
@@ -24,5 +24,5 @@ pub mod stuffing;
 pub use bulk::{BulkRead, BulkWrite};
 pub use decoder::{Decoder, StreamError};
 pub use instruction::Instruction;
-pub use packet::{BROADCAST, Packet, PacketError};
+pub use packet::{BROADCAST_ID, Packet, PacketError};
 pub use status::{ReplyError, ServoError, Status, sync_read_replies};

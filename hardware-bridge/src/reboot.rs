@@ -4,18 +4,18 @@
 
 use std::time::{Duration, Instant};
 
-use crate::calibration::{ServoCalibration, turns_to_forget};
+use crate::calibration::{ServoCalibration, turn_offset};
 use crate::config::BridgeConfig;
 use crate::servo_bus::{BusError, ServoBus};
-use crate::setup::{self, Finding};
+use crate::setup::{self, SetupFinding};
 use crate::xc330;
 
 /// Longest wait for a servo that restarts; about a third of a second is usual.
-const PATIENCE: Duration = Duration::from_secs(3);
+const REBOOT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Polling interval while a servo restarts.
-const AGAIN: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Tolerance of a shaft's angle outside its travel, rad: cables stretch.
-const MARGIN: f64 = 0.15;
+const ANGLE_TOLERANCE: f64 = 0.15;
 
 /// Reads the hardware error status of a servo.
 pub fn error_status(bus: &mut ServoBus, id: u8) -> Result<u8, BusError> {
@@ -27,12 +27,12 @@ pub fn reboot(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
     // The acknowledgement may be lost, or overtaken by the restart, so the servo itself is pinged afterwards.
     let consent = bus.reboot(id);
     let begun = Instant::now();
-    std::thread::sleep(AGAIN);
+    std::thread::sleep(POLL_INTERVAL);
     loop {
         match bus.ping(id) {
             Ok(_) => return Ok(()),
-            Err(error) if begun.elapsed() > PATIENCE => return consent.and(Err(error)),
-            Err(_) => std::thread::sleep(AGAIN),
+            Err(error) if begun.elapsed() > REBOOT_TIMEOUT => return consent.and(Err(error)),
+            Err(_) => std::thread::sleep(POLL_INTERVAL),
         }
     }
 }
@@ -44,22 +44,22 @@ pub fn check(
     config: &BridgeConfig,
     (id, name): (u8, &str),
     calibration: Option<&ServoCalibration>,
-) -> Result<Vec<Finding>, BusError> {
+) -> Result<Vec<SetupFinding>, BusError> {
     let mut findings = setup::check(bus, config, id, name)?;
     let what = |thing: &str| format!("{name} ({id}): {thing}");
     let torque = bus.read(id, &xc330::TORQUE_ENABLE)?;
-    findings.push(Finding::new(what("torque"), if torque == 0.0 { "off" } else { "on" }, "off", torque == 0.0));
+    findings.push(SetupFinding::new(what("torque"), if torque == 0.0 { "off" } else { "on" }, "off", torque == 0.0));
     let Some(calibration) = calibration else {
-        findings.push(Finding::new(what("calibration"), "none", "any", true));
+        findings.push(SetupFinding::new(what("calibration"), "none", "any", true));
         return Ok(findings);
     };
     let offset = (bus.read(id, &xc330::HOMING_OFFSET)? / xc330::HOMING_OFFSET.unit.per_count()).round() as i64;
     let expected = i64::from(calibration.homing_offset);
-    findings.push(Finding::new(what("Homing Offset, counts"), offset, expected, offset == expected));
+    findings.push(SetupFinding::new(what("Homing Offset, counts"), offset, expected, offset == expected));
     let raw = bus.read(id, &xc330::PRESENT_POSITION)?;
-    let angle = raw - turns_to_forget(raw);
-    let good = (-MARGIN..=calibration.travel + MARGIN).contains(&angle);
+    let angle = raw - turn_offset(raw);
+    let good = (-ANGLE_TOLERANCE..=calibration.travel + ANGLE_TOLERANCE).contains(&angle);
     let travel = format!("0 to {:.2}", calibration.travel);
-    findings.push(Finding::new(what("angle from the open mark, rad"), format!("{angle:.2}"), travel, good));
+    findings.push(SetupFinding::new(what("angle from the open mark, rad"), format!("{angle:.2}"), travel, good));
     Ok(findings)
 }

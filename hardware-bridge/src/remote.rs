@@ -1,11 +1,11 @@
 //! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
 //! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`.
-//! [`door`] is the server, [`ask`] the client, and [`places`] defines the location of the sockets. Write permission on
+//! [`endpoint`] is the server, [`ask`] the client, and [`socket_paths`] defines the location of the sockets. Write permission on
 //! a socket is all that is needed to stop the robot.
 
-pub mod door;
-pub mod places;
+pub mod endpoint;
+pub mod socket_paths;
 
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-pub use door::RemoteDoor;
+pub use endpoint::RemoteEndpoint;
 
 /// Maximum length of an answer, bytes.
-const ANSWER: usize = 4096;
+const MAX_ANSWER_LENGTH: usize = 4096;
 
 /// A request from another terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
+pub enum RemoteCommand {
     /// Stop and hold.
     Hold,
     /// Release: the hand opens.
@@ -29,19 +29,20 @@ pub enum Wish {
     State,
 }
 
-impl Wish {
-    const ALL: [(Self, &'static str); 3] = [(Self::Hold, "hold"), (Self::Release, "release"), (Self::State, "state")];
+impl RemoteCommand {
+    const KEYWORDS: [(Self, &'static str); 3] =
+        [(Self::Hold, "hold"), (Self::Release, "release"), (Self::State, "state")];
 
-    fn word(self) -> &'static str {
-        Self::ALL.iter().find(|(wish, _)| *wish == self).map_or("", |(_, word)| word)
+    fn keyword(self) -> &'static str {
+        Self::KEYWORDS.iter().find(|(wish, _)| *wish == self).map_or("", |(_, word)| word)
     }
 
-    fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
+    fn from_keyword(word: &str) -> Option<Self> {
+        Self::KEYWORDS.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
     }
 
     /// Returns the time-out of an answer: a release is answered only when the torque has been read back.
-    fn patience(self) -> Duration {
+    fn timeout(self) -> Duration {
         match self {
             Self::Hold | Self::State => Duration::from_secs(5),
             Self::Release => Duration::from_secs(20),
@@ -62,7 +63,7 @@ pub enum RemoteError {
     },
     /// No bridge is running.
     #[error("{path}: no bridge is running there")]
-    Nobody {
+    NoBridge {
         /// The socket.
         path: PathBuf,
     },
@@ -77,21 +78,21 @@ pub enum RemoteError {
 
 /// Answer of a bridge.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Answer {
+pub struct RemoteAnswer {
     /// Result as read back.
     pub text: String,
     /// Name of the robot: its configuration and process.
-    pub of: String,
+    pub robot: String,
 }
 
 /// Sends a request to the bridge that listens at `path`; returns its answer.
-pub fn ask(path: &Path, wish: Wish) -> Result<Answer, RemoteError> {
-    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(nobody(path)), |(_, answer)| answer)
+pub fn ask(path: &Path, wish: RemoteCommand) -> Result<RemoteAnswer, RemoteError> {
+    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(no_bridge_error(path)), |(_, answer)| answer)
 }
 
 /// Sends a request to several bridges at the same time: one that does not answer does not delay the others.
-pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, RemoteError>)> {
-    let deadline = Instant::now() + wish.patience();
+pub fn ask_all(paths: &[PathBuf], wish: RemoteCommand) -> Vec<(PathBuf, Result<RemoteAnswer, RemoteError>)> {
+    let deadline = Instant::now() + wish.timeout();
     let asked = paths.iter().map(|path| {
         let (sender, answer) = mpsc::channel();
         let there = path.clone();
@@ -105,23 +106,23 @@ pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, Re
         let late = || Err(ErrorKind::TimedOut.into());
         let result = answer.recv_timeout(left).unwrap_or_else(|_| late());
         let result = result.map_err(|source| match source.kind() {
-            ErrorKind::NotFound | ErrorKind::ConnectionRefused => nobody(path),
+            ErrorKind::NotFound | ErrorKind::ConnectionRefused => no_bridge_error(path),
             _ => RemoteError::Socket { path: path.clone(), source },
         });
-        (path.clone(), result.and_then(|text| understood(&text)))
+        (path.clone(), result.and_then(|text| parse_answer(&text)))
     });
     answers.collect()
 }
 
-fn nobody(path: &Path) -> RemoteError {
-    RemoteError::Nobody { path: path.to_owned() }
+fn no_bridge_error(path: &Path) -> RemoteError {
+    RemoteError::NoBridge { path: path.to_owned() }
 }
 
 /// Sends the request, and reads to the end of the answer, until `deadline`.
-fn exchange(path: &Path, wish: Wish, deadline: Instant) -> io::Result<String> {
+fn exchange(path: &Path, wish: RemoteCommand, deadline: Instant) -> io::Result<String> {
     let mut stream = UnixStream::connect(path)?;
-    stream.set_write_timeout(Some(wish.patience()))?;
-    writeln!(stream, "{}", wish.word())?;
+    stream.set_write_timeout(Some(wish.timeout()))?;
+    writeln!(stream, "{}", wish.keyword())?;
     let mut answer = Vec::new();
     let mut piece = [0; 512];
     loop {
@@ -134,21 +135,21 @@ fn exchange(path: &Path, wish: Wish, deadline: Instant) -> io::Result<String> {
             0 => break,
             length => answer.extend_from_slice(&piece[..length]),
         }
-        if answer.len() > ANSWER {
-            return Err(io::Error::other(format!("found an answer of more than {ANSWER} bytes")));
+        if answer.len() > MAX_ANSWER_LENGTH {
+            return Err(io::Error::other(format!("found an answer of more than {MAX_ANSWER_LENGTH} bytes")));
         }
     }
     Ok(String::from_utf8_lossy(&answer).into_owned())
 }
 
-fn understood(text: &str) -> Result<Answer, RemoteError> {
+fn parse_answer(text: &str) -> Result<RemoteAnswer, RemoteError> {
     // Whoever made the socket wrote this text, so it is escaped: it must not control a terminal.
     let plain = |text: &str| text.escape_debug().to_string().replace("\\'", "'").replace("\\\"", "\"");
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
     let of = plain(lines.next().and_then(|line| line.strip_prefix("of: ")).unwrap_or("unnamed robot"));
     match first.split_once(": ") {
-        Some(("ok", text)) => Ok(Answer { text: plain(text), of }),
+        Some(("ok", text)) => Ok(RemoteAnswer { text: plain(text), robot: of }),
         Some(("no", text)) => Err(RemoteError::Refused { of, reason: plain(text) }),
         _ if text.is_empty() => {
             let reason = "it ended before it answered: what became of the wish is not known".to_owned();

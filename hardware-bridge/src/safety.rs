@@ -1,13 +1,13 @@
 //! The safety supervisor between controller and motors.
 //!
-//! Every command passes [`supervisor::Supervisor`]. It tracks the robot's [`state::State`], limits each command relative to the one sent before
+//! Every command passes [`supervisor::Supervisor`]. It tracks the robot's [`state::SupervisorState`], limits each command relative to the one sent before
 //! ([`limits`]), checks each measurement ([`checks`]), and returns the command that may be sent. It does no input or output and reads no
 //! clock, so that tests can reach all of its behaviour.
 //!
 //! # Limits of the arm
 //! Set-points are limited in speed, acceleration and jerk ([`set_points`]). A command that would send arm or hand below
-//! the table, out of the workspace or into each other is stopped before it is sent ([`space`]). An arm that presses
-//! against something is stopped when its torque sensors show it ([`pressing`]). It then also gives way: it is sent to
+//! the table, out of the workspace or into each other is stopped before it is sent ([`workspace`]). An arm that presses
+//! against something is stopped when its torque sensors show it ([`torque_monitor`]). It then also gives way: it is sent to
 //! its measured position and no longer to its goal. These limits supplement the arm's own protection zones and
 //! thresholds, which work without this program.
 //!
@@ -18,17 +18,17 @@
 //!
 //! # Three watchdogs
 //! The servos' own bus watchdog (register 98) stops them when the whole computer falls silent. The arm's session does
-//! the same for the arm. The supervisor holds when the controller is silent for too long ([`limits::Watchdogs`]).
+//! the same for the arm. The supervisor holds when the controller is silent for too long ([`limits::WatchdogTimeouts`]).
 
-pub mod bodies;
 pub mod checks;
+pub mod collision_bodies;
 pub mod limits;
-pub mod pressing;
 pub mod set_points;
-pub mod space;
 pub mod state;
 pub mod supervisor;
+pub mod torque_monitor;
+pub mod workspace;
 
-pub use limits::Limits;
-pub use state::{Cause, State};
+pub use limits::SafetyLimits;
+pub use state::{StopCause, SupervisorState};
 pub use supervisor::Supervisor;

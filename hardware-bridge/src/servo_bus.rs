@@ -15,7 +15,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use robot_session_log::{Direction, Tap};
+use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
 use statistics::BusStatistics;
 use timing::LineTiming;
@@ -23,7 +23,7 @@ use timing::LineTiming;
 use crate::exclusive;
 use crate::protocol2::error::InstructionError;
 use crate::protocol2::{
-    BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
+    BROADCAST_ID, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
 };
 use crate::xc330::{self, Register, RegisterError};
 
@@ -31,7 +31,7 @@ use crate::xc330::{self, Register, RegisterError};
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The port cannot be opened, read or written.
-    #[error("{port}: {}", said(.source))]
+    #[error("{port}: {}", describe_port_error(.source))]
     Port {
         /// Device path.
         port: PathBuf,
@@ -64,7 +64,7 @@ pub enum BusError {
 }
 
 /// Describes an operating system's error of a port, with advice where the error alone is no help.
-fn said(error: &std::io::Error) -> String {
+fn describe_port_error(error: &std::io::Error) -> String {
     // A hung-up terminal reads as end of file, or as an input/output error.
     const EIO: i32 = 5;
     let gone = error.kind() == ErrorKind::UnexpectedEof || error.raw_os_error() == Some(EIO);
@@ -92,9 +92,9 @@ impl Default for BusSettings {
 
 /// Answer of a servo to a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Pinged {
+pub struct PingReply {
     pub id: u8,
-    /// Model number; [`xc330::MODEL`] for an XC330-T288-T.
+    /// Model number; [`xc330::XC330_MODEL`] for an XC330-T288-T.
     pub model: u16,
     /// Firmware version.
     pub firmware: u8,
@@ -108,7 +108,7 @@ pub struct ServoBus {
     settings: BusSettings,
     decoder: Decoder,
     statistics: BusStatistics,
-    tap: Option<Tap>,
+    tap: Option<LinkTap>,
 }
 
 impl ServoBus {
@@ -127,7 +127,7 @@ impl ServoBus {
     }
 
     /// Copies every byte that crosses the bus from now on to `tap`.
-    pub fn tap(&mut self, tap: Tap) {
+    pub fn tap(&mut self, tap: LinkTap) {
         self.tap = Some(tap);
     }
 
@@ -147,14 +147,14 @@ impl ServoBus {
     }
 
     /// Pings servo `id`.
-    pub fn ping(&mut self, id: u8) -> Result<Pinged, BusError> {
+    pub fn ping(&mut self, id: u8) -> Result<PingReply, BusError> {
         let status = self.ask_one(id, &Instruction::Ping, 3)?;
-        pinged(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
+        ping_reply(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
     }
 
-    /// Pings all servos at once and collects answers for `patience`; sorted by id.
-    pub fn scan(&mut self, patience: Duration) -> Result<Vec<Pinged>, BusError> {
-        let wire = Instruction::Ping.encode(BROADCAST)?;
+    /// Pings all servos at once and collects answers for `reply_timeout`; sorted by id.
+    pub fn scan(&mut self, patience: Duration) -> Result<Vec<PingReply>, BusError> {
+        let wire = Instruction::Ping.encode(BROADCAST_ID)?;
         let deadline = self.transmit(&wire)? + patience;
         let mut received = Vec::new();
         while Instant::now() < deadline {
@@ -163,8 +163,8 @@ impl ServoBus {
         self.decoder.push(&received);
         let packets = self.decoder.time_out();
         self.statistics.note_stream(&packets);
-        let mut found: Vec<Pinged> =
-            packets.iter().flatten().filter_map(Status::decode).filter_map(|status| pinged(&status)).collect();
+        let mut found: Vec<PingReply> =
+            packets.iter().flatten().filter_map(Status::decode).filter_map(|status| ping_reply(&status)).collect();
         found.sort_by_key(|pinged| pinged.id);
         Ok(found)
     }
@@ -213,7 +213,7 @@ impl ServoBus {
     ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
         let request = Instruction::SyncRead { address, length, ids: ids.to_vec() };
         let sizes = vec![usize::from(length); ids.len()];
-        let (received, took) = self.exchange(BROADCAST, &request, &sizes)?;
+        let (received, took) = self.exchange(BROADCAST_ID, &request, &sizes)?;
         let replies = sync_read_replies(ids, length.into(), received);
         self.statistics.note_round_trip(took, &replies);
         Ok(replies)
@@ -228,11 +228,11 @@ impl ServoBus {
     ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
         let request = Instruction::FastSyncRead { address, length, ids: ids.to_vec() };
         let expected = fast_sync::answer_length(ids.len(), length.into());
-        let wire = request.encode(BROADCAST)?;
+        let wire = request.encode(BROADCAST_ID)?;
         let started = self.transmit(&wire)?;
         let timing = self.timing();
         let turns = ids.len() as f64 * (timing.return_delay + timing.turnaround);
-        let deadline = started + self.patience(timing.answers(wire.len(), &[expected]) + turns);
+        let deadline = started + self.reply_timeout(timing.answers(wire.len(), &[expected]) + turns);
         let mut received = Vec::with_capacity(expected);
         let mut replies = Vec::new();
         // Enough bytes may have garbage before the answer and still lack its end.
@@ -253,7 +253,7 @@ impl ServoBus {
 
     /// Writes the same registers in several servos at once. There is no answer: a refused value is lost silently.
     pub fn sync_write(&mut self, address: u16, length: u16, data: Vec<(u8, Vec<u8>)>) -> Result<(), BusError> {
-        let wire = Instruction::SyncWrite { address, length, data }.encode(BROADCAST)?;
+        let wire = Instruction::SyncWrite { address, length, data }.encode(BROADCAST_ID)?;
         self.transmit(&wire)?;
         self.statistics.sync_writes += 1;
         Ok(())
@@ -261,7 +261,7 @@ impl ServoBus {
 
     /// Writes the same value (SI) to one register of all `ids`. There is no answer.
     pub fn sync_write_register(&mut self, ids: &[u8], register: &Register, si: f64) -> Result<(), BusError> {
-        let bytes = register.write(si).map_err(|source| BusError::Register { id: BROADCAST, source })?;
+        let bytes = register.write(si).map_err(|source| BusError::Register { id: BROADCAST_ID, source })?;
         let data = ids.iter().map(|id| (*id, bytes.clone())).collect();
         self.sync_write(register.address, register.size.into(), data)
     }
@@ -295,7 +295,7 @@ impl ServoBus {
         let wire = request.encode(id)?;
         let started = self.transmit(&wire)?;
         let bytes: Vec<usize> = sizes.iter().map(|size| timing::STATUS_OVERHEAD + size).collect();
-        let deadline = started + self.patience(self.timing().answers(wire.len(), &bytes));
+        let deadline = started + self.reply_timeout(self.timing().answers(wire.len(), &bytes));
         let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
         let mut chunk = Vec::new();
         // An answer of another size belongs to an earlier request and came after this one was sent.
@@ -318,7 +318,7 @@ impl ServoBus {
         Ok((packets, started.elapsed()))
     }
 
-    fn patience(&self, on_the_line: f64) -> Duration {
+    fn reply_timeout(&self, on_the_line: f64) -> Duration {
         Duration::from_secs_f64(on_the_line + self.settings.slack)
     }
 
@@ -330,7 +330,7 @@ impl ServoBus {
         self.decoder = Decoder::default();
         self.port.write_all(wire).map_err(|source| self.port_error(source))?;
         if let Some(tap) = &self.tap {
-            tap.packet(Direction::Sent, wire);
+            tap.copy_packet(Direction::Sent, wire);
         }
         Ok(Instant::now())
     }
@@ -347,7 +347,7 @@ impl ServoBus {
             Ok(count) => {
                 into.extend_from_slice(&buffer[..count]);
                 if let Some(tap) = &self.tap {
-                    tap.packet(Direction::Received, &buffer[..count]);
+                    tap.copy_packet(Direction::Received, &buffer[..count]);
                 }
                 Ok(true)
             }
@@ -361,9 +361,9 @@ impl ServoBus {
     }
 }
 
-fn pinged(status: &Status) -> Option<Pinged> {
+fn ping_reply(status: &Status) -> Option<PingReply> {
     match status.data[..] {
-        [low, high, firmware] => Some(Pinged { id: status.id, model: u16::from_le_bytes([low, high]), firmware }),
+        [low, high, firmware] => Some(PingReply { id: status.id, model: u16::from_le_bytes([low, high]), firmware }),
         _ => None,
     }
 }

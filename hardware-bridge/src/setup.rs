@@ -3,38 +3,38 @@
 use std::time::Duration;
 
 use crate::config::BridgeConfig;
-use crate::servo_bus::{BusError, BusSettings, Pinged, ServoBus};
+use crate::servo_bus::{BusError, BusSettings, PingReply, ServoBus};
 use crate::xc330::{self, Register, hardware_error};
 
 /// Operating mode 5, current-based position control: it controls force and position in one mode, so that no mode is
 /// switched under load.
-const MODE: f64 = 5.0;
+const REQUIRED_MODE: f64 = 5.0;
 /// Time for which a scan listens at each rate: six answers at 9600 baud and the factory's return delay take 90 ms.
 pub const SCAN_TIME: Duration = Duration::from_millis(120);
 /// Time until a servo is back after its id or rate was changed.
-const SETTLE: Duration = Duration::from_millis(50);
+const SETTLING_TIME: Duration = Duration::from_millis(50);
 
 /// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finding {
+pub struct SetupFinding {
     /// Item that was checked.
-    pub what: String,
+    pub item: String,
     pub found: String,
     pub expected: String,
     /// True if the value found is good enough.
-    pub good: bool,
+    pub passed: bool,
 }
 
-impl Finding {
+impl SetupFinding {
     pub fn new(what: impl Into<String>, found: impl ToString, expected: impl ToString, good: bool) -> Self {
-        Self { what: what.into(), found: found.to_string(), expected: expected.to_string(), good }
+        Self { item: what.into(), found: found.to_string(), expected: expected.to_string(), passed: good }
     }
 }
 
 /// Returns the registers that provisioning sets and every check compares, with their values in SI.
-pub fn wanted(config: &BridgeConfig) -> Vec<(Register, f64)> {
+pub fn required_registers(config: &BridgeConfig) -> Vec<(Register, f64)> {
     vec![
-        (xc330::OPERATING_MODE, MODE),
+        (xc330::OPERATING_MODE, REQUIRED_MODE),
         (xc330::RETURN_DELAY_TIME, 0.0),
         (xc330::DRIVE_MODE, 0.0),
         (xc330::STATUS_RETURN_LEVEL, 2.0),
@@ -50,31 +50,35 @@ fn baud_code(baud: u32) -> f64 {
 }
 
 /// Compares one servo with its required setup.
-pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> Result<Vec<Finding>, BusError> {
+pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> Result<Vec<SetupFinding>, BusError> {
     let pinged = bus.ping(id)?;
     let what = |register: &str| format!("{name} ({id}): {register}");
-    let mut findings =
-        vec![Finding::new(what("Model Number"), pinged.model, xc330::MODEL, pinged.model == xc330::MODEL)];
-    for (register, value) in wanted(config) {
+    let mut findings = vec![SetupFinding::new(
+        what("Model Number"),
+        pinged.model,
+        xc330::XC330_MODEL,
+        pinged.model == xc330::XC330_MODEL,
+    )];
+    for (register, value) in required_registers(config) {
         let found = bus.read(id, &register)?;
         let good = register.holds(found, value);
-        findings.push(Finding::new(what(register.name), found, value, good));
+        findings.push(SetupFinding::new(what(register.name), found, value, good));
     }
     let error = bus.read(id, &xc330::HARDWARE_ERROR_STATUS)?;
-    let (words, mended) = (hardware_error::words(error as u8), "none (else `ftac bridge reboot`)");
-    findings.push(Finding::new(what("Hardware Error Status"), words, mended, error == 0.0));
+    let (words, mended) = (hardware_error::describe(error as u8), "none (else `ftac bridge reboot`)");
+    findings.push(SetupFinding::new(what("Hardware Error Status"), words, mended, error == 0.0));
     let volts = bus.read(id, &xc330::PRESENT_INPUT_VOLTAGE)?;
     let [low, high] = config.limits.voltage;
     let good = (low..=high).contains(&volts);
-    findings.push(Finding::new(what("voltage, V"), format!("{volts:.1}"), format!("{low} to {high}"), good));
+    findings.push(SetupFinding::new(what("voltage, V"), format!("{volts:.1}"), format!("{low} to {high}"), good));
     let celsius = bus.read(id, &xc330::PRESENT_TEMPERATURE)?;
     let limit = config.limits.temperature;
-    findings.push(Finding::new(what("temperature, C"), celsius, format!("up to {limit}"), celsius <= limit));
+    findings.push(SetupFinding::new(what("temperature, C"), celsius, format!("up to {limit}"), celsius <= limit));
     Ok(findings)
 }
 
 /// Finds all servos on the bus at every baud rate; returns them as (bits per second, servo).
-pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, Pinged)>, BusError> {
+pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, PingReply)>, BusError> {
     let mut found = Vec::new();
     for baud in xc330::BAUD_RATES {
         let mut bus = ServoBus::open(port, BusSettings { baud, ..BusSettings::default() })?;
@@ -93,7 +97,7 @@ pub enum ProvisionError {
     #[error("found {0} servos ({1}), expected exactly one: connect them one after the other")]
     Count(usize, String),
     /// The servo is of another model.
-    #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::MODEL)]
+    #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::XC330_MODEL)]
     Model {
         id: u8,
         /// Model number found.
@@ -103,31 +107,31 @@ pub enum ProvisionError {
 
 /// Gives the one servo on the bus the id `id` and the required settings, and reads all of them back. Returns the
 /// servo's previous baud rate and identity.
-pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), ProvisionError> {
+pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, PingReply), ProvisionError> {
     let port = &config.servos.port;
     let found = scan(port)?;
     let [(baud, servo)] = found[..] else {
         let names: Vec<String> = found.iter().map(|(baud, servo)| format!("{} at {baud}", servo.id)).collect();
         return Err(ProvisionError::Count(found.len(), names.join(", ")));
     };
-    if servo.model != xc330::MODEL {
+    if servo.model != xc330::XC330_MODEL {
         return Err(ProvisionError::Model { id: servo.id, found: servo.model });
     }
     let mut bus = ServoBus::open(port, BusSettings { baud, ..BusSettings::default() })?;
     bus.write(servo.id, &xc330::TORQUE_ENABLE, 0.0)?;
-    for (register, value) in wanted(config) {
+    for (register, value) in required_registers(config) {
         bus.write(servo.id, &register, value)?;
     }
     bus.write(servo.id, &xc330::ID, f64::from(id))?;
-    std::thread::sleep(SETTLE);
+    std::thread::sleep(SETTLING_TIME);
     bus.write(id, &xc330::BAUD_RATE, baud_code(config.servos.baud))?;
-    std::thread::sleep(SETTLE);
+    std::thread::sleep(SETTLING_TIME);
     drop(bus);
     let mut bus = ServoBus::open(port, config.bus())?;
     bus.ping(id)?;
     let rest =
         [(xc330::TORQUE_ENABLE, 0.0), (xc330::ID, f64::from(id)), (xc330::BAUD_RATE, baud_code(config.servos.baud))];
-    for (register, expected) in wanted(config).into_iter().chain(rest) {
+    for (register, expected) in required_registers(config).into_iter().chain(rest) {
         bus.expect(id, &register, expected)?;
     }
     Ok((baud, servo))

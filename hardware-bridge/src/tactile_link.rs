@@ -1,7 +1,7 @@
 //! Link to the board of the tactile cameras: messages in frames over a serial port.
 //!
 //! # On the wire
-//! A frame is `COBS(body | crc) 00`: `body` is one [`Message`] in postcard's encoding, `crc` its CRC-32C, four bytes
+//! A frame is `COBS(body | crc) 00`: `body` is one [`LinkMessage`] in postcard's encoding, `crc` its CRC-32C, four bytes
 //! little-endian. COBS leaves no zero inside, so that a reader can resynchronise at the next zero. [`frame`] has the
 //! test vectors for the firmware; [`message`] describes the dialogue.
 //!
@@ -19,4 +19,4 @@ pub mod link;
 pub mod message;
 
 pub use link::TactileLink;
-pub use message::Message;
+pub use message::LinkMessage;

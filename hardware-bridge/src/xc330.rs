@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Model number that the servo returns to a ping.
-pub const MODEL: u16 = 1220;
+pub const XC330_MODEL: u16 = 1220;
 /// Encoder counts per turn.
 pub const COUNTS_PER_TURN: f64 = 4096.0;
 /// Baud rates by the value of the baud rate register. The 330 series stops here (no 4.5 Mbaud).
@@ -249,19 +249,19 @@ control_table! {
 pub struct Indirect {
     /// Start address of the data area.
     pub data: u16,
-    /// Number of bytes in the data area, each with a two-byte address from [`Indirect::ADDRESSES`] on.
+    /// Number of bytes in the data area, each with a two-byte address from [`Indirect::ADDRESS_AREA_START`] on.
     pub slots: u16,
 }
 
 impl Indirect {
     /// Start of the stored addresses.
-    pub const ADDRESSES: u16 = 168;
+    pub const ADDRESS_AREA_START: u16 = 168;
     /// First firmware version with the shorter area that the e-Manual describes.
     const SHORTER_FROM: u8 = 52;
 
     /// Returns the layout of this firmware version. ROBOTIS' model files have the data at 224 for older firmware and at
     /// 208 from 52 on; the addresses fill the space before the data.
-    pub fn of(firmware: u8) -> Self {
+    pub fn for_firmware(firmware: u8) -> Self {
         if firmware >= Self::SHORTER_FROM { Self { data: 208, slots: 20 } } else { Self { data: 224, slots: 28 } }
     }
 }
@@ -279,7 +279,7 @@ pub mod hardware_error {
     pub const OVERLOAD: u8 = 1 << 5;
 
     /// Returns the names of the set bits, or `none` without any.
-    pub fn words(bits: u8) -> String {
+    pub fn describe(bits: u8) -> String {
         let named = [
             (VOLTAGE, "input voltage"),
             (OVERHEAT, "overheating"),
@@ -306,7 +306,7 @@ pub mod mode {
     /// Position control within one turn.
     pub const POSITION: i64 = 3;
     /// Multi-turn position control.
-    pub const EXTENDED: i64 = 4;
+    pub const EXTENDED_POSITION: i64 = 4;
     /// Multi-turn position control under a current limit.
     pub const CURRENT_POSITION: i64 = 5;
     /// Direct control of the duty cycle.

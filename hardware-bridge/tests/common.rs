@@ -1,10 +1,10 @@
 //! An emulated, calibrated hand, and a robot on it.
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;
-use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, ServoGoal};
+use hand_model::robot::{Observation, Readings, RobotBackend, RobotCommand, RobotError, ServoGoal};
 use hardware_bridge::arm_link::LoopbackArm;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
@@ -28,7 +28,7 @@ pub struct Bench {
 }
 
 /// A limit that only a hung test reaches.
-const PATIENCE: Duration = Duration::from_secs(120);
+const HUNG_TEST_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// The devices of the built-in robot on springs whose shafts stop at `travel`, rad.
 pub fn started(travel: [f64; SERVOS], settings: EmulatorSettings) -> EmulatedHand {
@@ -76,7 +76,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         let unit = xc330::HOMING_OFFSET.unit.per_count();
         let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
         bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
-        ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
+        ServoCalibration { id, model: xc330::XC330_MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
     });
     HandCalibration::new("ftac", servos).write(&config.calibration).expect("written");
     Bench { hand, config, folder }
@@ -96,7 +96,7 @@ pub fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, Co
 
 /// Waits until `done`.
 pub fn patiently(what: &str, mut done: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + HUNG_TEST_TIMEOUT;
     while !done() {
         assert!(Instant::now() < deadline, "waited in vain until {what}");
         std::thread::sleep(Duration::from_millis(10));
@@ -105,8 +105,8 @@ pub fn patiently(what: &str, mut done: impl FnMut() -> bool) {
 
 /// Waits until `seconds` of the plant's own time have passed.
 pub fn plant_time(hand: &EmulatedHand, seconds: f64) {
-    let until = hand.ticks().0 + (seconds * PLANT_RATE).ceil() as u64;
-    patiently("the plant's time has passed", || hand.ticks().0 >= until);
+    let until = hand.tick_counts().0 + (seconds * PLANT_RATE).ceil() as u64;
+    patiently("the plant's time has passed", || hand.tick_counts().0 >= until);
 }
 
 /// Connects; tries again if a machine that is held up loses an answer.
@@ -128,17 +128,17 @@ pub fn armed(bench: &Bench) -> HardwareRobot {
     robot
 }
 
-pub fn command(servo: ServoGoal) -> Command {
-    Command { arm: [0.1; 7].into(), servos: [servo; SERVOS].into(), capture: false }
+pub fn command(servo: ServoGoal) -> RobotCommand {
+    RobotCommand { arm: [0.1; 7].into(), servos: [servo; SERVOS].into(), capture: false }
 }
 
 /// Returns the newest measurements.
 pub fn observed(robot: &mut HardwareRobot) -> Observation {
-    robot.observe().and_then(Readings::complete).expect("observed")
+    robot.observe().and_then(Readings::into_observation).expect("observed")
 }
 
 /// Sends a command. If the machine does not run the servo cycle in time, the goal is sent again with the next command.
-pub fn send(robot: &mut HardwareRobot, command: &Command) {
+pub fn send(robot: &mut HardwareRobot, command: &RobotCommand) {
     match robot.send(command) {
         Ok(_) | Err(RobotError::NotSent(_)) => {}
         Err(error) => panic!("{error}"),

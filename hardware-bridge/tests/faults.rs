@@ -5,15 +5,15 @@ use std::process::Command as Process;
 use crate::common::{Bench, armed, bench, command, drive, patiently};
 use hand_model::robot::{RobotBackend, ServoGoal};
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::faults::{FaultEvent, FaultProbabilities};
 use hardware_bridge::hardware_robot::HardwareRobot;
-use hardware_bridge::safety::state::{Cause, State};
+use hardware_bridge::safety::state::{StopCause, SupervisorState};
 use hardware_bridge::safety::supervisor::CheckFailed;
 
 /// Fault that is injected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
-    Device(Event),
+    Device(FaultEvent),
     /// The servos' answers are lost.
     AnswersLost,
     /// The controller falls silent.
@@ -30,66 +30,74 @@ enum Phase {
     Gripping,
 }
 
-const GRIP: ServoGoal = ServoGoal::Current(0.09);
+const GRIP_GOAL: ServoGoal = ServoGoal::Current(0.09);
 
 /// Brings the robot into a phase.
 fn reach(robot: &mut HardwareRobot, phase: Phase) {
     match phase {
         Phase::Armed => {}
-        Phase::Closing => drive(robot, GRIP, |robot| crate::common::observed(robot).servos[0].position > 0.5),
-        Phase::Gripping => drive(robot, GRIP, |robot| crate::common::closed(robot, 2.0)),
+        Phase::Closing => drive(robot, GRIP_GOAL, |robot| crate::common::observed(robot).servos[0].position > 0.5),
+        Phase::Gripping => drive(robot, GRIP_GOAL, |robot| crate::common::closed(robot, 2.0)),
     }
 }
 
 /// Injects the fault and returns the state that follows.
-fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) -> State {
+fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) -> SupervisorState {
     match fault {
         Fault::Device(event) => bench.hand.inject(event),
-        Fault::AnswersLost => bench.hand.set_chances(Chances { drop: 1.0, ..Chances::default() }),
+        Fault::AnswersLost => {
+            bench.hand.set_fault_probabilities(FaultProbabilities { drop: 1.0, ..FaultProbabilities::default() })
+        }
         Fault::ControllerSilent | Fault::NotANumber => {}
     }
     patiently("the robot stops", || {
         // An armed robot waits for its first command; the others are driven on.
         if phase != Phase::Armed && fault != Fault::ControllerSilent || fault == Fault::NotANumber {
-            let goal = if fault == Fault::NotANumber { ServoGoal::Current(f64::NAN) } else { GRIP };
+            let goal = if fault == Fault::NotANumber { ServoGoal::Current(f64::NAN) } else { GRIP_GOAL };
             // A cycle that waits for lost answers may not send in time.
             crate::common::send(robot, &command(goal));
         }
         robot.wait_for_tick();
-        matches!(robot.state(), State::Hold(_) | State::Fault(_))
+        matches!(robot.state(), SupervisorState::Hold(_) | SupervisorState::Fault(_))
     });
     robot.state()
 }
 
-fn expected(fault: Fault, state: State) -> bool {
+fn expected(fault: Fault, state: SupervisorState) -> bool {
     match fault {
-        Fault::Device(Event::Overload(_) | Event::Overheat(_)) => matches!(
+        Fault::Device(FaultEvent::Overload(_) | FaultEvent::Overheat(_)) => matches!(
             state,
-            State::Fault(Cause::ServoAlert(2))
-                | State::Fault(Cause::TorqueLost(2))
-                | State::Hold(Cause::Temperature(2, _))
+            SupervisorState::Fault(StopCause::ServoAlert(2))
+                | SupervisorState::Fault(StopCause::TorqueLost(2))
+                | SupervisorState::Hold(StopCause::Temperature(2, _))
         ),
         // A dip raises every servo's alert bit; which of voltage and alert is seen first depends on the moment.
-        Fault::Device(Event::Voltage(volts)) if volts > 5.0 => {
-            matches!(state, State::Fault(Cause::ServoAlert(_)) | State::Hold(Cause::Voltage(..)))
+        Fault::Device(FaultEvent::Voltage(volts)) if volts > 5.0 => {
+            matches!(
+                state,
+                SupervisorState::Fault(StopCause::ServoAlert(_)) | SupervisorState::Hold(StopCause::Voltage(..))
+            )
         }
-        Fault::Device(Event::Voltage(_)) => {
-            matches!(state, State::Hold(Cause::ServoSilent(..)) | State::Fault(Cause::TorqueLost(_)))
+        Fault::Device(FaultEvent::Voltage(_)) => {
+            matches!(
+                state,
+                SupervisorState::Hold(StopCause::ServoSilent(..)) | SupervisorState::Fault(StopCause::TorqueLost(_))
+            )
         }
-        Fault::Device(Event::Unplug(_)) => matches!(state, State::Hold(Cause::ServoSilent(2, _))),
+        Fault::Device(FaultEvent::Unplug(_)) => matches!(state, SupervisorState::Hold(StopCause::ServoSilent(2, _))),
         Fault::Device(_) => false,
-        Fault::AnswersLost => matches!(state, State::Hold(Cause::ServoSilent(..))),
-        Fault::ControllerSilent => matches!(state, State::Hold(Cause::HostSilent(_))),
-        Fault::NotANumber => state == State::Hold(Cause::BadCommand),
+        Fault::AnswersLost => matches!(state, SupervisorState::Hold(StopCause::ServoSilent(..))),
+        Fault::ControllerSilent => matches!(state, SupervisorState::Hold(StopCause::HostSilent(_))),
+        Fault::NotANumber => state == SupervisorState::Hold(StopCause::BadCommand),
     }
 }
 
 const FAULTS: [Fault; 8] = [
-    Fault::Device(Event::Overload(3)),
-    Fault::Device(Event::Overheat(3)),
-    Fault::Device(Event::Voltage(5.2)),
-    Fault::Device(Event::Voltage(0.0)),
-    Fault::Device(Event::Unplug(3)),
+    Fault::Device(FaultEvent::Overload(3)),
+    Fault::Device(FaultEvent::Overheat(3)),
+    Fault::Device(FaultEvent::Voltage(5.2)),
+    Fault::Device(FaultEvent::Voltage(0.0)),
+    Fault::Device(FaultEvent::Unplug(3)),
     Fault::AnswersLost,
     Fault::ControllerSilent,
     Fault::NotANumber,
@@ -107,7 +115,7 @@ fn every_fault(phase: Phase) {
         let before = bench.hand.shafts();
         let state = inject(&bench, &mut robot, fault, phase);
         assert!(expected(fault, state), "{fault:?} while {phase:?}: {state}");
-        if phase == Phase::Gripping && fault != Fault::Device(Event::Voltage(0.0)) {
+        if phase == Phase::Gripping && fault != Fault::Device(FaultEvent::Voltage(0.0)) {
             crate::common::plant_time(&bench.hand, 0.2);
             for (n, (shaft, before)) in bench.hand.shafts().iter().zip(before).enumerate() {
                 let hit = n == 2 && matches!(fault, Fault::Device(_));
@@ -137,11 +145,11 @@ fn while_gripping() {
 fn no_arming_with_an_alarm() {
     let bench = bench(&[]);
     let robot = crate::common::connected(&bench);
-    bench.hand.inject(Event::Overheat(5));
-    let hot = || robot.check().is_err_and(|error| error.0 == CheckFailed::Alarm(Cause::ServoAlert(4)).to_string());
+    bench.hand.inject(FaultEvent::Overheat(5));
+    let hot = || robot.check().is_err_and(|error| error.0 == CheckFailed::Alarm(StopCause::ServoAlert(4)).to_string());
     patiently("the alert is seen", hot);
     assert!(robot.arm().is_err());
-    assert!(bench.hand.drives().iter().all(|drive| *drive == ServoGoal::Current(0.0)));
+    assert!(bench.hand.applied_goals().iter().all(|drive| *drive == ServoGoal::Current(0.0)));
 }
 
 /// A host in a process of its own is stopped (SIGSTOP) and killed (SIGKILL): the servos stop by their own watchdogs.

@@ -11,13 +11,13 @@ use hardware_bridge::protocol2::{Decoder, Instruction, Packet, Status};
 use hardware_bridge::tactile_link::deframer::Deframer;
 use hardware_bridge::tactile_link::frame;
 use hardware_bridge::tactile_link::image_data;
-use hardware_bridge::tactile_link::message::{CameraFault, Encoding, Image, Message};
+use hardware_bridge::tactile_link::message::{CameraFault, LinkImage, LinkMessage, PixelEncoding};
 use kortex::frame::Frame;
 use kortex::tcp_framing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-const STREAMS: usize = 400_000;
+const STREAM_COUNT: usize = 400_000;
 
 /// Kind of damage to a packet's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +79,7 @@ fn servo_packet(rng: &mut ChaCha8Rng) -> Packet {
 fn servo_bus() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let (mut aliens, mut understood) = (0, 0);
-    for n in 0..STREAMS {
+    for n in 0..STREAM_COUNT {
         let sent: Vec<Packet> = (0..rng.random_range(1..=3)).map(|_| servo_packet(&mut rng)).collect();
         let hit = rng.random_range(0..sent.len());
         let kind = DAMAGES[n % DAMAGES.len()];
@@ -125,26 +125,26 @@ fn servo_bus() {
         }
     }
     // Fewer than one damaged packet per stream is offered to the CRC; three times the mean rate leaves room for chance.
-    assert!(aliens * 65_536 <= 3 * STREAMS, "{aliens} aliens");
-    assert!(understood > STREAMS / 4, "{understood}");
-    println!("{STREAMS} streams: {aliens} aliens got past a CRC of 16 bits");
+    assert!(aliens * 65_536 <= 3 * STREAM_COUNT, "{aliens} aliens");
+    assert!(understood > STREAM_COUNT / 4, "{understood}");
+    println!("{STREAM_COUNT} streams: {aliens} aliens got past a CRC of 16 bits");
 }
 
-fn message(rng: &mut ChaCha8Rng) -> Message {
+fn message(rng: &mut ChaCha8Rng) -> LinkMessage {
     match rng.random_range(0..7) {
-        0 => Message::Hello,
-        1 => Message::Welcome { version: rng.random(), serial: rng.random(), cameras: rng.random() },
-        2 => Message::WhatTime { host_us: rng.random() },
-        3 => Message::Time { host_us: rng.random(), board_us: rng.random() },
-        4 => Message::Capture,
-        5 => Message::CameraFault { camera: rng.random(), fault: CameraFault::Timeout },
-        _ => Message::Image(Image {
+        0 => LinkMessage::Hello,
+        1 => LinkMessage::Welcome { version: rng.random(), serial: rng.random(), cameras: rng.random() },
+        2 => LinkMessage::WhatTime { host_us: rng.random() },
+        3 => LinkMessage::Time { host_us: rng.random(), board_us: rng.random() },
+        4 => LinkMessage::Capture,
+        5 => LinkMessage::CameraFault { camera: rng.random(), fault: CameraFault::Timeout },
+        _ => LinkMessage::Image(LinkImage {
             camera: rng.random_range(0..18),
             sequence: rng.random(),
             captured_us: rng.random(),
             width: 240,
             height: 240,
-            encoding: if rng.random() { Encoding::Jpeg } else { Encoding::Rgb565 },
+            encoding: if rng.random() { PixelEncoding::Jpeg } else { PixelEncoding::Rgb565 },
             data: some_bytes(rng, 300),
         }),
     }
@@ -154,8 +154,8 @@ fn message(rng: &mut ChaCha8Rng) -> Message {
 fn tactile_link() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let mut images = 0;
-    for n in 0..STREAMS {
-        let sent: Vec<Message> = (0..rng.random_range(1..=4)).map(|_| message(&mut rng)).collect();
+    for n in 0..STREAM_COUNT {
+        let sent: Vec<LinkMessage> = (0..rng.random_range(1..=4)).map(|_| message(&mut rng)).collect();
         let hit = rng.random_range(0..sent.len());
         let kind = DAMAGES[n % DAMAGES.len()];
         let mut stream = Vec::new();
@@ -168,15 +168,15 @@ fn tactile_link() {
         }
         let mut deframer = Deframer::default();
         let piece = rng.random_range(1..=100);
-        let found: Vec<Message> = stream.chunks(piece).flat_map(|piece| deframer.push(piece)).flatten().collect();
+        let found: Vec<LinkMessage> = stream.chunks(piece).flat_map(|piece| deframer.push(piece)).flatten().collect();
         for message in &found {
-            if let Message::Image(image) = message {
+            if let LinkMessage::Image(image) = message {
                 // Random bytes are no picture: decoding must fail, not panic.
                 images += usize::from(image_data::decode(image).is_err());
             }
         }
         // Damage at a delimiter joins a frame with the next one; everything else must be there, and nothing more.
-        let without = |lost: &[usize]| -> Vec<&Message> {
+        let without = |lost: &[usize]| -> Vec<&LinkMessage> {
             sent.iter().enumerate().filter(|(place, _)| !lost.contains(place)).map(|(_, message)| message).collect()
         };
         let possible = [without(&[hit]), without(&[hit, hit + 1]), without(&[])];
@@ -185,7 +185,7 @@ fn tactile_link() {
             "stream {n}, {kind:?}: {found:?} of {sent:?}"
         );
     }
-    assert!(images > STREAMS / 10, "{images} images judged");
+    assert!(images > STREAM_COUNT / 10, "{images} images judged");
 }
 
 fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
@@ -205,7 +205,7 @@ fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
 fn arm_protocol() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (mut taken, mut refused) = (0, 0);
-    for n in 0..STREAMS {
+    for n in 0..STREAM_COUNT {
         let sent: Vec<Frame> = (0..rng.random_range(1..=3)).map(|_| arm_frame(&mut rng)).collect();
         let hit = rng.random_range(0..sent.len());
         let kind = DAMAGES[n % DAMAGES.len()];
@@ -244,5 +244,5 @@ fn arm_protocol() {
         }
         assert!(found.starts_with(&sent[..hit]), "stream {n}, {kind:?}: {found:?} of {sent:?}");
     }
-    assert!(taken > STREAMS / 20 && refused > STREAMS / 2, "{taken} taken, {refused} refused");
+    assert!(taken > STREAM_COUNT / 20 && refused > STREAM_COUNT / 2, "{taken} taken, {refused} refused");
 }

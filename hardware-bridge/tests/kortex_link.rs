@@ -1,6 +1,6 @@
 //! The Gen3 behind the bridge: recording of its links, and a network that fails.
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
@@ -20,10 +20,10 @@ use kortex::servoing::Servoing;
 use kortex::tcp_framing::Deframer;
 use kortex::{Arm, Credentials, Timeouts, call};
 use prost::Message;
-use robot_session_log::{Direction, Event, Reader, Session, Sizes, Writer};
+use robot_session_log::{Direction, RobotSizes, SessionEvent, SessionHeader, SessionReader, SessionWriter};
 
 /// Time-out longer than any answer on loopback takes, even on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const LOOPBACK_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Returns the published home posture, rad.
 fn home() -> [f64; 7] {
@@ -34,7 +34,7 @@ fn home() -> [f64; 7] {
 /// the host.
 fn timeouts() -> Timeouts {
     let hour = Duration::from_secs(3600);
-    Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
+    Timeouts { call: LOOPBACK_TIMEOUT, session: hour, connection: hour, ..Timeouts::default() }
 }
 
 /// An arm at its published home posture.
@@ -44,7 +44,7 @@ fn emulator(settings: Settings, pace: Pace) -> Emulator {
 }
 
 fn until(what: &str, mut condition: impl FnMut() -> bool) {
-    let give_up = Instant::now() + PATIENCE;
+    let give_up = Instant::now() + LOOPBACK_TIMEOUT;
     while !condition() {
         assert!(Instant::now() < give_up, "waited in vain until {what}");
         std::thread::sleep(Duration::from_millis(1));
@@ -58,7 +58,7 @@ fn every_packet_is_on_record() {
     let emulator = emulator(Settings { credentials: secret.clone(), ..Settings::default() }, Pace::Stepped);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("arm.mcap");
-    let mut writer = Writer::create(&path, &Session::default()).expect("a new file");
+    let mut writer = SessionWriter::create(&path, &SessionHeader::default()).expect("a new file");
 
     let (sender, packets) = mpsc::channel();
     let mut arm = Arm::connect(emulator.address(), &secret, timeouts(), home()).expect("connects");
@@ -68,7 +68,7 @@ fn every_packet_is_on_record() {
     for _ in 0..50 {
         let mut command = *servoing.command();
         command[6] += 1e-3;
-        servoing.command_angles(&command, Instant::now() + PATIENCE).expect("follows");
+        servoing.command_angles(&command, Instant::now() + LOOPBACK_TIMEOUT).expect("follows");
         commanded.push(command[6]);
         emulator.step(1);
     }
@@ -78,11 +78,11 @@ fn every_packet_is_on_record() {
     }
     writer.finish().expect("written");
 
-    let mut reader = Reader::open(&path, Sizes::Any).expect("opens");
+    let mut reader = SessionReader::open(&path, RobotSizes::Any).expect("opens");
     let (mut sent, mut answers, mut stream) = (Vec::new(), 0, Deframer::default());
     let mut host = Vec::new();
     while let Some((times, event)) = reader.next_event().expect("readable") {
-        let Event::Raw { link, direction, bytes } = event else { panic!("{event:?}") };
+        let SessionEvent::Raw { link, direction, bytes } = event else { panic!("{event:?}") };
         host.push(times.host);
         match (link.as_str(), direction) {
             ("arm_udp", _) => {
@@ -104,7 +104,7 @@ fn every_packet_is_on_record() {
             other => panic!("{other:?}"),
         }
     }
-    assert!(reader.is_whole() && host.is_sorted());
+    assert!(reader.is_finished() && host.is_sorted());
     // One more for the entry, which commands the measured angle.
     assert_eq!((sent.len(), answers), (51, 51));
     for (wire, commanded) in sent[1..].iter().zip(&commanded) {

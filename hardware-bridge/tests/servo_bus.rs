@@ -1,11 +1,11 @@
 //! The bus master against six emulated servos, through a pseudo-terminal. The servos' time advances only in steps.
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::time::Duration;
 
 use hand_model::RobotModel;
 use hardware_bridge::clock::Clock;
-use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::faults::{FaultEvent, FaultProbabilities};
 use hardware_bridge::emulator::pty::Pty;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -16,14 +16,14 @@ use hardware_bridge::xc330::{self, PRESENT_BLOCK};
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
 /// Time-out longer than any answer takes on a busy machine, so that only what was injected goes missing.
-const SLACK: f64 = 2.0;
+const REPLY_SLACK: f64 = 2.0;
 
 fn start() -> (EmulatedHand, ServoBus) {
     let (plant, settings) = (SpringHand::new([4.0; SERVOS], 18), EmulatorSettings::default());
     let robot = RobotModel::ftac_gen3();
     let hand =
         EmulatedHand::start_stepped(Box::new(plant), settings, &robot, Clock::emulated()).expect("the emulator starts");
-    let settings = BusSettings { slack: SLACK, ..BusSettings::default() };
+    let settings = BusSettings { slack: REPLY_SLACK, ..BusSettings::default() };
     let bus = ServoBus::open(hand.servo_port(), settings).expect("the bus opens");
     (hand, bus)
 }
@@ -46,7 +46,7 @@ fn present(bus: &mut ServoBus) -> Vec<Result<Vec<u8>, ReplyError>> {
 fn reads_writes_and_refusals() {
     let (_hand, mut bus) = start();
     for id in IDS {
-        assert_eq!(bus.ping(id).expect("there").model, xc330::MODEL);
+        assert_eq!(bus.ping(id).expect("there").model, xc330::XC330_MODEL);
     }
     assert!(matches!(bus.ping(9), Err(BusError::Reply(ReplyError::Missing(9)))));
     assert!((bus.read(2, &xc330::PRESENT_INPUT_VOLTAGE).expect("read") - 11.1).abs() < 1e-9);
@@ -94,7 +94,12 @@ fn partial_results_on_a_bad_line() {
     assert!(expected.iter().all(Result::is_ok));
     // Each lost answer costs this time-out: just long enough to tell late from lost on a busy machine.
     bus.set_slack(0.5);
-    hand.set_chances(Chances { noise: 0.3, drop: 0.05, corrupt: 0.04, ..Chances::default() });
+    hand.set_fault_probabilities(FaultProbabilities {
+        noise: 0.3,
+        drop: 0.05,
+        corrupt: 0.04,
+        ..FaultProbabilities::default()
+    });
     let cycles = 20;
     let mut good = 0;
     for _ in 0..cycles {
@@ -115,7 +120,7 @@ fn partial_results_on_a_bad_line() {
 fn overload_needs_a_reboot() {
     let (mut hand, mut bus) = start();
     bus.write(3, &xc330::TORQUE_ENABLE, 1.0).expect("on");
-    hand.inject(Event::Overload(3));
+    hand.inject(FaultEvent::Overload(3));
     let replies = bus.sync_read(&IDS, PRESENT_BLOCK.start, 10).expect("read");
     let alerts: Vec<bool> = replies.iter().map(|reply| reply.as_ref().is_ok_and(|status| status.alert)).collect();
     assert_eq!(alerts, [false, false, true, false, false, false]);

@@ -1,23 +1,23 @@
 //! Long runs on the emulated devices in real time. Run them alone on an idle machine, for example before a release:
 //! `cargo test --release -p hardware-bridge --test integration soak -- --ignored --nocapture`.
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::time::{Duration, Instant};
 
 use crate::common::{Bench, bench, forgiving, patiently};
 use hand_model::RobotModel;
-use hand_model::robot::{Command, RobotBackend, ServoGoal};
+use hand_model::robot::{RobotBackend, RobotCommand, ServoGoal};
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::kortex_link::KortexLink;
-use hardware_bridge::safety::state::State;
+use hardware_bridge::safety::state::SupervisorState;
 use kortex::Timeouts;
 use kortex::emulator::{Emulator, EventKind, Pace, Settings};
 
 /// Fifteen sessions of the usual timeout.
-const LENGTH: Duration = Duration::from_secs(900);
+const SOAK_DURATION: Duration = Duration::from_secs(900);
 /// Duration of each spell: the controller moves the robot, then announces that it will be silent for as long, as while
 /// an operator is asked.
-const SPELL: Duration = Duration::from_secs(90);
+const SPELL_DURATION: Duration = Duration::from_secs(90);
 
 /// The whole bridge, with the usual timeouts, moves hand and arm and waits, in turns, for 15 minutes.
 #[test]
@@ -41,9 +41,9 @@ fn fifteen_minutes_on_emulated_devices() {
     let begun = Instant::now();
     let home = crate::common::observed(&mut robot).arm.position;
     let mut told = 0;
-    while begun.elapsed() < LENGTH {
+    while begun.elapsed() < SOAK_DURATION {
         let elapsed = begun.elapsed().as_secs_f64();
-        let spell = (elapsed / SPELL.as_secs_f64()) as u64;
+        let spell = (elapsed / SPELL_DURATION.as_secs_f64()) as u64;
         if told != spell {
             told = spell;
             println!("{elapsed:.0} s: {}", seen(&robot, &emulator));
@@ -58,12 +58,12 @@ fn fifteen_minutes_on_emulated_devices() {
             let goal = home.iter().map(|angle| angle + 0.1 * phase.sin()).collect();
             let current = 0.06 + 0.03 * phase.sin();
             let servos = [ServoGoal::Current(current); SERVOS];
-            crate::common::send(&mut robot, &Command { arm: goal, servos: servos.into(), capture: false });
+            crate::common::send(&mut robot, &RobotCommand { arm: goal, servos: servos.into(), capture: false });
             robot.wait_for_tick();
         }
         let state = robot.state();
         assert!(
-            matches!(state, State::Running | State::Armed),
+            matches!(state, SupervisorState::Running | SupervisorState::Armed),
             "after {elapsed:.0} s: {state}; {:?}; {}",
             robot.report().arm_error,
             seen(&robot, &emulator)

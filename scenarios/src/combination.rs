@@ -27,20 +27,20 @@ pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Itera
         };
         all.iter().flat_map(with).collect()
     };
-    let mut all = scenario.lists().into_iter().fold(vec![Vec::new()], longer);
+    let mut all = scenario.object_lists().into_iter().fold(vec![Vec::new()], longer);
     let mut rng = ChaCha8Rng::seed_from_u64(split_mix(seed));
     for last in (1..all.len()).rev() {
         let other = ((u128::from(rng.next_u64()) * (last as u128 + 1)) >> 64) as usize;
         all.swap(last, other);
     }
-    let mut all = own_first(scenario, all);
+    let mut all = own_objects_first(scenario, all);
     all.truncate(n);
     all.into_iter().enumerate().map(|(id, objects)| Combination { id, objects })
 }
 
 /// Moves combinations to the front: for each of the scenario's own objects that is in none of those moved before, the
 /// first combination that contains it. The rest keep their order.
-fn own_first(scenario: &Scenario, all: Vec<Vec<String>>) -> Vec<Vec<String>> {
+fn own_objects_first(scenario: &Scenario, all: Vec<Vec<String>>) -> Vec<Vec<String>> {
     let (mut front, mut rest) = (Vec::<Vec<String>>::new(), all);
     for object in &scenario.object {
         if front.iter().any(|objects| objects.contains(&object.name)) {
@@ -94,7 +94,7 @@ mod tests {
         let distinct: HashSet<_> = long.iter().map(|pair| &pair.objects).collect();
         assert_eq!(distinct.len(), 60);
         assert_ne!(short, draw_combinations(&scenario, 10, 2).collect::<Vec<_>>());
-        assert_eq!(draw_combinations(&scenario, 100_000, 1).count(), scenario.combinations());
+        assert_eq!(draw_combinations(&scenario, 100_000, 1).count(), scenario.combination_count());
     }
 
     /// A combination takes one name from each nonempty list, in the lists' order.
@@ -107,10 +107,10 @@ mod tests {
         let three = Scenario { third: names(&["can_66", "vase"]), ..two.clone() };
         for (scenario, count) in [(&one, 2), (&two, 6), (&three, 12)] {
             let drawn: Vec<_> = draw_combinations(scenario, 100, 1).collect();
-            assert_eq!((drawn.len(), scenario.combinations()), (count, count));
+            assert_eq!((drawn.len(), scenario.combination_count()), (count, count));
             for combination in &drawn {
-                assert_eq!(combination.objects.len(), scenario.lists().len());
-                let of_lists = combination.objects.iter().zip(scenario.lists());
+                assert_eq!(combination.objects.len(), scenario.object_lists().len());
+                let of_lists = combination.objects.iter().zip(scenario.object_lists());
                 assert!(of_lists.into_iter().all(|(name, (_, names))| names.contains(name)));
             }
             assert_eq!(drawn.iter().map(|one| &one.objects).collect::<HashSet<_>>().len(), count);

@@ -6,23 +6,23 @@
 
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
-use plant::Blindness;
+use plant::CameraFailure;
 use serde::{Deserialize, Serialize};
 
-use world::layout::MOST_OBJECTS;
+use world::layout::MAX_OBJECTS;
 use world::phase::{Phase, Skill};
 
 /// One of the first two objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Which {
+pub enum TargetObject {
     /// The object picked up first.
     First,
     /// The object picked up second.
     Second,
 }
 
-impl Which {
+impl TargetObject {
     /// Index of the object, 0 or 1.
     pub fn index(self) -> usize {
         self as usize
@@ -32,7 +32,7 @@ impl Which {
 /// Body on which a push acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Target {
+pub enum PushTarget {
     /// The first object, at its centre of mass.
     First,
     /// The second object, at its centre of mass.
@@ -41,7 +41,7 @@ pub enum Target {
     Hand,
 }
 
-impl Target {
+impl PushTarget {
     /// Index of the object; `None` for the hand.
     pub fn object(self) -> Option<usize> {
         match self {
@@ -54,7 +54,7 @@ impl Target {
 
 /// Time of an event: once per trial, the first time that this fraction of the phase has passed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct EventTiming {
     pub phase: Phase,
     /// Fraction of the phase that has passed, 0 to 1.
     pub at: f64,
@@ -65,48 +65,48 @@ pub struct Moment {
 /// A force for a limited time, as when somebody's hand gets in the way.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Push {
-    pub on: Target,
+pub struct PushDisturbance {
+    pub on: PushTarget,
     /// Force in world axes, N.
     pub force: [f64; 3],
-    /// Phase in which it begins; see [`Moment`].
+    /// Phase in which it begins; see [`EventTiming`].
     pub phase: Phase,
-    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`Moment`].
+    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`EventTiming`].
     pub at: f64,
-    /// Duration, s; see [`Moment`].
+    /// Duration, s; see [`EventTiming`].
     pub duration: f64,
 }
 
-impl Push {
+impl PushDisturbance {
     /// Time of the push.
-    pub fn moment(&self) -> Moment {
-        Moment { phase: self.phase, at: self.at, duration: self.duration }
+    pub fn timing(&self) -> EventTiming {
+        EventTiming { phase: self.phase, at: self.at, duration: self.duration }
     }
 }
 
 /// Slip of a held object: for a while it is tugged, or its friction drops.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Slip {
-    pub object: Which,
+pub struct SlipDisturbance {
+    pub object: TargetObject,
     /// Factor on the object's friction.
     pub friction: f64,
     /// Tug in world axes, N.
     pub force: [f64; 3],
-    /// Phase in which it begins; see [`Moment`].
+    /// Phase in which it begins; see [`EventTiming`].
     pub phase: Phase,
-    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`Moment`].
+    /// Fraction of that phase that has passed when it begins, 0 to 1; see [`EventTiming`].
     pub at: f64,
-    /// Duration, s; see [`Moment`].
+    /// Duration, s; see [`EventTiming`].
     pub duration: f64,
     /// True if the policy `touch` may raise tensions when it feels slip.
     pub reaction: bool,
 }
 
-impl Slip {
+impl SlipDisturbance {
     /// Time of the slip.
-    pub fn moment(&self) -> Moment {
-        Moment { phase: self.phase, at: self.at, duration: self.duration }
+    pub fn timing(&self) -> EventTiming {
+        EventTiming { phase: self.phase, at: self.at, duration: self.duration }
     }
 }
 
@@ -114,7 +114,7 @@ impl Slip {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongPosition {
-    pub object: Which,
+    pub object: TargetObject,
     /// Perceived minus true position, m, world axes.
     pub offset: [f64; 3],
 }
@@ -123,7 +123,7 @@ pub struct WrongPosition {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongSize {
-    pub object: Which,
+    pub object: TargetObject,
     /// True size divided by assumed size.
     pub factor: f64,
 }
@@ -134,7 +134,7 @@ pub struct WrongSize {
 #[serde(deny_unknown_fields)]
 pub struct SizeSweep {
     /// The object to be replaced; all its names in the scenario must be balls.
-    pub object: Which,
+    pub object: TargetObject,
     /// Diameters, m.
     pub diameters: Vec<f64>,
 }
@@ -157,21 +157,21 @@ pub struct DisabledDigits {
 /// Pads whose cameras have failed from the beginning of the trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct BlindPads {
+pub struct FailedPadCameras {
     /// Names of the pads, such as `ring_distal`.
     pub pads: Vec<String>,
     /// Failure mode of their cameras.
-    pub frames: Blindness,
+    pub frames: CameraFailure,
 }
 
 /// All disturbances of a scenario.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disturbances {
-    /// See [`Push`].
-    pub push: Option<Push>,
-    /// See [`Slip`].
-    pub slip: Option<Slip>,
+    /// See [`PushDisturbance`].
+    pub push: Option<PushDisturbance>,
+    /// See [`SlipDisturbance`].
+    pub slip: Option<SlipDisturbance>,
     /// See [`WrongPosition`].
     pub wrong_position: Option<WrongPosition>,
     /// See [`WrongSize`].
@@ -180,12 +180,12 @@ pub struct Disturbances {
     pub size_sweep: Option<SizeSweep>,
     /// See [`DisabledDigits`].
     pub disabled_digits: Option<DisabledDigits>,
-    /// See [`BlindPads`].
-    pub blind_pads: Option<BlindPads>,
+    /// See [`FailedPadCameras`].
+    pub blind_pads: Option<FailedPadCameras>,
 }
 
 /// Invalid value: field, value found, value expected.
-pub type Fault = (String, String, String);
+pub type InvalidValue = (String, String, String);
 
 impl Disturbances {
     /// True if there is no disturbance.
@@ -211,8 +211,8 @@ impl Disturbances {
     }
 
     /// Returns the true size of each object divided by its model's size.
-    pub fn sizes(&self) -> [f64; MOST_OBJECTS] {
-        let mut sizes = [1.0; MOST_OBJECTS];
+    pub fn size_factors(&self) -> [f64; MAX_OBJECTS] {
+        let mut sizes = [1.0; MAX_OBJECTS];
         if let Some(wrong) = self.wrong_size {
             sizes[wrong.object.index()] = wrong.factor;
         }
@@ -220,20 +220,20 @@ impl Disturbances {
     }
 
     /// Checks every value and returns the first that no trial can be run with.
-    pub(crate) fn check(&self) -> Result<(), Fault> {
+    pub(crate) fn check(&self) -> Result<(), InvalidValue> {
         if let Some(push) = &self.push {
-            check_moment("push", &push.moment())?;
+            check_timing("push", &push.timing())?;
             check_vector("disturbance.push.force", &push.force, 100.0, "N")?;
             if push.force == [0.0; 3] {
-                return fault("disturbance.push.force", &push.force, "a force that is not zero");
+                return invalid_value("disturbance.push.force", &push.force, "a force that is not zero");
             }
         }
         if let Some(slip) = &self.slip {
-            check_moment("slip", &slip.moment())?;
+            check_timing("slip", &slip.timing())?;
             check_vector("disturbance.slip.force", &slip.force, 100.0, "N")?;
             check_range("disturbance.slip.friction", slip.friction, [0.0, 1.0])?;
             if slip.force == [0.0; 3] && slip.friction >= 1.0 {
-                return fault("disturbance.slip", &slip, "a friction below 1 or a force that is not zero");
+                return invalid_value("disturbance.slip", &slip, "a friction below 1 or a force that is not zero");
             }
         }
         if let Some(wrong) = &self.wrong_position {
@@ -244,7 +244,7 @@ impl Disturbances {
         }
         if let Some(sweep) = &self.size_sweep {
             if sweep.diameters.is_empty() {
-                return fault("disturbance.size_sweep.diameters", &sweep.diameters, "at least one");
+                return invalid_value("disturbance.size_sweep.diameters", &sweep.diameters, "at least one");
             }
             for diameter in &sweep.diameters {
                 check_range("disturbance.size_sweep.diameters", *diameter, [0.02, 0.12])?;
@@ -253,12 +253,12 @@ impl Disturbances {
         if let Some(DisabledDigits { digits }) = &self.disabled_digits
             && (digits.is_empty() || (1..digits.len()).any(|n| digits[..n].contains(&digits[n])))
         {
-            return fault("disturbance.disabled_digits.digits", digits, "one digit or more, each once");
+            return invalid_value("disturbance.disabled_digits.digits", digits, "one digit or more, each once");
         }
-        if let Some(BlindPads { pads, .. }) = &self.blind_pads
+        if let Some(FailedPadCameras { pads, .. }) = &self.blind_pads
             && pads.is_empty()
         {
-            return fault("disturbance.blind_pads.pads", pads, "at least one");
+            return invalid_value("disturbance.blind_pads.pads", pads, "at least one");
         }
         Ok(())
     }
@@ -267,41 +267,41 @@ impl Disturbances {
     ///
     /// # Errors
     /// The field, the value found, and the values that would be valid.
-    pub fn check_pads(&self, hand: &Hand) -> Result<(), Fault> {
-        if let Some(BlindPads { pads, .. }) = &self.blind_pads {
+    pub fn check_pads(&self, hand: &Hand) -> Result<(), InvalidValue> {
+        if let Some(FailedPadCameras { pads, .. }) = &self.blind_pads {
             let names: Vec<&str> = hand.pads.iter().map(|pad| pad.name.as_str()).collect();
             if let Some(unknown) = pads.iter().find(|pad| !names.contains(&pad.as_str())) {
-                return fault("disturbance.blind_pads.pads", unknown, &format!("one of {}", names.join(", ")));
+                return invalid_value("disturbance.blind_pads.pads", unknown, &format!("one of {}", names.join(", ")));
             }
         }
         Ok(())
     }
 }
 
-fn fault(field: &str, found: &impl std::fmt::Debug, expected: &str) -> Result<(), Fault> {
+fn invalid_value(field: &str, found: &impl std::fmt::Debug, expected: &str) -> Result<(), InvalidValue> {
     Err((field.into(), format!("{found:?}"), expected.into()))
 }
 
-fn check_range(field: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), Fault> {
-    if (low..=high).contains(&value) { Ok(()) } else { fault(field, &value, &format!("{low} to {high}")) }
+fn check_range(field: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), InvalidValue> {
+    if (low..=high).contains(&value) { Ok(()) } else { invalid_value(field, &value, &format!("{low} to {high}")) }
 }
 
-fn check_vector(field: &str, value: &[f64; 3], most: f64, unit: &str) -> Result<(), Fault> {
+fn check_vector(field: &str, value: &[f64; 3], most: f64, unit: &str) -> Result<(), InvalidValue> {
     // NaN fails this comparison and is refused.
     if Vector3::from(*value).norm() <= most {
         return Ok(());
     }
-    fault(field, value, &format!("three numbers, together at most {most} {unit}"))
+    invalid_value(field, value, &format!("three numbers, together at most {most} {unit}"))
 }
 
-fn check_moment(kind: &str, moment: &Moment) -> Result<(), Fault> {
+fn check_timing(kind: &str, moment: &EventTiming) -> Result<(), InvalidValue> {
     check_range(&format!("disturbance.{kind}.at"), moment.at, [0.0, 1.0])?;
     check_range(&format!("disturbance.{kind}.duration"), moment.duration, [0.01, 30.0])?;
     // These phases last as long as a decision does, so they have no fractions.
     let phase = moment.phase;
-    if phase.waits() && !matches!(phase.skill, Skill::Begin | Skill::Palpate) || phase.object > 1 {
+    if phase.waits_for_decision() && !matches!(phase.skill, Skill::Begin | Skill::Palpate) || phase.object > 1 {
         let expected = "a phase in which the robot acts, in a trial with two objects";
-        return fault(&format!("disturbance.{kind}.phase"), &phase.name(), expected);
+        return invalid_value(&format!("disturbance.{kind}.phase"), &phase.name(), expected);
     }
     Ok(())
 }

@@ -2,11 +2,11 @@
 //!
 //! An effect that a file does not name is off. With all effects off, pads feel objects only, cables run without friction,
 //! vision errors are independent at each look, and decisions take no time. The random part of an effect is drawn from a
-//! stream of its own ([`Effect::stream`]), so that switching one effect off leaves the draws of the others unchanged.
+//! stream of its own ([`Effect::draw_rng`]), so that switching one effect off leaves the draws of the others unchanged.
 
-use hand_model::arm::MOST_ARM_JOINTS;
-use plant::draws::{gaussian, vector};
-use plant::{ArmDefects, Gel, Individual};
+use hand_model::arm::MAX_ARM_JOINTS;
+use plant::draws::{gaussian_vector, truncated_gaussian};
+use plant::{ArmDefects, GelViscoelasticity, ObjectInstance};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -64,7 +64,7 @@ impl Effect {
     }
 
     /// Returns the generator of this effect's draws in one trial: a separate stream of the trial's generator.
-    pub fn stream(self, seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
+    pub fn draw_rng(self, seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
         let mut rng = trial_rng(seed, combination, trial);
         rng.set_stream(1 + self as u64);
         rng
@@ -89,7 +89,7 @@ impl std::str::FromStr for Effect {
 /// Sensor effects of pads, beside the objects that press into them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Pads {
+pub struct PadEffects {
     /// True if fingers, palm and table press into pads too.
     pub self_contact: bool,
     /// Brightness drift of an untouched pad (lamps and exposure warm up): standard deviation of its relative rate,
@@ -99,9 +99,9 @@ pub struct Pads {
     pub background_age: f64,
 }
 
-impl Pads {
+impl PadEffects {
     /// Draws the brightness drift rates of `cameras` cameras in one trial, relative, 1/min.
-    pub fn draw_rates(&self, cameras: usize, rng: &mut impl Rng) -> Vec<f64> {
+    pub fn draw_drift_rates(&self, cameras: usize, rng: &mut impl Rng) -> Vec<f64> {
         (0..cameras).map(|_| self.drift * rng.sample::<f64, _>(StandardNormal)).collect()
     }
 }
@@ -109,7 +109,7 @@ impl Pads {
 /// Friction and backlash of cables and gears.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cables {
+pub struct CableEffects {
     /// Factor on the friction coefficient between cable and guide in the hand's data file.
     pub friction: f64,
     /// Backlash of the servo's gear, rad at its output.
@@ -119,7 +119,7 @@ pub struct Cables {
 /// Prior perception (vision), beside its Gaussian errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Eyes {
+pub struct DetectorErrors {
     /// Share of the error variance in `[noise.perception]` that persists over all looks of a trial and is common to all
     /// objects: the camera's own pose is not known better.
     pub lasting: f64,
@@ -149,14 +149,14 @@ pub struct ArmErrors {
 
 impl ArmErrors {
     /// Draws the defects of an arm: Gaussians truncated at three standard deviations, and the absolute value for the
-    /// payload, which is an added mass. Encoder offsets are drawn for [`MOST_ARM_JOINTS`] joints, so that the remaining
+    /// payload, which is an added mass. Encoder offsets are drawn for [`MAX_ARM_JOINTS`] joints, so that the remaining
     /// draws are the same for all arms.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> ArmDefects {
         ArmDefects {
-            encoders: (0..MOST_ARM_JOINTS).map(|_| gaussian(rng) * self.encoder_sigma).collect(),
-            mount_position: vector(rng, self.mount_position_sigma),
-            mount_rotation: vector(rng, self.mount_rotation_sigma),
-            payload: gaussian(rng).abs() * self.payload_sigma,
+            encoders: (0..MAX_ARM_JOINTS).map(|_| truncated_gaussian(rng) * self.encoder_sigma).collect(),
+            mount_position: gaussian_vector(rng, self.mount_position_sigma),
+            mount_rotation: gaussian_vector(rng, self.mount_rotation_sigma),
+            payload: truncated_gaussian(rng).abs() * self.payload_sigma,
         }
     }
 }
@@ -164,7 +164,7 @@ impl ArmErrors {
 /// Spread of individual objects about their models: relative standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Individuals {
+pub struct ObjectVariation {
     /// Relative standard deviation of the mass.
     pub mass_sigma: f64,
     /// Relative standard deviation of the friction coefficient.
@@ -173,19 +173,20 @@ pub struct Individuals {
     pub size_sigma: f64,
 }
 
-impl Individuals {
+impl ObjectVariation {
     /// Draws an object: Gaussians truncated at three standard deviations.
-    pub fn draw(&self, rng: &mut ChaCha8Rng) -> Individual {
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> ObjectInstance {
         let Self { mass_sigma, friction_sigma, size_sigma } = *self;
-        let [mass, friction, size] = [mass_sigma, friction_sigma, size_sigma].map(|sigma| 1.0 + gaussian(rng) * sigma);
-        Individual { mass, friction, size }
+        let [mass, friction, size] =
+            [mass_sigma, friction_sigma, size_sigma].map(|sigma| 1.0 + truncated_gaussian(rng) * sigma);
+        ObjectInstance { mass, friction, size }
     }
 }
 
 /// The floor under the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Floor {
+pub struct FloorEffect {
     /// Height of the floor's surface, m; the top of the table is at 0.
     pub height: f64,
 }
@@ -193,7 +194,7 @@ pub struct Floor {
 /// Latencies of frames and decisions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TimeBudget {
+pub struct LatencyEffects {
     /// Latency from a camera's exposure to the arrival of its frame in the controller, s.
     pub frame: f64,
     /// Duration of a decision from measurements, s. The simulated robot waits this long, however long the computation
@@ -205,30 +206,30 @@ pub struct TimeBudget {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Effects {
-    /// See [`Effect::Pads`].
+    /// See [`Effect::PadEffects`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub pads: Option<Pads>,
-    /// See [`Effect::Gel`].
+    pub pads: Option<PadEffects>,
+    /// See [`Effect::GelViscoelasticity`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub gel: Option<Gel>,
-    /// See [`Effect::Cables`].
+    pub gel: Option<GelViscoelasticity>,
+    /// See [`Effect::CableEffects`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cables: Option<Cables>,
-    /// See [`Effect::Eyes`].
+    pub cables: Option<CableEffects>,
+    /// See [`Effect::DetectorErrors`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub eyes: Option<Eyes>,
+    pub eyes: Option<DetectorErrors>,
     /// See [`Effect::Arm`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm: Option<ArmErrors>,
     /// See [`Effect::Objects`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub objects: Option<Individuals>,
-    /// See [`Effect::Floor`].
+    pub objects: Option<ObjectVariation>,
+    /// See [`Effect::FloorEffect`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub floor: Option<Floor>,
+    pub floor: Option<FloorEffect>,
     /// See [`Effect::Time`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub time: Option<TimeBudget>,
+    pub time: Option<LatencyEffects>,
 }
 
 impl Effects {
@@ -264,7 +265,7 @@ impl Effects {
     }
 
     /// Describes in words the effects that [`Self::scaled`] leaves unchanged.
-    pub fn unscaled(&self) -> Vec<String> {
+    pub fn describe_unscaled(&self) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(pads) = &self.pads {
             let own = if pads.self_contact { " and feel fingers, palm and table" } else { "" };
@@ -295,16 +296,16 @@ impl Effects {
     /// Checks all values. The error is the first invalid one: field, found, expected.
     pub(crate) fn check(&self) -> Result<(), (String, String, String)> {
         let mut values: Vec<(&str, f64, [f64; 2])> = Vec::new();
-        if let Some(Pads { drift, background_age, .. }) = self.pads {
+        if let Some(PadEffects { drift, background_age, .. }) = self.pads {
             values.extend([("pads.drift", drift, [0.0, 1.0]), ("pads.background_age", background_age, [0.0, 3600.0])]);
         }
-        if let Some(Gel { relaxation, shear }) = self.gel {
+        if let Some(GelViscoelasticity { relaxation, shear }) = self.gel {
             values.extend([("gel.relaxation", relaxation, [0.0, 1.0]), ("gel.shear", shear, [0.0, 2.0])]);
         }
-        if let Some(Cables { friction, backlash }) = self.cables {
+        if let Some(CableEffects { friction, backlash }) = self.cables {
             values.extend([("cables.friction", friction, [0.0, 5.0]), ("cables.backlash", backlash, [0.0, 0.2])]);
         }
-        if let Some(Eyes { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.eyes {
+        if let Some(DetectorErrors { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.eyes {
             values.extend([
                 ("eyes.lasting", lasting, [0.0, 1.0]),
                 ("eyes.tilt_sigma", tilt_sigma, [0.0, 0.5]),
@@ -323,17 +324,17 @@ impl Effects {
                 ("arm.payload_sigma", payload_sigma, [0.0, 2.0]),
             ]);
         }
-        if let Some(Individuals { mass_sigma, friction_sigma, size_sigma }) = self.objects {
+        if let Some(ObjectVariation { mass_sigma, friction_sigma, size_sigma }) = self.objects {
             values.extend([
                 ("objects.mass_sigma", mass_sigma, [0.0, 0.3]),
                 ("objects.friction_sigma", friction_sigma, [0.0, 0.3]),
                 ("objects.size_sigma", size_sigma, [0.0, 0.1]),
             ]);
         }
-        if let Some(Floor { height }) = self.floor {
+        if let Some(FloorEffect { height }) = self.floor {
             values.push(("floor.height", height, [-3.0, -0.2]));
         }
-        if let Some(TimeBudget { frame, decision }) = self.time {
+        if let Some(LatencyEffects { frame, decision }) = self.time {
             values.extend([("time.frame", frame, [0.0, 1.0]), ("time.decision", decision, [0.0, 10.0])]);
         }
         match values.into_iter().find(|(_, value, [low, high])| !(low..=high).contains(&value)) {
@@ -348,7 +349,7 @@ impl Effects {
 }
 
 #[cfg(test)]
-mod tests_of_draws;
+mod draw_tests;
 
 #[cfg(test)]
 mod tests {
@@ -368,8 +369,8 @@ mod tests {
         let mut seen = std::collections::HashSet::new();
         assert!(seen.insert(trial_rng(1, 2, 3).next_u64()));
         for effect in Effect::ALL {
-            assert!(seen.insert(effect.stream(1, 2, 3).next_u64()));
-            assert_eq!(effect.stream(1, 2, 3).next_u64(), effect.stream(1, 2, 3).next_u64());
+            assert!(seen.insert(effect.draw_rng(1, 2, 3).next_u64()));
+            assert_eq!(effect.draw_rng(1, 2, 3).next_u64(), effect.draw_rng(1, 2, 3).next_u64());
         }
     }
 
@@ -377,15 +378,18 @@ mod tests {
     /// own) of the stated one.
     #[test]
     fn cameras_drift_as_stated() {
-        let pads = Pads { self_contact: false, drift: 0.02, background_age: 0.0 };
-        let rates = pads.draw_rates(3000, &mut Effect::Pads.stream(1, 0, 0));
+        let pads = PadEffects { self_contact: false, drift: 0.02, background_age: 0.0 };
+        let rates = pads.draw_drift_rates(3000, &mut Effect::Pads.draw_rng(1, 0, 0));
         let mean = rates.iter().sum::<f64>() / 3000.0;
         let deviation = (rates.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / 2999.0).sqrt();
         assert!(
             mean.abs() < 4.0 * 0.02 / 3000f64.sqrt() && (deviation / 0.02 - 1.0).abs() < 0.06,
             "{mean} {deviation}"
         );
-        assert_eq!(Pads { drift: 0.0, ..pads }.draw_rates(18, &mut Effect::Pads.stream(1, 0, 0)), [0.0; 18]);
+        assert_eq!(
+            PadEffects { drift: 0.0, ..pads }.draw_drift_rates(18, &mut Effect::Pads.draw_rng(1, 0, 0)),
+            [0.0; 18]
+        );
     }
 
     /// Regression: `--noise-scale 0` once said that all errors were scaled, while objects still differed from their
@@ -393,12 +397,12 @@ mod tests {
     #[test]
     fn what_a_scale_leaves_is_said() {
         let scaled = crate::Scenario::benchmark().effects.scaled(0.0);
-        let words = scaled.unscaled().join("; ");
+        let words = scaled.describe_unscaled().join("; ");
         for word in ["pads", "gel", "cables", "eyes: 1 %", "objects", "time"] {
             assert!(words.contains(word), "{word}: {words}");
         }
         assert!(!words.contains("arm"), "{words}");
-        assert!(Effects::default().unscaled().is_empty());
+        assert!(Effects::default().describe_unscaled().is_empty());
     }
 
     #[test]

@@ -9,9 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::{Effect, Effects};
-use plant::draws::{gaussian, vector};
-use plant::{ArmDefects, Individual};
-use world::layout::{Layout, MOST_OBJECTS, Shift};
+use plant::draws::{gaussian_vector, truncated_gaussian};
+use plant::{ArmDefects, ObjectInstance};
+use world::layout::{Layout, MAX_OBJECTS, PlacementShift};
 
 /// Standard deviations of the arm's constant execution error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ impl NoiseLevels {
 
 /// Wrong resting pose in which vision reports an object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Mistaken {
+pub struct WrongRestingPose {
     /// Orientation reported instead of the true one.
     pub rotation: UnitQuaternion<f64>,
     /// Height of the object's centre in the reported resting pose less that in the true one, m.
@@ -83,12 +83,12 @@ pub struct ObjectNoise {
     /// Rotation vector of the tilt about the world's x and y axes through the object's origin, rad.
     pub tilt: Vector2<f64>,
     /// Resting pose that is wrongly reported, if any.
-    pub mistaken: Option<Mistaken>,
+    pub mistaken: Option<WrongRestingPose>,
 }
 
 impl ObjectNoise {
     /// Returns the perceived pose, `world_from_object`, given the true one.
-    pub fn perceived(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+    pub fn perceived_pose(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
         let mut position = world_from_object.translation.vector + self.offset;
         let mut rotation = world_from_object.rotation;
         if let Some(mistaken) = &self.mistaken {
@@ -111,13 +111,13 @@ pub struct TrialNoise {
     /// Rotation error of the palm: rotation vector about the palm's own origin, world axes, rad.
     pub rotation: Vector3<f64>,
     /// Perception error of each object, in the order in which they are picked.
-    pub objects: [ObjectNoise; MOST_OBJECTS],
+    pub objects: [ObjectNoise; MAX_OBJECTS],
     /// Shift of each object from the place for which the plan was made. It is not an error: perception sees it.
-    pub shifts: [Shift; MOST_OBJECTS],
+    pub shifts: [PlacementShift; MAX_OBJECTS],
     /// Defects of the arm, which replace the constant error.
     pub arm: ArmDefects,
     /// True mass, friction and size of the objects relative to their models.
-    pub individuals: [Individual; MOST_OBJECTS],
+    pub individuals: [ObjectInstance; MAX_OBJECTS],
 }
 
 impl TrialNoise {
@@ -126,10 +126,10 @@ impl TrialNoise {
         Self {
             position: Vector3::zeros(),
             rotation: Vector3::zeros(),
-            objects: [ObjectNoise::default(); MOST_OBJECTS],
-            shifts: [Shift::default(); MOST_OBJECTS],
+            objects: [ObjectNoise::default(); MAX_OBJECTS],
+            shifts: [PlacementShift::default(); MAX_OBJECTS],
             arm: ArmDefects::default(),
-            individuals: [Individual::AS_MODELLED; MOST_OBJECTS],
+            individuals: [ObjectInstance::NOMINAL; MAX_OBJECTS],
         }
     }
 
@@ -137,36 +137,36 @@ impl TrialNoise {
     /// stand in their nominal places.
     pub fn draw(levels: &NoiseLevels, count: usize, rng: &mut ChaCha8Rng) -> Self {
         let NoiseLevels { execution, perception } = levels;
-        let position = vector(rng, execution.position_sigma);
-        let rotation = vector(rng, execution.rotation_sigma);
-        let mut objects = [ObjectNoise::default(); MOST_OBJECTS];
+        let position = gaussian_vector(rng, execution.position_sigma);
+        let rotation = gaussian_vector(rng, execution.rotation_sigma);
+        let mut objects = [ObjectNoise::default(); MAX_OBJECTS];
         for object in &mut objects[..count] {
-            let [x, y] = [(); 2].map(|()| gaussian(rng) * perception.xy_sigma);
-            let z = gaussian(rng) * perception.z_sigma;
-            let yaw = gaussian(rng) * perception.yaw_sigma;
+            let [x, y] = [(); 2].map(|()| truncated_gaussian(rng) * perception.xy_sigma);
+            let z = truncated_gaussian(rng) * perception.z_sigma;
+            let yaw = truncated_gaussian(rng) * perception.yaw_sigma;
             *object = ObjectNoise { offset: Vector3::new(x, y, z), yaw, ..ObjectNoise::default() };
         }
         Self { position, rotation, objects, ..Self::none() }
     }
 
-    /// Returns the noise with the draws of the effects `arm` and `objects` for this trial. The arm's errors replace the
+    /// Returns the noise with the draws of the effects `arm` and `object_names` for this trial. The arm's errors replace the
     /// constant one.
     #[must_use]
     pub fn with_effects(mut self, effects: &Effects, seed: u64, combination: usize, trial: usize) -> Self {
         if let Some(errors) = &effects.arm {
             (self.position, self.rotation) = (Vector3::zeros(), Vector3::zeros());
-            self.arm = errors.draw(&mut Effect::Arm.stream(seed, combination, trial));
+            self.arm = errors.draw(&mut Effect::Arm.draw_rng(seed, combination, trial));
         }
         if let Some(spread) = &effects.objects {
-            let mut rng = Effect::Objects.stream(seed, combination, trial);
-            self.individuals = [(); MOST_OBJECTS].map(|()| spread.draw(&mut rng));
+            let mut rng = Effect::Objects.draw_rng(seed, combination, trial);
+            self.individuals = [(); MAX_OBJECTS].map(|()| spread.draw(&mut rng));
         }
         self
     }
 
     /// Returns the same errors with the first and the second object exchanged.
     #[must_use]
-    pub fn in_other_order(mut self) -> Self {
+    pub fn with_swapped_objects(mut self) -> Self {
         self.objects.swap(0, 1);
         self.shifts.swap(0, 1);
         self.individuals.swap(0, 1);
@@ -174,7 +174,7 @@ impl TrialNoise {
     }
 
     /// Returns the palm pose that results from the command `world_from_palm`.
-    pub fn executed(&self, world_from_palm: &Isometry3<f64>) -> Isometry3<f64> {
+    pub fn executed_pose(&self, world_from_palm: &Isometry3<f64>) -> Isometry3<f64> {
         Isometry3::from_parts(
             Translation3::from(world_from_palm.translation.vector + self.position),
             UnitQuaternion::from_scaled_axis(self.rotation) * world_from_palm.rotation,
@@ -189,15 +189,15 @@ pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
 
 /// Draws the offsets of the `count` objects of one trial from their nominal places: uniform within the layout's spread.
 /// Draws nothing from `rng` if there is no spread.
-pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [Shift; MOST_OBJECTS] {
+pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [PlacementShift; MAX_OBJECTS] {
     let Layout { spread_xy, spread_yaw, .. } = *layout;
     if spread_xy == 0.0 && spread_yaw == 0.0 {
-        return [Shift::default(); MOST_OBJECTS];
+        return [PlacementShift::default(); MAX_OBJECTS];
     }
     let mut even = |spread: f64| spread * (2.0 * uniform(rng) - 1.0);
-    let mut shifts = [Shift::default(); MOST_OBJECTS];
+    let mut shifts = [PlacementShift::default(); MAX_OBJECTS];
     for shift in &mut shifts[..count] {
-        *shift = Shift { x: even(spread_xy), y: even(spread_xy), yaw: even(spread_yaw) };
+        *shift = PlacementShift { x: even(spread_xy), y: even(spread_xy), yaw: even(spread_yaw) };
     }
     shifts
 }
@@ -247,9 +247,9 @@ mod tests {
     fn no_spread_draws_nothing() {
         let layout = Layout { spread_xy: 0.0, spread_yaw: 0.0, ..crate::Scenario::benchmark().layout };
         let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
-        assert_eq!(draw_shifts(&layout, 2, &mut used), [Shift::default(); MOST_OBJECTS]);
+        assert_eq!(draw_shifts(&layout, 2, &mut used), [PlacementShift::default(); MAX_OBJECTS]);
         assert_eq!(uniform(&mut used), uniform(&mut fresh));
-        assert_eq!(layout.first.shifted(&Shift::default()), layout.first);
+        assert_eq!(layout.first.shifted(&PlacementShift::default()), layout.first);
     }
 
     #[test]
@@ -262,7 +262,7 @@ mod tests {
             assert_ne!(shifts[0], shifts[1]);
             for (shift, object) in shifts.iter().zip(set.iter()) {
                 let pose = layout.first.shifted(shift).pose(object);
-                assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
+                assert!((pose.translation.z + object.shape.lowest_height(&pose.rotation)).abs() < 1e-9);
                 assert!((pose.translation.x - layout.first.x - shift.x).abs() < 1e-12);
                 for (most, moved) in farthest.iter_mut().zip([shift.x, shift.y, shift.yaw]) {
                     *most = most.max(moved.abs());

@@ -71,7 +71,7 @@ impl std::fmt::Display for Condition {
 /// Key of a trial under one condition. Its order is that of `trials.csv`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TrialId {
-    /// Number of the combination, [`crate::Combination::id`].
+    /// Number of the combination, [`crate::CombinationRow::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -89,7 +89,7 @@ impl std::fmt::Display for TrialId {
 /// are the same in every repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialRecord {
-    /// Number of the combination, [`crate::Combination::id`].
+    /// Number of the combination, [`crate::CombinationRow::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,

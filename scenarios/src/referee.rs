@@ -25,8 +25,8 @@ use nalgebra::{Isometry3, Point3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use world::holding::{HoldingRule, Support};
-use world::layout::MOST_OBJECTS;
+use world::holding::{HoldingRule, SupportState};
+use world::layout::MAX_OBJECTS;
 use world::phase::{Phase, Skill};
 
 /// Thresholds of the referee.
@@ -66,9 +66,9 @@ pub struct ObjectTruth {
     /// Number of digits that touch it and hold no earlier object.
     pub free_digits: usize,
     /// True if the grasp uses a single digit against the palm; the palm may then touch the object.
-    pub palm_takes: bool,
+    pub palm_grasp: bool,
     /// Loaded contacts on it at this instant; not recorded for the first object.
-    pub pressed_by: Vec<Touch>,
+    pub pressed_by: Vec<TouchEvent>,
     /// Number of contacts with the hand.
     pub hand_contacts: usize,
     /// True if it touches the table.
@@ -79,13 +79,13 @@ pub struct ObjectTruth {
 
 impl ObjectTruth {
     /// Returns an object that touches nothing but the table.
-    pub fn standing(world_from_object: Isometry3<f64>) -> Self {
+    pub fn resting_on_table(world_from_object: Isometry3<f64>) -> Self {
         Self {
             touching_objects: Vec::new(),
             holding_digits_touch: false,
             palm_touches: false,
             free_digits: 0,
-            palm_takes: false,
+            palm_grasp: false,
             pressed_by: Vec::new(),
             hand_contacts: 0,
             on_table: true,
@@ -94,7 +94,7 @@ impl ObjectTruth {
     }
 
     /// True if the object is not in the hand.
-    fn lies(&self) -> bool {
+    fn is_out_of_hand(&self) -> bool {
         self.on_table || self.hand_contacts == 0
     }
 
@@ -106,7 +106,7 @@ impl ObjectTruth {
 /// Bodies that can press on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Toucher {
+pub enum ContactingBody {
     /// The first object.
     FirstObject,
     /// The second object.
@@ -119,9 +119,9 @@ pub enum Toucher {
 
 /// A loaded contact on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
+pub struct TouchEvent {
     /// The body that presses.
-    pub by: Toucher,
+    pub by: ContactingBody,
     /// True if `by` is a link of a digit that holds an earlier object.
     pub holding: bool,
     /// Contact point in the world frame, m.
@@ -158,11 +158,11 @@ impl ContactWith {
 
 /// An unwanted contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Contact {
+pub struct UnwantedContact {
     /// Kind of the contact.
     pub with: ContactWith,
     /// Body with the greatest normal force when the contact began; none if the contact was too short to be sampled.
-    pub by: Option<Toucher>,
+    pub by: Option<ContactingBody>,
     /// Phase in which it began.
     pub phase: Phase,
     /// Time at which it began, s since the trial began.
@@ -183,7 +183,7 @@ pub struct TryVerdict {
     /// End of the try, s since the trial began: the next try begins, or the trial ends.
     pub ended: f64,
     /// First unwanted contact of the try.
-    pub contact: Option<Contact>,
+    pub contact: Option<UnwantedContact>,
     /// True if the object was in the hand at the end of its lift; none if it was never lifted.
     pub picked: Option<bool>,
 }
@@ -258,7 +258,7 @@ pub struct Verdict {
     /// True if there was an unwanted contact in any try.
     pub contact: bool,
     /// First unwanted contact; none if contacts were not measured.
-    pub first_contact: Option<Contact>,
+    pub first_contact: Option<UnwantedContact>,
     /// True if the trial succeeded.
     pub success: bool,
     /// Cause of the failure; none on success.
@@ -266,18 +266,18 @@ pub struct Verdict {
 }
 
 /// Failure causes of each object: dropped, and not picked up.
-const OF_OBJECT: [[FailureCause; 2]; MOST_OBJECTS] = [
+const CAUSES_BY_OBJECT: [[FailureCause; 2]; MAX_OBJECTS] = [
     [FailureCause::FirstDropped, FailureCause::FirstNotPicked],
     [FailureCause::SecondDropped, FailureCause::SecondNotPicked],
     [FailureCause::ThirdDropped, FailureCause::ThirdNotPicked],
 ];
 
 /// Speed below which an object counts as at rest, m/s.
-const AT_REST: f64 = 0.002;
+const REST_SPEED: f64 = 0.002;
 
 /// Times that a trial is judged by, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct RefereeLimits {
     /// Required duration of the hold.
     pub hold: f64,
     /// Time limit for the end of the hold.
@@ -286,11 +286,11 @@ pub struct Limits {
 
 /// State that the referee keeps of one object.
 #[derive(Debug, Clone, Default)]
-struct Watched {
+struct ObjectMonitor {
     /// Position in the world frame from which a knock is measured, m.
     start: Option<Point3<f64>>,
     /// True if it was at rest at the last sample.
-    rests: bool,
+    at_rest: bool,
     free_touch: bool,
     /// True if two free digits have touched it in this try.
     gripped: bool,
@@ -302,10 +302,10 @@ struct Watched {
 #[derive(Debug, Clone)]
 pub struct Referee {
     rules: RefereeRules,
-    limits: Limits,
+    limits: RefereeLimits,
     tries: Vec<TryVerdict>,
     /// State of the objects seen so far.
-    watched: Vec<Watched>,
+    monitors: Vec<ObjectMonitor>,
     /// Origins of the objects in the palm frame when the carry began, m.
     carry_start: Option<Vec<Point3<f64>>>,
     slipped: bool,
@@ -317,12 +317,12 @@ pub struct Referee {
 
 impl Referee {
     /// Creates a referee that has seen nothing yet.
-    pub fn new(rules: RefereeRules, limits: Limits) -> Self {
+    pub fn new(rules: RefereeRules, limits: RefereeLimits) -> Self {
         Self {
             rules,
             limits,
             tries: Vec::new(),
-            watched: Vec::new(),
+            monitors: Vec::new(),
             carry_start: None,
             slipped: false,
             hold_start: None,
@@ -333,32 +333,32 @@ impl Referee {
 
     /// Takes the ground truth after a physics step or control tick. Samples come in order of time, the first one before
     /// anything moves.
-    pub fn see(&mut self, truth: &SceneTruth) {
+    pub fn observe(&mut self, truth: &SceneTruth) {
         if truth.phase.is_done() {
             return;
         }
-        self.watched.resize_with(truth.objects.len(), Watched::default);
-        self.note_try(truth);
+        self.monitors.resize_with(truth.objects.len(), ObjectMonitor::default);
+        self.begin_try(truth);
         for object in 1..truth.objects.len() {
-            self.watch(truth, object);
+            self.check_contacts(truth, object);
         }
         // The end of the lift decides or, if the lift was skipped, the first sample after it.
         for object in 0..truth.objects.len() {
-            let skipped =
-                truth.phase.has_lifted(object) && self.last.as_ref().is_none_or(|last| !last.phase.lifts(object));
+            let skipped = truth.phase.has_lifted(object)
+                && self.last.as_ref().is_none_or(|last| !last.phase.has_begun_lift(object));
             if truth.phase == Phase::run(Skill::Lift, object) || skipped {
                 let picked = self.in_hand(truth, object);
-                self.watched[object].picked = picked;
+                self.monitors[object].picked = picked;
                 if let Some(last) = self.tries.last_mut().filter(|last| last.object == object) {
                     last.picked = Some(picked);
                 }
             }
         }
-        if !truth.phase.carries() {
+        if !truth.phase.has_begun_carry() {
             // An object that was carried and lost is tried again. The last carry and hold count.
             (self.carry_start, self.hold_start, self.slipped) = (None, None, false);
         } else {
-            let now = in_palm(truth);
+            let now = positions_in_palm(truth);
             let start = self.carry_start.get_or_insert_with(|| now.clone());
             self.slipped |= now.iter().zip(start).any(|(now, start)| (*now - *start).norm() > self.rules.slip);
         }
@@ -386,13 +386,13 @@ impl Referee {
     }
 
     /// Begins a new try when an approach begins.
-    fn note_try(&mut self, truth: &SceneTruth) {
+    fn begin_try(&mut self, truth: &SceneTruth) {
         let Phase { skill, object, .. } = truth.phase;
         if skill == Skill::Approach && self.last.as_ref().is_none_or(|last| last.phase != truth.phase) {
             // An object still rolling after an earlier try has not been knocked: its reference position is taken once
             // it rests.
-            for (n, watched) in self.watched.iter_mut().enumerate() {
-                watched.start = self.last.as_ref().filter(|_| watched.rests).map(|last| last.objects[n].position());
+            for (n, watched) in self.monitors.iter_mut().enumerate() {
+                watched.start = self.last.as_ref().filter(|_| watched.at_rest).map(|last| last.objects[n].position());
                 (watched.free_touch, watched.gripped) = (false, false);
             }
             self.tries.push(TryVerdict { object, begun: truth.time, ended: truth.time, contact: None, picked: None });
@@ -403,24 +403,26 @@ impl Referee {
     }
 
     /// Checks an object after the first for unwanted contacts.
-    fn watch(&mut self, truth: &SceneTruth, index: usize) {
+    fn check_contacts(&mut self, truth: &SceneTruth, index: usize) {
         let (object, last) = (&truth.objects[index], self.last.as_ref());
-        let (now, watched) = (object.position(), &mut self.watched[index]);
-        watched.rests =
-            last.is_none_or(|last| (now - last.objects[index].position()).norm() < AT_REST * (truth.time - last.time));
-        if watched.rests {
+        let (now, watched) = (object.position(), &mut self.monitors[index]);
+        watched.at_rest = last
+            .is_none_or(|last| (now - last.objects[index].position()).norm() < REST_SPEED * (truth.time - last.time));
+        if watched.at_rest {
             watched.start.get_or_insert(now);
         }
         let start = watched.start.unwrap_or(now);
-        if truth.phase.lifts(index) {
+        if truth.phase.has_begun_lift(index) {
             return;
         }
         watched.free_touch |= object.free_digits > 0;
         watched.gripped |= object.free_digits >= 2;
-        let palm_touches = object.palm_touches && !watched.gripped && !object.palm_takes;
-        let knocked =
-            !truth.phase.closes(index) && !watched.free_touch && (now - start).norm() > self.rules.knock_distance;
-        let held_touches = object.lies() && object.touching_objects.iter().any(|other| !truth.objects[*other].lies());
+        let palm_touches = object.palm_touches && !watched.gripped && !object.palm_grasp;
+        let knocked = !truth.phase.has_begun_grasp(index)
+            && !watched.free_touch
+            && (now - start).norm() > self.rules.knock_distance;
+        let held_touches = object.is_out_of_hand()
+            && object.touching_objects.iter().any(|other| !truth.objects[*other].is_out_of_hand());
         let with = match (held_touches, object.holding_digits_touch, palm_touches, knocked) {
             (true, ..) => ContactWith::HeldObject,
             (_, true, ..) => ContactWith::HoldingDigits,
@@ -428,16 +430,16 @@ impl Referee {
             (.., true) => ContactWith::Knocked,
             _ => return,
         };
-        let unwanted = |touch: &&Touch| match (with, touch.by) {
-            (ContactWith::HeldObject, by) => matches!(by, Toucher::FirstObject | Toucher::SecondObject),
-            (ContactWith::Palm, by) => by == Toucher::Palm,
+        let unwanted = |touch: &&TouchEvent| match (with, touch.by) {
+            (ContactWith::HeldObject, by) => matches!(by, ContactingBody::FirstObject | ContactingBody::SecondObject),
+            (ContactWith::Palm, by) => by == ContactingBody::Palm,
             (ContactWith::HoldingDigits, _) => touch.holding,
             (ContactWith::Knocked, _) => false,
         };
         let force = object.pressed_by.iter().filter(unwanted).map(|touch| touch.force).sum::<f64>();
         let hardest = object.pressed_by.iter().filter(unwanted).max_by(|a, b| a.force.total_cmp(&b.force));
         let Some(last) = self.tries.last_mut() else { return };
-        let contact = last.contact.get_or_insert(Contact {
+        let contact = last.contact.get_or_insert(UnwantedContact {
             with,
             by: hardest.map(|touch| touch.by),
             phase: truth.phase,
@@ -449,7 +451,7 @@ impl Referee {
     }
 
     fn in_hand(&self, truth: &SceneTruth, object: usize) -> bool {
-        HoldingRule::within(self.rules.palm_distance).holds(&Support {
+        HoldingRule::distance_only(self.rules.palm_distance).holds(&SupportState {
             held: truth.objects[object].hand_contacts > 0,
             on_table: truth.objects[object].on_table,
             distance: distance_in_palm(truth, object),
@@ -462,20 +464,20 @@ impl Referee {
             return Some(self.given_up.unwrap_or(FailureCause::NotFinished));
         };
         let lost: Vec<bool> =
-            self.watched.iter().enumerate().map(|(n, watched)| watched.picked && !self.in_hand(last, n)).collect();
+            self.monitors.iter().enumerate().map(|(n, watched)| watched.picked && !self.in_hand(last, n)).collect();
         let seen = match lost.iter().filter(|lost| **lost).count() {
             2 if lost.len() == 2 => Some(FailureCause::BothDropped),
             2.. => Some(FailureCause::SeveralDropped),
-            _ => {
-                lost.iter().zip(&self.watched).zip(OF_OBJECT).enumerate().find_map(|(n, ((lost, watched), causes))| {
+            _ => lost.iter().zip(&self.monitors).zip(CAUSES_BY_OBJECT).enumerate().find_map(
+                |(n, ((lost, watched), causes))| {
                     let [dropped, not_picked] = causes;
                     match (lost, watched.picked) {
                         (true, _) => Some(dropped),
                         (_, false) if last.phase.has_lifted(n) => Some(not_picked),
                         _ => None,
                     }
-                })
-            }
+                },
+            ),
         };
         // A touch of the table as the lift begins must not pass for a drop: nothing can have been dropped before Look.
         let seen = seen.filter(|_| last.phase.has_lifted(0));
@@ -500,7 +502,7 @@ pub(crate) fn distance_in_palm(truth: &SceneTruth, object: usize) -> f64 {
 }
 
 /// Returns the origins of the objects in the palm frame, m.
-fn in_palm(truth: &SceneTruth) -> Vec<Point3<f64>> {
+fn positions_in_palm(truth: &SceneTruth) -> Vec<Point3<f64>> {
     truth.objects.iter().map(|object| truth.world_from_palm.inverse_transform_point(&object.position())).collect()
 }
 

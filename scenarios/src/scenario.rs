@@ -4,8 +4,8 @@ mod checks;
 mod definition;
 mod file;
 
-pub use definition::{Protocol, Scenario, Start, VERSION};
-pub use file::BENCHMARK;
+pub use definition::{Scenario, StartPose, TrialProtocol, VERSION};
+pub use file::BENCHMARK_TOML;
 
 #[cfg(test)]
 mod tests;

@@ -7,8 +7,8 @@ mod rates;
 
 pub use ablation::AblationSummary;
 pub use file::{
-    ConditionSummary, DecisionTime, Differences, MedianP95, MixedDifferences, PerCondition, PoseError, RunInfo,
-    Summary, Tests, summarise,
+    ConditionSummary, DecisionTime, EffectSizes, MedianP95, MixedEffectSizes, PerCondition, PoseError, RunInfo,
+    SignificanceTests, Summary, summarise,
 };
 pub use pairs::risk_prediction;
 pub use rates::{CombinationRates, combination_rates};

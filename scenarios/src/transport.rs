@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::noise::NoiseLevels;
 use crate::scenario::VERSION;
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 use world::objects::{ObjectModel, Symmetry};
 
 /// A ball on the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ball {
+pub struct TransportBall {
     /// Unique name.
     pub name: String,
     /// Diameter, m.
@@ -32,7 +32,7 @@ pub struct Ball {
     pub y: f64,
 }
 
-impl Ball {
+impl TransportBall {
     /// Returns the volume, m3.
     pub fn volume(&self) -> f64 {
         std::f64::consts::PI / 6.0 * self.diameter.powi(3)
@@ -49,7 +49,7 @@ impl Ball {
         let tone = (255.0 * (self.diameter / 0.12).min(1.0)) as u8;
         ObjectModel {
             name: self.name.clone(),
-            shape: Shape::Sphere { radius: 0.5 * self.diameter },
+            shape: ObjectShape::Sphere { radius: 0.5 * self.diameter },
             mass: self.mass,
             friction: self.friction,
             color: [tone, 120, 255 - tone],
@@ -62,7 +62,7 @@ impl Ball {
 /// Goal of a transport on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Goal {
+pub struct TransportGoal {
     /// x of the palm in the world frame when the hand lets go, m.
     pub x: f64,
     /// y of the palm in the world frame when the hand lets go, m.
@@ -72,7 +72,7 @@ pub struct Goal {
 /// Heights and times of a transport.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Times {
+pub struct TransportProtocol {
     /// Height by which a ball is lifted, m.
     pub lift_height: f64,
     /// Time for which the carried balls are held over the goal, s.
@@ -111,29 +111,29 @@ pub struct BallPush {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Transport {
+pub struct TransportTask {
     /// Version of the file format, [`VERSION`].
     pub version: u32,
     /// Name for people.
     pub name: String,
     /// Balls to be carried.
-    pub ball: Vec<Ball>,
+    pub ball: Vec<TransportBall>,
     /// Place to which they are carried.
-    pub goal: Goal,
+    pub goal: TransportGoal,
     /// Standard deviations of execution and perception errors.
     pub noise: NoiseLevels,
     /// Heights, times and number of tries.
-    pub protocol: Times,
+    pub protocol: TransportProtocol,
     /// Push by somebody's hand.
     pub push: Option<BallPush>,
 }
 
 /// Reach of the arm: lowest and highest x, then y, m.
-const REACH: [[f64; 2]; 2] = [[0.45, 0.75], [-0.28, 0.28]];
+const WORKSPACE: [[f64; 2]; 2] = [[0.45, 0.75], [-0.28, 0.28]];
 /// Greatest number of balls.
-const MOST: usize = 8;
+const MAX_BALLS: usize = 8;
 
-impl Transport {
+impl TransportTask {
     /// Returns the built-in transport of small balls, `scenarios/data/transport/small_balls.toml`.
     ///
     /// # Panics
@@ -146,7 +146,7 @@ impl Transport {
     /// Reads and checks a file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let transport: Self = parse_toml(text, path)?;
-        match transport.fault() {
+        match transport.first_invalid_value() {
             None => Ok(transport),
             Some((field, found, expected)) => Err(DataError::field(path, field, found, expected)),
         }
@@ -158,7 +158,7 @@ impl Transport {
     }
 
     /// Returns the first invalid value: field, found, expected.
-    fn fault(&self) -> Option<(String, String, String)> {
+    fn first_invalid_value(&self) -> Option<(String, String, String)> {
         let between = |field: String, value: f64, [low, high]: [f64; 2], unit: &str| {
             let good = (low..=high).contains(&value);
             (!good).then(|| (field, value.to_string(), format!("{low} to {high} {unit}")))
@@ -166,13 +166,13 @@ impl Transport {
         if self.version != VERSION {
             return Some(("version".into(), self.version.to_string(), VERSION.to_string()));
         }
-        if self.ball.is_empty() || self.ball.len() > MOST {
-            return Some(("ball".into(), format!("{} balls", self.ball.len()), format!("1 to {MOST}")));
+        if self.ball.is_empty() || self.ball.len() > MAX_BALLS {
+            return Some(("ball".into(), format!("{} balls", self.ball.len()), format!("1 to {MAX_BALLS}")));
         }
         let NoiseLevels { execution, perception } = &self.noise;
         let mut checks = vec![
-            between("goal.x".into(), self.goal.x, REACH[0], "m"),
-            between("goal.y".into(), self.goal.y, REACH[1], "m"),
+            between("goal.x".into(), self.goal.x, WORKSPACE[0], "m"),
+            between("goal.y".into(), self.goal.y, WORKSPACE[1], "m"),
             between("noise.execution.position_sigma".into(), execution.position_sigma, [0.0, 1.0], "m"),
             between("noise.execution.rotation_sigma".into(), execution.rotation_sigma, [0.0, 1.0], "rad"),
             between("noise.perception.xy_sigma".into(), perception.xy_sigma, [0.0, 1.0], "m"),
@@ -187,12 +187,12 @@ impl Transport {
             checks.push(between(field("diameter"), ball.diameter, [0.02, 0.12], "m"));
             checks.push(between(field("mass"), ball.mass, [0.001, 0.5], "kg"));
             checks.push(between(field("friction"), ball.friction, [0.0, 2.0], ""));
-            checks.push(between(field("x"), ball.x, REACH[0], "m"));
-            checks.push(between(field("y"), ball.y, REACH[1], "m"));
+            checks.push(between(field("x"), ball.x, WORKSPACE[0], "m"));
+            checks.push(between(field("y"), ball.y, WORKSPACE[1], "m"));
             if let Some(other) = self.ball[..n].iter().find(|other| other.name == ball.name) {
                 checks.push(Some((field("name"), format!("{:?} twice", other.name), "every name once".into())));
             }
-            let overlap = |other: &&Ball| {
+            let overlap = |other: &&TransportBall| {
                 (other.x - ball.x).hypot(other.y - ball.y) < 0.5 * (other.diameter + ball.diameter) + 0.005
             };
             if let Some(other) = self.ball[..n].iter().find(overlap) {
@@ -225,13 +225,13 @@ mod tests {
     const FOUR: &str = include_str!("../data/transport/four_balls.toml");
 
     fn refused(text: &str) -> String {
-        Transport::parse(text, Path::new("mine.toml")).expect_err("refused").to_string()
+        TransportTask::parse(text, Path::new("mine.toml")).expect_err("refused").to_string()
     }
 
     #[test]
     fn the_files_are_good() {
-        assert_eq!(Transport::small_balls().ball.len(), 4);
-        let four = Transport::parse(FOUR, Path::new("four_balls.toml")).unwrap();
+        assert_eq!(TransportTask::small_balls().ball.len(), 4);
+        let four = TransportTask::parse(FOUR, Path::new("four_balls.toml")).unwrap();
         let names: Vec<&str> = four.ball.iter().map(|ball| ball.name.as_str()).collect();
         assert_eq!(names, ["golf_ball", "softball", "yoga_ball", "tennis_ball"]);
         assert_eq!(four.push.unwrap().ball, "golf_ball");
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn a_ball_rests_on_the_table() {
-        for ball in Transport::small_balls().ball {
+        for ball in TransportTask::small_balls().ball {
             assert!((ball.pose().translation.z - ball.model().rest_height()).abs() < 1e-12);
             assert!((ball.volume() - ball.model().shape.volume()).abs() < 1e-12);
         }

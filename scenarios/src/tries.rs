@@ -5,17 +5,17 @@ use std::io::Write;
 use serde::{Deserialize, Serialize};
 
 use crate::record::{Condition, RecordError, TrialId};
-use crate::referee::{Contact, Toucher, TryVerdict};
+use crate::referee::{ContactingBody, TryVerdict, UnwantedContact};
 use world::attempt::Attempt;
-use world::layout::MOST_OBJECTS;
+use world::layout::MAX_OBJECTS;
 
 /// Names of the places in the picking order.
-const ORDER: [&str; MOST_OBJECTS] = ["first", "second", "third"];
+const ORDER_NAMES: [&str; MAX_OBJECTS] = ["first", "second", "third"];
 
 /// A row of `tries.csv`, whose columns are in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TryRecord {
-    /// Number of the combination, [`crate::Combination::id`].
+    /// Number of the combination, [`crate::CombinationRow::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -65,15 +65,15 @@ fn numbers(values: impl IntoIterator<Item = f64>) -> String {
 impl TryRecord {
     /// Creates the record of try number `number` of trial `id`. There is no verdict if nobody saw the ground truth.
     pub fn new(id: TrialId, number: usize, attempt: &Attempt, verdict: Option<&TryVerdict>) -> Self {
-        let contact: Option<Contact> = verdict.and_then(|verdict| verdict.contact);
-        let of = |text: fn(&Contact) -> String| contact.as_ref().map(text).unwrap_or_default();
+        let contact: Option<UnwantedContact> = verdict.and_then(|verdict| verdict.contact);
+        let of = |text: fn(&UnwantedContact) -> String| contact.as_ref().map(text).unwrap_or_default();
         let upper = |all: [f64; 36]| (0..6).flat_map(move |row| (row..6).map(move |column| all[6 * row + column]));
         Self {
             combination: id.combination,
             trial: id.trial,
             condition: id.condition,
             number,
-            object: ORDER[attempt.object.min(ORDER.len() - 1)].to_owned(),
+            object: ORDER_NAMES[attempt.object.min(ORDER_NAMES.len() - 1)].to_owned(),
             grasp: attempt.grasp,
             why: attempt.why.clone(),
             clearance_mm: attempt.clearance.map(|clearance| clearance * 1e3),
@@ -82,10 +82,10 @@ impl TryRecord {
             covariance: attempt.covariance.map(|all| numbers(upper(all))).unwrap_or_default(),
             contact_with: of(|contact| contact.with.name().to_owned()),
             contact_by: of(|contact| match contact.by {
-                Some(Toucher::FirstObject) => "first_object".to_owned(),
-                Some(Toucher::SecondObject) => "second_object".to_owned(),
-                Some(Toucher::Palm) => "palm".to_owned(),
-                Some(Toucher::Link(link)) => link.to_string(),
+                Some(ContactingBody::FirstObject) => "first_object".to_owned(),
+                Some(ContactingBody::SecondObject) => "second_object".to_owned(),
+                Some(ContactingBody::Palm) => "palm".to_owned(),
+                Some(ContactingBody::Link(link)) => link.to_string(),
                 None => String::new(),
             }),
             contact_s: contact.map(|contact| contact.time),
@@ -102,7 +102,7 @@ impl TryRecord {
     }
 
     /// Returns the sort key of `tries.csv`.
-    fn order(&self) -> (TrialId, usize) {
+    fn sort_key(&self) -> (TrialId, usize) {
         let id = TrialId { combination: self.combination, trial: self.trial, condition: self.condition };
         (id, self.number)
     }
@@ -111,7 +111,7 @@ impl TryRecord {
 /// Writes a header and one row per try, by trial and number; writes nothing if there are no tries.
 pub fn write_tries(tries: &[TryRecord], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&TryRecord> = tries.iter().collect();
-    sorted.sort_by_key(|one| one.order());
+    sorted.sort_by_key(|one| one.sort_key());
     let mut writer = csv::Writer::from_writer(to);
     for one in sorted {
         writer.serialize(one)?;
@@ -130,9 +130,9 @@ mod tests {
 
     #[test]
     fn a_try_is_a_row_with_its_contact() {
-        let contact = Contact {
+        let contact = UnwantedContact {
             with: ContactWith::HoldingDigits,
-            by: Some(Toucher::Link(11)),
+            by: Some(ContactingBody::Link(11)),
             phase: Phase::run(Skill::Grasp, 1),
             time: 9.5,
             point: Some(Point3::new(0.6, -0.1, 0.05)),

@@ -4,11 +4,11 @@
 
 use std::path::Path;
 
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use hand_model::hand_mechanism::HandMechanism;
 use proptest::prelude::*;
 use scenarios::Scenario;
-use scenarios::transport::Transport;
+use scenarios::transport::TransportTask;
 use world::ObjectFile;
 use world::geometry::{LINK_MESHES, Mesh};
 
@@ -24,7 +24,7 @@ const SCENARIO: &str = include_str!("../data/benchmark.toml");
 const TRANSPORT: &str = include_str!("../data/transport/four_balls.toml");
 
 /// Odd text to insert in unexpected places.
-const ODD: [&str; 16] = [
+const ODD_TEXTS: [&str; 16] = [
     "nan",
     "inf",
     "-inf",
@@ -57,7 +57,7 @@ fn damaged(text: &str, damages: &[Damage]) -> String {
     for &(at, kind, much) in damages {
         let at = at % bytes.len().max(1);
         let end = (at + much).min(bytes.len());
-        let odd = ODD[much % ODD.len()].bytes();
+        let odd = ODD_TEXTS[much % ODD_TEXTS.len()].bytes();
         match kind {
             0 => drop(bytes.splice(at..at, odd)),
             1 => drop(bytes.drain(at..end)),
@@ -87,7 +87,7 @@ proptest! {
         let path = Path::new("clamp");
         for (urdf, pulls) in [(damaged(URDF, &damages), PULLS.to_owned()), (URDF.to_owned(), damaged(PULLS, &damages))] {
             if let Ok(hand) = HandMechanism::parse(&urdf, path, &pulls, path, LINK_MESHES) {
-                prop_assert!(hand.rest().iter().all(|angle| angle.is_finite()));
+                prop_assert!(hand.rest_coordinates().iter().all(|angle| angle.is_finite()));
             }
         }
     }
@@ -102,7 +102,7 @@ proptest! {
     #[test]
     fn objects(damages in damages(), which in 0usize..3) {
         let path = Path::new("object.toml");
-        if let Ok(file) = ObjectFile::parse(&damaged(OBJECTS[which], &damages), path, Reach::Nothing)
+        if let Ok(file) = ObjectFile::parse(&damaged(OBJECTS[which], &damages), path, FileAccess::Nothing)
             && let Ok(object) = file.model(path)
         {
             prop_assert!(object.mass > 0.0 && object.shape.volume() > 0.0);
@@ -113,6 +113,6 @@ proptest! {
     fn scenario_files(damages in damages()) {
         let path = Path::new("scenario.toml");
         drop(Scenario::parse(&damaged(SCENARIO, &damages), path));
-        drop(Transport::parse(&damaged(TRANSPORT, &damages), path));
+        drop(TransportTask::parse(&damaged(TRANSPORT, &damages), path));
     }
 }

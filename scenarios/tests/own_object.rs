@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use e2e::shared_data;
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use scenarios::Scenario;
 use world::ObjectFile;
-use world::geometry::{Mesh, Repair};
+use world::geometry::{Mesh, RepairReport};
 
 /// A wedge, 40 mm long and wide, 30 mm high on one side.
 const WEDGE: &str = "v 0 0 0\nv 0.04 0 0\nv 0.04 0.04 0\nv 0 0.04 0\nv 0 0 0.03\nv 0 0.04 0.03\n\
@@ -36,7 +36,8 @@ fn a_scenario_brings_its_own_object_and_it_stands_on_the_table() {
     assert!((wedge.shape.volume() - 0.5 * 0.04 * 0.04 * 0.03).abs() < 1e-12);
     let pose = scenario.layout.second.pose(wedge);
     assert!(
-        (pose.translation.z - 0.01).abs() < 1e-12 && wedge.shape.lowest(&pose.rotation) + pose.translation.z < 1e-12
+        (pose.translation.z - 0.01).abs() < 1e-12
+            && wedge.shape.lowest_height(&pose.rotation) + pose.translation.z < 1e-12
     );
     assert!(set.get("golf_ball").is_some());
 }
@@ -45,13 +46,13 @@ fn a_scenario_brings_its_own_object_and_it_stands_on_the_table() {
 #[test]
 fn a_self_contained_text_is_the_same_scenario_elsewhere() {
     let path = folder("elsewhere").join("mine.toml");
-    let text = Scenario::self_contained(SCENARIO, &path, Reach::beside(&path)).expect("a good scenario");
+    let text = Scenario::self_contained(SCENARIO, &path, FileAccess::in_folder_of(&path)).expect("a good scenario");
     let moved = Scenario::parse(&text, Path::new("/nowhere/run.json")).expect("a scenario that needs no file");
     assert_eq!(moved, Scenario::read(&path).expect("a good scenario"));
     assert!(moved.object_set().expect("good objects").get("my_wedge").is_some());
     let benchmark =
-        Scenario::self_contained(scenarios::scenario::BENCHMARK, Path::new("benchmark.toml"), Reach::Nothing);
-    assert_eq!(benchmark.expect("the benchmark"), scenarios::scenario::BENCHMARK);
+        Scenario::self_contained(scenarios::scenario::BENCHMARK_TOML, Path::new("benchmark.toml"), FileAccess::Nothing);
+    assert_eq!(benchmark.expect("the benchmark"), scenarios::scenario::BENCHMARK_TOML);
 }
 
 #[test]
@@ -88,7 +89,7 @@ fn a_mesh_that_is_not_there_is_named() {
     std::fs::write(folder.join("things/my_wedge.toml"), OBJECT.replace("wedge.obj", "wege.obj"))
         .expect("a file of the test");
     let file = folder.join("things/my_wedge.toml");
-    let error = ObjectFile::read(&file, Reach::beside(&file)).expect_err("refused").to_string();
+    let error = ObjectFile::read(&file, FileAccess::in_folder_of(&file)).expect_err("refused").to_string();
     assert!(error.contains("my_wedge.toml: shape.mesh.file: found ") && error.contains("wege.obj"), "{error}");
 }
 
@@ -121,7 +122,7 @@ fn a_scenario_reads_no_file_outside_its_folder() {
     let beyond = OBJECT.replace("meshes/wedge.obj", mesh.to_str().expect("text"));
     refused("things/my_wedge.toml", &beyond, "shape.mesh.file: found ");
     // The user may allow it.
-    let anywhere = Scenario::parse_within(SCENARIO, &folder.join("things/deeper/x.toml"), Reach::Anywhere);
+    let anywhere = Scenario::parse_within(SCENARIO, &folder.join("things/deeper/x.toml"), FileAccess::Anywhere);
     assert!(anywhere.expect_err("no such file").to_string().contains("things/deeper/things/my_wedge.toml"));
 }
 
@@ -148,14 +149,14 @@ fn counts_that_cannot_be_are_refused() {
     let path = Path::new("my_wedge.toml");
     let text = "name = \"ball\"\nmass = 0.1\nfriction = 0.5\nsymmetry = { fold = { n = 4000000000, flip = true } }\n\
                 [shape.sphere]\ndiameter = 0.05\n";
-    let object = ObjectFile::parse(text, path, Reach::Nothing).expect("an object's file");
+    let object = ObjectFile::parse(text, path, FileAccess::Nothing).expect("an object's file");
     let error = object.model(path).expect_err("refused").to_string();
     assert!(error.contains("symmetry.fold.n: found 4000000000, expected 1 to 360"), "{error}");
 }
 
 /// Returns the volume (m3) of a loaded mesh, the greatest distance between its surface and that of another (m), and the
 /// repairs.
-fn against(broken: &Path, sound: &Path) -> (f64, f64, Repair) {
+fn against(broken: &Path, sound: &Path) -> (f64, f64, RepairReport) {
     let (mesh, repair) = Mesh::load(broken).expect("mended");
     let sound = Mesh::load(sound).expect("a sound mesh").0;
     let off = mesh.vertices().iter().map(|vertex| sound.signed_distance(vertex).0.abs());
@@ -171,7 +172,7 @@ fn one_triangle_of_no_area_does_not_rebuild_a_cup() {
     };
     let (volume, off, repair) = against(&broken, &sound);
     assert!((volume / 52.3e-6 - 1.0).abs() < 0.01 && off < 3e-4, "{volume} m3, {off} m");
-    assert!(repair.rebuilt.is_none() && repair.empty == 1, "{repair}");
+    assert!(repair.rebuilt.is_none() && repair.degenerate == 1, "{repair}");
 }
 
 #[test]
@@ -182,7 +183,7 @@ fn half_flipped_windings_keep_a_blobs_volume() {
     };
     let (volume, off, repair) = against(&broken, &sound);
     assert!((volume / 115.3e-6 - 1.0).abs() < 0.01 && off < 3e-4, "{volume} m3, {off} m");
-    assert!(repair.rebuilt.is_none() && repair.turned > 500, "{repair}");
+    assert!(repair.rebuilt.is_none() && repair.flipped > 500, "{repair}");
 }
 
 /// Scan of a bottle with two triangles of no area where its surface touches itself.
@@ -191,7 +192,7 @@ fn a_scan_that_touches_itself_is_not_rebuilt() {
     let Some(bottle) = shared_data("objects/ycb/006_mustard_bottle.obj") else { return };
     let (mesh, repair) = Mesh::load(&bottle).expect("mended");
     assert!((mesh.volume() / 612.04e-6 - 1.0).abs() < 1e-4, "{} m3", mesh.volume());
-    assert!(repair.rebuilt.is_none() && repair.off < 1e-6 && mesh.triangles().len() > 16_000, "{repair}");
+    assert!(repair.rebuilt.is_none() && repair.max_deviation < 1e-6 && mesh.triangles().len() > 16_000, "{repair}");
 }
 
 /// A scenario mends the same faults as `grasps generate --mesh`, and a run stores the mended mesh and the report.
@@ -208,7 +209,8 @@ fn a_scenario_mends_what_other_commands_mend() {
     assert!((wedge.shape.volume() - 0.5 * 0.04 * 0.04 * 0.03).abs() < 1e-12 && mesh.volume() > 0.0);
     let notes = scenario.object[0].notes(wedge);
     assert!(notes.len() == 1 && notes[0].contains(&repair.to_string()), "{notes:?}");
-    let text = Scenario::self_contained(SCENARIO, &folder.join("mine.toml"), Reach::Anywhere).expect("a good scenario");
+    let text =
+        Scenario::self_contained(SCENARIO, &folder.join("mine.toml"), FileAccess::Anywhere).expect("a good scenario");
     let moved = Scenario::parse(&text, Path::new("/nowhere/run.json")).expect("a scenario that needs no file");
     assert_eq!(moved, scenario);
 }

@@ -29,8 +29,8 @@ pub mod groups {
 
 /// Index of a joint's degree of freedom among its six: the rotation about x of a hinge, and the translation along x of
 /// a slide.
-pub(crate) const HINGE: usize = 3;
-pub(crate) const SLIDE: usize = 0;
+pub(crate) const HINGE_DOF: usize = 3;
+pub(crate) const SLIDE_DOF: usize = 0;
 
 /// Upper bound for the motion of a sliding joint in one step, m.
 pub(crate) const SLIDE_SLACK: f64 = 0.01;
@@ -79,7 +79,7 @@ pub fn last_from_palm(arm: &Arm, hand: &Hand, defects: &ArmDefects) -> Isometry3
 }
 
 /// Returns the constructor of a joint of this kind.
-pub(crate) fn joint_of(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f64; 2]) -> GenericJoint {
+pub(crate) fn joint_builder(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f64; 2]) -> GenericJoint {
     match kind {
         JointKind::Turn => revolute,
         JointKind::Slide => prismatic,
@@ -88,15 +88,15 @@ pub(crate) fn joint_of(kind: JointKind) -> fn(&Isometry3<f64>, &Vector3<f64>, [f
 
 /// Returns the index of a joint's degree of freedom among its six coordinates: the rotation about its x, or the
 /// translation along it.
-pub(crate) fn coordinate(kind: JointKind) -> usize {
+pub(crate) fn dof_index(kind: JointKind) -> usize {
     match kind {
-        JointKind::Turn => HINGE,
-        JointKind::Slide => SLIDE,
+        JointKind::Turn => HINGE_DOF,
+        JointKind::Slide => SLIDE_DOF,
     }
 }
 
 /// Couples one joint of a multibody to another as `follower` specifies.
-pub(crate) fn couple(
+pub(crate) fn couple_joints(
     engine: &mut Engine,
     (leader, leader_kind): (MultibodyJointHandle, JointKind),
     (joint, kind): (MultibodyJointHandle, JointKind),
@@ -108,10 +108,10 @@ pub(crate) fn couple(
         multibody.add_dof_coupling(MultibodyDofCoupling {
             link1,
             dof1: 0,
-            axis1: coordinate(leader_kind),
+            axis1: dof_index(leader_kind),
             link2,
             dof2: 0,
-            axis2: coordinate(kind),
+            axis2: dof_index(kind),
             coeff: follower.multiplier,
             offset: follower.offset,
         });
@@ -228,7 +228,7 @@ impl RobotBody {
             wrist.push(engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies));
         }
         let world_from_palm = world_from_base * arm_poses[arm.last_link()] * last_from_palm;
-        let hand_poses = hand.tree.forward(&hand.open());
+        let hand_poses = hand.tree.forward(&hand.open_angles());
         let mut hand_links: Vec<RigidBodyHandle> = Vec::new();
         for (i, joint) in hand.tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&(world_from_palm * hand_poses[i]), &hand.masses[i]));
@@ -236,7 +236,7 @@ impl RobotBody {
                 Some(parent) => (hand_links[parent], joint.origin),
                 None => (palm_link, last_from_palm * joint.origin),
             };
-            let own = joint_of(joint.kind)(&origin, &joint.axis, [joint.lower, joint.upper]);
+            let own = joint_builder(joint.kind)(&origin, &joint.axis, [joint.lower, joint.upper]);
             joints.extend(engine.multibodies.insert(parent, body, own, true));
             covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i]), body, &mut engine.bodies));
             hand_links.push(body);
@@ -270,7 +270,7 @@ impl RobotBody {
         for follower in &hand.transmission.followers {
             let [leader, joint] =
                 [follower.leader, follower.joint].map(|own| (self.joints[arm.joints() + own], self.kinds[own]));
-            couple(engine, leader, joint, follower);
+            couple_joints(engine, leader, joint, follower);
         }
     }
 
@@ -289,10 +289,10 @@ impl RobotBody {
             let Some(link) = multibody.link(link) else { continue };
             let at = |axis: usize| link.joint.coords()[axis];
             if i < self.arm_joints {
-                state.arm[i] = at(HINGE);
+                state.arm[i] = at(HINGE_DOF);
                 state.arm_speed[i] = speeds[i];
             } else {
-                state.hand[i - self.arm_joints] = at(coordinate(self.kinds[i - self.arm_joints]));
+                state.hand[i - self.arm_joints] = at(dof_index(self.kinds[i - self.arm_joints]));
                 state.hand_speed[i - self.arm_joints] = speeds[i];
             }
         }
@@ -357,7 +357,7 @@ impl RobotBody {
                 if let Some((multibody, link)) = engine.multibodies.get_mut(self.joints[index])
                     && let Some(link) = multibody.link_mut(link)
                 {
-                    load_slide(&mut link.joint, state.hand[joint], torque, stiffness, SLIDE_SLACK);
+                    set_slide_force(&mut link.joint, state.hand[joint], torque, stiffness, SLIDE_SLACK);
                 }
             }
         }
@@ -368,26 +368,26 @@ impl RobotBody {
         if let Some((multibody, link)) = engine.multibodies.get_mut(self.joints[index])
             && let Some(link) = multibody.link_mut(link)
         {
-            load_hinge(&mut link.joint, angle, torque, stiffness, slack);
+            set_hinge_torque(&mut link.joint, angle, torque, stiffness, slack);
         }
     }
 }
 
 /// Sets a hinge's torque (N m) for the next step at its present `angle` (rad), with an implicit stiffness (N m/rad), by
-/// a spring with a shifted rest angle. Its limits are enabled only where the joint is beyond one or within `slack`
+/// a spring with a shifted rest angle. Its limits are enabled only where the joint is beyond one or within `slack_tensions`
 /// (rad) of it. Elsewhere they could not act, yet would cost the engine a solved constraint.
-pub(crate) fn load_hinge(joint: &mut MultibodyJoint, angle: f64, torque: f64, stiffness: f64, slack: f64) {
-    joint.set_spring(HINGE, stiffness, angle + torque / stiffness);
-    let limits = joint.data.limits[HINGE];
+pub(crate) fn set_hinge_torque(joint: &mut MultibodyJoint, angle: f64, torque: f64, stiffness: f64, slack: f64) {
+    joint.set_spring(HINGE_DOF, stiffness, angle + torque / stiffness);
+    let limits = joint.data.limits[HINGE_DOF];
     let close = angle < limits.min + slack || angle > limits.max - slack;
     joint.data.limit_axes.set(JointAxesMask::ANG_X, close);
 }
 
 /// Sets the force (N) on a slide for the next step at its present `position` (m), with an implicit stiffness (N/m),
-/// like [`load_hinge`] for a hinge.
-pub(crate) fn load_slide(joint: &mut MultibodyJoint, position: f64, force: f64, stiffness: f64, slack: f64) {
-    joint.set_spring(SLIDE, stiffness, position + force / stiffness);
-    let limits = joint.data.limits[SLIDE];
+/// like [`set_hinge_torque`] for a hinge.
+pub(crate) fn set_slide_force(joint: &mut MultibodyJoint, position: f64, force: f64, stiffness: f64, slack: f64) {
+    joint.set_spring(SLIDE_DOF, stiffness, position + force / stiffness);
+    let limits = joint.data.limits[SLIDE_DOF];
     let close = position < limits.min + slack || position > limits.max - slack;
     joint.data.limit_axes.set(JointAxesMask::LIN_X, close);
 }

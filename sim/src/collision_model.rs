@@ -7,14 +7,14 @@ use hand_model::hand_mechanism::{HandMechanism, SolidShape};
 use nalgebra::{Isometry3, Point3};
 use rapier3d_f64::geometry::{Capsule, ConvexPolyhedron};
 use rapier3d_f64::prelude::*;
-use world::geometry::Shape as Geometry;
+use world::geometry::ObjectShape as Geometry;
 
 use crate::body::groups;
 use crate::convert;
-use crate::stand::{joined, overlap};
+use crate::test_stand::{are_connected, penetration_depth};
 
 /// Collision group of the palm when the digits are separate multibodies.
-const PALM: Group = Group::GROUP_5;
+const PALM_GROUP: Group = Group::GROUP_5;
 
 /// Two links; `None` for the root.
 pub type LinkPair = (Option<usize>, Option<usize>);
@@ -24,7 +24,7 @@ pub type LinkPair = (Option<usize>, Option<usize>);
 pub struct CollisionModel {
     hand: Arc<HandMechanism>,
     shapes: Vec<(Option<usize>, Pose, SharedShape)>,
-    passing: BTreeSet<LinkPair>,
+    ignored_pairs: BTreeSet<LinkPair>,
 }
 
 impl CollisionModel {
@@ -34,8 +34,8 @@ impl CollisionModel {
             .iter()
             .filter_map(|solid| Some((solid.link, convert::pose(&solid.link_from_solid), shape(&solid.shape)?)))
             .collect::<Vec<_>>();
-        let passing = if hand.digits_apart { BTreeSet::new() } else { passing(&hand, &shapes) };
-        Self { hand, shapes, passing }
+        let passing = if hand.independent_digits { BTreeSet::new() } else { find_ignored_pairs(&hand, &shapes) };
+        Self { hand, shapes, ignored_pairs: passing }
     }
 
     pub fn hand(&self) -> &Arc<HandMechanism> {
@@ -44,24 +44,24 @@ impl CollisionModel {
 
     /// Returns the pairs of links that may pass through each other: no joint connects them, but their collision shapes
     /// already overlap at rest, as is common at the joints of published models.
-    pub fn passing(&self) -> &BTreeSet<LinkPair> {
-        &self.passing
+    pub fn ignored_pairs(&self) -> &BTreeSet<LinkPair> {
+        &self.ignored_pairs
     }
 
-    /// Returns the pairs of links that never collide: those connected by a joint, and [`Self::passing`].
-    pub(crate) fn excluded(&self) -> BTreeSet<LinkPair> {
+    /// Returns the pairs of links that never collide: those connected by a joint, and [`Self::ignored_pairs`].
+    pub(crate) fn excluded_pairs(&self) -> BTreeSet<LinkPair> {
         let joined = self.hand.tree.joints.iter().enumerate().map(|(link, joint)| (joint.parent, Some(link)));
-        self.passing.iter().copied().chain(joined).collect()
+        self.ignored_pairs.iter().copied().chain(joined).collect()
     }
 
     /// Builds the colliders of all shapes, with their links.
     pub(crate) fn colliders(&self) -> Vec<(Option<usize>, ColliderBuilder)> {
-        let (links, apart) = (groups::HAND | groups::OBJECT, self.hand.digits_apart);
+        let (links, apart) = (groups::HAND | groups::OBJECT, self.hand.independent_digits);
         // Links connected by a joint do not collide. Within a multibody the engine ensures that. Between the palm and
         // the first links of separate digits, which have roots of their own, collision groups do.
         let group = |link: &Option<usize>| match link.map(|link| self.hand.tree.joints[link].parent) {
-            None if apart => (PALM, links),
-            Some(Some(_)) if apart => (groups::HAND, links | PALM),
+            None if apart => (PALM_GROUP, links),
+            Some(Some(_)) if apart => (groups::HAND, links | PALM_GROUP),
             _ => (groups::HAND, links),
         };
         let collider = |(link, pose, shape): &(Option<usize>, Pose, SharedShape)| {
@@ -85,7 +85,7 @@ impl CollisionModel {
         let mut triangles = Vec::new();
         for solid in &self.hand.solids {
             let pose = solid.link.map_or(Isometry3::identity(), |link| root_from_link[link]) * solid.link_from_solid;
-            for (vertices, indices) in surface(&solid.shape) {
+            for (vertices, indices) in triangulate(&solid.shape) {
                 let place = |index: u32| pose * Point3::from(convert::to_vector(vertices[index as usize]));
                 triangles.extend(indices.iter().map(|corners| corners.map(place)));
             }
@@ -94,8 +94,8 @@ impl CollisionModel {
     }
 }
 
-fn passing(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
-    let links = hand.tree.forward(&hand.rest());
+fn find_ignored_pairs(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
+    let links = hand.tree.forward(&hand.rest_coordinates());
     let place = |(link, pose, _): &(Option<usize>, Pose, SharedShape)| match link {
         Some(link) => convert::pose(&links[*link]) * *pose,
         None => *pose,
@@ -104,8 +104,8 @@ fn passing(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) 
     for (n, one) in shapes.iter().enumerate() {
         for other in &shapes[n + 1..] {
             let pair = (one.0.min(other.0), one.0.max(other.0));
-            let known = joined(&hand.tree, one.0, other.0) || passing.contains(&pair);
-            if !known && overlap(&place(one), &*one.2, &place(other), &*other.2) > 0.0 {
+            let known = are_connected(&hand.tree, one.0, other.0) || passing.contains(&pair);
+            if !known && penetration_depth(&place(one), &*one.2, &place(other), &*other.2) > 0.0 {
                 passing.insert(pair);
             }
         }
@@ -120,7 +120,7 @@ fn capsule(radius: f64, half: f64) -> Capsule {
 
 /// Computes the vertices of the convex hull of a mesh's points; empty if they span no volume.
 pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
-    surface(&SolidShape::Hull(points.to_vec()))
+    triangulate(&SolidShape::Hull(points.to_vec()))
         .into_iter()
         .flat_map(|(vertices, _)| vertices)
         .map(|vertex| Point3::from(convert::to_vector(vertex)))
@@ -128,22 +128,22 @@ pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
 }
 
 /// Triangulates a shape's surface.
-fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
-    const ROUND: u32 = 20;
+fn triangulate(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
+    const ROUND_SEGMENTS: u32 = 20;
     match shape {
         SolidShape::Cuboid(half) => vec![Cuboid::new(convert::vector(half)).to_trimesh()],
         SolidShape::RoundedCuboid(half, radius) => {
             let (points, triangles, _) = Geometry::Cuboid { half: *half, radius: *radius }.triangles();
             vec![(points.iter().map(convert::point).collect(), triangles)]
         }
-        SolidShape::Sphere(radius) => vec![Ball::new(*radius).to_trimesh(ROUND, ROUND)],
+        SolidShape::Sphere(radius) => vec![Ball::new(*radius).to_trimesh(ROUND_SEGMENTS, ROUND_SEGMENTS)],
         SolidShape::Cylinder(radius, half) => {
-            let (vertices, triangles) = Cylinder::new(*half, *radius).to_trimesh(ROUND);
+            let (vertices, triangles) = Cylinder::new(*half, *radius).to_trimesh(ROUND_SEGMENTS);
             let upright = Rotation::from_rotation_arc(Vector::Y, Vector::Z);
             vec![(vertices.into_iter().map(|vertex| upright * vertex).collect(), triangles)]
         }
         SolidShape::Capsule(radius, half) => {
-            let (vertices, triangles) = capsule(*radius, *half).to_trimesh(ROUND, ROUND);
+            let (vertices, triangles) = capsule(*radius, *half).to_trimesh(ROUND_SEGMENTS, ROUND_SEGMENTS);
             vec![(vertices, triangles)]
         }
         SolidShape::Hull(points) => {

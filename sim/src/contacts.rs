@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 use rapier3d_f64::prelude::*;
 
 use crate::engine::Engine;
-use crate::loaded_contacts::loaded;
+use crate::loaded_contacts::loaded_points;
 
 /// One contact point of a collider.
 #[derive(Debug, Clone, Copy)]
@@ -26,9 +26,9 @@ pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoin
     for pair in engine.narrow_phase.contact_pairs_with(collider) {
         let first = pair.collider1 == collider;
         let other = if first { pair.collider2 } else { pair.collider1 };
-        found.extend(loaded(pair, &engine.bodies).map(|at| ContactPoint {
+        found.extend(loaded_points(pair, &engine.bodies).map(|at| ContactPoint {
             other,
-            point: at.middle.into(),
+            point: at.point.into(),
             normal: at.normal * if first { 1.0 } else { -1.0 },
             force: at.data.impulse / dt,
         }));

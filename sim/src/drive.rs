@@ -2,7 +2,7 @@
 
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::transmission::{Crossing, SPANS};
+use hand_model::transmission::{Crossing, MAX_SPANS};
 use hand_model::{ActuatorVector, DigitVector, Hand, HandVector};
 
 use crate::servo::ServoModel;
@@ -10,10 +10,10 @@ use crate::servo::ServoModel;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
 pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 
-/// Default state of a guide ([`CableFriction::slid`]) whose cable was pulled in and then came to rest. Set by hand:
+/// Default state of a guide ([`CableFriction::next_state`]) whose cable was pulled in and then came to rest. Set by hand:
 /// with it 30 of 30 planned grasps that hold from their own first grasp also hold when started from its posture; with 0
 /// and 1 it is 26 and 27.
-const AT_REST: f64 = 0.5;
+const REST_GUIDE_STATE: f64 = 0.5;
 
 /// Load on a finger joint during one physics step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -30,9 +30,9 @@ pub struct HandDrive {
     servos: Vec<ServoModel>,
     /// Guide friction of each cable.
     friction: Vec<CableFriction>,
-    slides: DigitVector<[f64; SPANS]>,
+    guide_states: DigitVector<[f64; MAX_SPANS]>,
     /// Length of cable that each spool has released, m: by slip, or more than the whole cable after a break.
-    let_go: DigitVector,
+    released_length: DigitVector,
     /// Cable tensions at the spools in the last step, N.
     pub tensions: DigitVector,
 }
@@ -42,21 +42,21 @@ impl HandDrive {
     pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
             servos: hand.servos.iter().map(|servo| ServoModel::new(*servo, losses.backlash)).collect(),
-            friction: (0..hand.cables.len()).map(|n| hand.guides(n, &losses.friction)).collect(),
-            slides: hand.each_digit(|_| [0.0; SPANS]),
-            let_go: hand.slack(),
-            tensions: hand.slack(),
+            friction: (0..hand.cables.len()).map(|n| hand.cable_guide_friction(n, &losses.friction)).collect(),
+            guide_states: hand.each_digit(|_| [0.0; MAX_SPANS]),
+            released_length: hand.slack_tensions(),
+            tensions: hand.slack_tensions(),
         }
     }
 
-    /// Sets the servos to these angles (rad), and the guides of wound cables to [`AT_REST`].
+    /// Sets the servos to these angles (rad), and the guides of wound cables to [`REST_GUIDE_STATE`].
     #[must_use]
-    pub fn wound(mut self, angles: &ActuatorVector) -> Self {
+    pub fn with_angles(mut self, angles: &ActuatorVector) -> Self {
         for (servo, angle) in self.servos.iter_mut().zip(angles) {
             servo.angle = *angle;
         }
-        for (slides, angle) in self.slides.iter_mut().zip(angles) {
-            *slides = [if *angle > 0.0 { AT_REST } else { 0.0 }; SPANS];
+        for (slides, angle) in self.guide_states.iter_mut().zip(angles) {
+            *slides = [if *angle > 0.0 { REST_GUIDE_STATE } else { 0.0 }; MAX_SPANS];
         }
         self
     }
@@ -74,8 +74,8 @@ impl HandDrive {
     }
 
     /// Releases `length` (m) more of cable `n` from its spool.
-    pub fn let_go(&mut self, n: usize, length: f64) {
-        self.let_go[n] += length;
+    pub fn release_cable(&mut self, n: usize, length: f64) {
+        self.released_length[n] += length;
     }
 
     /// Scales the torque of servo `n` by `factor` from now on.
@@ -84,7 +84,7 @@ impl HandDrive {
     }
 
     /// Sets each servo to the measured angle and speed.
-    pub fn follow(&mut self, measured: &[ServoState]) {
+    pub fn set_measured(&mut self, measured: &[ServoState]) {
         for (servo, measured) in self.servos.iter_mut().zip(measured) {
             (servo.angle, servo.speed) = (measured.position, measured.velocity);
         }
@@ -96,7 +96,8 @@ impl HandDrive {
         for (n, path) in transmission.cables.iter().enumerate() {
             let excursion = path.excursion(q);
             let rate = path.excursion_rate(q, qd);
-            self.tensions[n] = self.servos[n].step_cable(&hand.cables[n], excursion + self.let_go[n], rate, dt);
+            self.tensions[n] =
+                self.servos[n].step_cable(&hand.cables[n], excursion + self.released_length[n], rate, dt);
         }
         let spans = self.span_tensions(hand, q, qd, dt);
         let torques = transmission.span_torques(q, spans.into_iter());
@@ -116,17 +117,17 @@ impl HandDrive {
     }
 
     /// Computes the tension of every span, N, after the guides' friction has followed the cables' motion.
-    fn span_tensions(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> DigitVector<[f64; SPANS]> {
+    fn span_tensions(&mut self, hand: &Hand, q: &[f64], qd: &[f64], dt: f64) -> DigitVector<[f64; MAX_SPANS]> {
         hand.each_digit(|n| {
             let friction = &self.friction[n];
             if friction.coefficient == 0.0 {
-                return [self.tensions[n]; SPANS];
+                return [self.tensions[n]; MAX_SPANS];
             }
             let path = &hand.transmission.cables[n];
-            for (state, speed) in self.slides[n].iter_mut().zip(path.sliding(q, qd)) {
-                *state = friction.slid(*state, speed * dt);
+            for (state, speed) in self.guide_states[n].iter_mut().zip(path.sliding_velocities(q, qd)) {
+                *state = friction.next_state(*state, speed * dt);
             }
-            path.span_tensions(q, self.tensions[n], friction, &self.slides[n])
+            path.span_tensions(q, self.tensions[n], friction, &self.guide_states[n])
         })
     }
 
@@ -135,7 +136,7 @@ impl HandDrive {
         let last = self.servos.len() - 1;
         let ratio = hand.servos[last].gear_ratio_opposition;
         let servo = &mut self.servos[last];
-        let twist = servo.beyond_play(servo.angle / ratio - q, ratio);
+        let twist = servo.beyond_backlash(servo.angle / ratio - q, ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         servo.step_shaft(torque / ratio, dt);
         let spring = hand.transmission.spring_torque(joint, q);

@@ -9,8 +9,8 @@ use hand_model::GRAVITY;
 use rapier3d_f64::prelude::*;
 use world::physics::{self, Physics};
 
+use crate::friction_anchor::FrictionAnchors;
 use crate::gel::SoftCovers;
-use crate::stick::Sticking;
 
 /// Length scale by which the solver judges distances and speeds, m: the breadth of a hand.
 const LENGTH_UNIT: f64 = 0.1;
@@ -37,7 +37,7 @@ pub struct EngineSettings {
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
     /// Static friction model of the covers' contacts; without it they have the solver's friction, which creeps.
-    pub sticking: Option<physics::Sticking>,
+    pub bristle_friction: Option<physics::BristleFriction>,
 }
 
 impl Default for EngineSettings {
@@ -51,7 +51,7 @@ impl Default for EngineSettings {
             contact_damping_ratio: contact.damping_ratio,
             table_friction: table.friction,
             rolling_resistance: table.rolling_resistance,
-            sticking: Some(sticking),
+            bristle_friction: Some(sticking),
         }
     }
 }
@@ -78,22 +78,22 @@ pub struct Engine {
     ccd: CCDSolver,
     /// Compliant covers; none if covers are rigid.
     pub soft_covers: Option<SoftCovers>,
-    sticking: Option<Sticking>,
-    passing: HashSet<(ColliderHandle, ColliderHandle)>,
+    friction_anchors: Option<FrictionAnchors>,
+    ignored_pairs: HashSet<(ColliderHandle, ColliderHandle)>,
 }
 
 /// Callbacks of the engine that filter and modify contacts.
 struct Hooks<'a> {
     soft_covers: Option<&'a SoftCovers>,
-    sticking: Option<&'a Sticking>,
+    sticking: Option<&'a FrictionAnchors>,
     dt: f64,
-    passing: &'a HashSet<(ColliderHandle, ColliderHandle)>,
+    ignored_pairs: &'a HashSet<(ColliderHandle, ColliderHandle)>,
 }
 
 impl PhysicsHooks for Hooks<'_> {
     fn filter_contact_pair(&self, context: &PairFilterContext) -> Option<SolverFlags> {
         let (one, two) = (context.collider1, context.collider2);
-        let passes = self.passing.contains(&(one, two)) || self.passing.contains(&(two, one));
+        let passes = self.ignored_pairs.contains(&(one, two)) || self.ignored_pairs.contains(&(two, one));
         (!passes).then(SolverFlags::default)
     }
 
@@ -137,8 +137,8 @@ impl Engine {
             soft_bodies: SoftBodySet::new(),
             ccd: CCDSolver::new(),
             soft_covers: None,
-            sticking: settings.sticking.map(Sticking::new),
-            passing: HashSet::new(),
+            friction_anchors: settings.bristle_friction.map(FrictionAnchors::new),
+            ignored_pairs: HashSet::new(),
         }
     }
 
@@ -150,12 +150,12 @@ impl Engine {
     }
 
     /// Lets two colliders pass through each other, regardless of their groups.
-    pub fn let_pass(&mut self, one: ColliderHandle, two: ColliderHandle) {
+    pub fn ignore_collisions(&mut self, one: ColliderHandle, two: ColliderHandle) {
         for handle in [one, two] {
             let collider = &mut self.colliders[handle];
             collider.set_active_hooks(collider.active_hooks() | ActiveHooks::FILTER_CONTACT_PAIRS);
         }
-        self.passing.insert((one, two));
+        self.ignored_pairs.insert((one, two));
     }
 
     /// Removes a body and its colliders from the world.
@@ -173,8 +173,8 @@ impl Engine {
 
     /// Advances the world by one time step under gravity.
     pub fn step(&mut self) {
-        let (soft_covers, sticking, dt) = (self.soft_covers.as_ref(), self.sticking.as_ref(), self.settings.dt);
-        let hooks = Hooks { soft_covers, sticking, dt, passing: &self.passing };
+        let (soft_covers, sticking, dt) = (self.soft_covers.as_ref(), self.friction_anchors.as_ref(), self.settings.dt);
+        let hooks = Hooks { soft_covers, sticking, dt, ignored_pairs: &self.ignored_pairs };
         self.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -193,7 +193,7 @@ impl Engine {
         if let Some(covers) = &mut self.soft_covers {
             covers.relax(self.settings.dt, &self.narrow_phase, &self.colliders, &self.bodies);
         }
-        if let Some(sticking) = &mut self.sticking {
+        if let Some(sticking) = &mut self.friction_anchors {
             sticking.follow(&self.narrow_phase, &self.colliders, &self.bodies);
         }
     }
@@ -217,8 +217,8 @@ impl Clone for Engine {
             soft_bodies: self.soft_bodies.clone(),
             ccd: self.ccd.clone(),
             soft_covers: self.soft_covers.clone(),
-            sticking: self.sticking.clone(),
-            passing: self.passing.clone(),
+            friction_anchors: self.friction_anchors.clone(),
+            ignored_pairs: self.ignored_pairs.clone(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Compliant covers: an object sinks into a cover as far as the gel yields under the force between them.
 //!
 //! The engine's contacts are rigid. This module shifts them: a cover and an object count as touching only when the
-//! object is already [`SoftCovers::sink`] deep in the cover, so that the force itself remains the solver's. The depth
+//! object is already [`SoftCovers::penetration`] deep in the cover, so that the force itself remains the solver's. The depth
 //! follows from the pressure law and the shapes around the contact, which are those from which a pad's image is made:
 //! the gel bears the sum of the pressures under the object's penetration ([`PressCurve`]). It approaches that depth
 //! with a relaxation time.
@@ -12,67 +12,67 @@ use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use plant::Gel;
+use plant::GelViscoelasticity;
 use rapier3d_f64::prelude::*;
-use tactile_optics::Foundation;
-use world::geometry::Shape;
+use tactile_optics::GelFoundation;
+use world::geometry::ObjectShape;
 use world::objects::ObjectModel;
 
 use crate::convert;
-use crate::loaded_contacts::loaded;
-use crate::press_curve::{Gap, PressCurve, Surface};
+use crate::loaded_contacts::loaded_points;
+use crate::press_curve::{PressCurve, PressedSurface, SurfaceGap};
 
 /// A curve stays valid while the object has turned by less than this relative to the cover, rad.
-const SAME_TURN: f64 = 0.02;
+const CURVE_ROTATION_TOLERANCE: f64 = 0.02;
 /// A curve stays valid while the centre of its contact has moved by less than this, m.
-const SAME_PLACE: f64 = 5e-4;
+const CURVE_POSITION_TOLERANCE: f64 = 5e-4;
 /// A curve stays valid while the force is within this factor of the one for which it was computed, or while both are
 /// below the second value (N).
-const SAME_FORCE: (f64, f64) = (2.0, 0.1);
+const CURVE_FORCE_TOLERANCE: (f64, f64) = (2.0, 0.1);
 /// Smallest number of steps between two curves of a contact.
-const EVERY: u32 = 4;
+const MIN_CURVE_INTERVAL: u32 = 4;
 /// Smallest cosine between the normals of a contact and of the pad on which it lies.
-const FACING: f64 = 0.8;
+const MIN_PAD_COSINE: f64 = 0.8;
 /// Smallest fraction of a step's relaxation for a contact with a fixed object; the contact begins with it.
-const LEAST_SHARE: f64 = 0.02;
+const MIN_RELAXATION_SHARE: f64 = 0.02;
 /// Depth that counts as zero, m.
-const NOTHING: f64 = 1e-7;
+const ZERO_DEPTH: f64 = 1e-7;
 
 /// A cover with a gel surface.
 #[derive(Debug, Clone)]
 struct SoftCover {
     collider: ColliderHandle,
     /// The cover as a solid, in the cover frame.
-    solid: Shape,
+    solid: ObjectShape,
     /// The cover's pads, with `pad_from_cover`.
     pads: Vec<(Pad, Isometry3<f64>)>,
 }
 
 impl SoftCover {
-    /// Returns the surface around `middle`, where the normal is `out`, and `cover_from_frame` of that surface's frame:
+    /// Returns the surface around `point`, where the normal is `out`, and `cover_from_frame` of that surface's frame:
     /// that of a pad if there is one.
-    fn surface(&self, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Surface<'_>, Isometry3<f64>) {
+    fn surface(&self, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (PressedSurface<'_>, Isometry3<f64>) {
         let pressed = self.pads.iter().find(|(pad, pad_from_cover)| {
             let at = pad_from_cover * middle;
-            (pad_from_cover * out.as_ref()).z > FACING && at.x.abs() < 0.5 * pad.w && at.y.abs() < 0.5 * pad.h
+            (pad_from_cover * out.as_ref()).z > MIN_PAD_COSINE && at.x.abs() < 0.5 * pad.w && at.y.abs() < 0.5 * pad.h
         });
         match pressed {
-            Some((pad, pad_from_cover)) => (Surface::Pad(pad), pad_from_cover.inverse()),
-            None => Surface::around(&self.solid, middle, out),
+            Some((pad, pad_from_cover)) => (PressedSurface::Pad(pad), pad_from_cover.inverse()),
+            None => PressedSurface::around(&self.solid, middle, out),
         }
     }
 }
 
 /// An object that may press into covers.
 #[derive(Debug, Clone)]
-struct Presser {
+struct PressingObject {
     collider: ColliderHandle,
     model: Arc<ObjectModel>,
 }
 
 /// Load of an object on a cover in the last step.
 #[derive(Debug, Clone, Copy, Default)]
-struct Load {
+struct CoverLoad {
     /// Sum of the normal forces, N.
     force: f64,
     /// Centre of the contact, world, m.
@@ -85,39 +85,39 @@ struct Load {
 
 /// The state of one contact between a cover and an object.
 #[derive(Debug, Clone)]
-struct Contact {
+struct GelContact {
     cover: usize,
     object: usize,
     /// Depth of the object in the cover at which the two count as touching, m.
-    sink: f64,
-    load: Load,
-    curve: Option<Shared>,
+    penetration: f64,
+    load: CoverLoad,
+    curve: Option<CachedCurve>,
     /// Number of steps since `curve` was computed.
     age: u32,
     /// For a contact with a fixed object: the last relaxation fraction, and the last depth error (m).
     last: (f64, f64),
 }
 
-impl Contact {
+impl GelContact {
     /// Computes the relaxation fraction for a depth error `off` (m), at most `share`. A fixed object does not give way:
     /// force and sink are coupled so strongly that the full fraction makes the contact chatter. Hence the fraction is
     /// halved when the error has changed sign since the last step, and grows while it has not (the rule of resilient
     /// propagation, Riedmiller and Braun 1993).
-    fn damped(&mut self, off: f64, share: f64) -> f64 {
+    fn relaxation_share(&mut self, off: f64, share: f64) -> f64 {
         let (before, way) = self.last;
         let next = match off * way {
-            turned if turned < -NOTHING * NOTHING => 0.5 * before,
-            same if same > NOTHING * NOTHING => 1.1 * before,
+            turned if turned < -ZERO_DEPTH * ZERO_DEPTH => 0.5 * before,
+            same if same > ZERO_DEPTH * ZERO_DEPTH => 1.1 * before,
             _ => before,
         };
-        self.last = (next.clamp(LEAST_SHARE * share, share), off);
+        self.last = (next.clamp(MIN_RELAXATION_SHARE * share, share), off);
         self.last.0
     }
 }
 
 /// A curve with the conditions for which it was computed.
 #[derive(Debug, Clone)]
-struct Shared {
+struct CachedCurve {
     curve: Arc<PressCurve>,
     object_from_cover: Isometry3<f64>,
     middle: Point3<f64>,
@@ -126,9 +126,9 @@ struct Shared {
 
 /// Response of a cover to one object.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Give {
+pub struct CoverResponse {
     /// Depth of the object in the cover, m.
-    pub sink: f64,
+    pub penetration: f64,
     /// Displacement of the surface along the friction force on it, world, m.
     pub shear: Vector3<f64>,
     /// Normal force, N.
@@ -138,13 +138,13 @@ pub struct Give {
 /// Compliant covers of a hand, and the contacts that press into them. A clone continues bit-exactly like the original.
 #[derive(Debug, Clone)]
 pub struct SoftCovers {
-    gel: Foundation,
+    gel: GelFoundation,
     relaxation: f64,
     shear: f64,
     covers: Vec<SoftCover>,
-    objects: Vec<Presser>,
+    objects: Vec<PressingObject>,
     /// Contacts, ordered by object and cover.
-    contacts: Vec<Contact>,
+    contacts: Vec<GelContact>,
 }
 
 impl SoftCovers {
@@ -152,7 +152,7 @@ impl SoftCovers {
     /// `objects` that may press into them.
     pub fn new(
         hand: &Hand,
-        effect: &Gel,
+        effect: &GelViscoelasticity,
         covers: impl Iterator<Item = (ColliderHandle, Option<usize>)>,
         objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>,
         colliders: &mut ColliderSet,
@@ -163,7 +163,7 @@ impl SoftCovers {
                     link.map_or(hand.palm_cover, |link| hand.covers[link]);
                 let pads = hand.pads.iter().filter(|pad| pad.link == link);
                 let pads = pads.map(|pad| (pad.clone(), pad.link_from_pad.inverse() * link_from_cover)).collect();
-                SoftCover { collider, solid: Shape::Cuboid { half, radius }, pads }
+                SoftCover { collider, solid: ObjectShape::Cuboid { half, radius }, pads }
             })
             .collect();
         for cover in &covers {
@@ -171,25 +171,29 @@ impl SoftCovers {
             collider.set_active_hooks(collider.active_hooks() | ActiveHooks::MODIFY_SOLVER_CONTACTS);
         }
         Self {
-            gel: Foundation::winkler(&hand.gel()),
+            gel: GelFoundation::winkler(&hand.gel()),
             relaxation: effect.relaxation,
             shear: effect.shear,
             covers,
-            objects: objects.map(|(collider, model)| Presser { collider, model }).collect(),
+            objects: objects.map(|(collider, model)| PressingObject { collider, model }).collect(),
             contacts: Vec::new(),
         }
     }
 
     /// Returns the response of the `cover`-th cover to the `object`-th object; `None` if they do not touch.
-    pub fn give(&self, cover: usize, object: usize) -> Option<Give> {
+    pub fn cover_response(&self, cover: usize, object: usize) -> Option<CoverResponse> {
         let at = self.contacts.iter().find(|contact| (contact.cover, contact.object) == (cover, object))?;
-        let compliance = if at.load.force > 0.0 { at.sink / at.load.force } else { 0.0 };
-        Some(Give { sink: at.sink, shear: at.load.friction * (self.shear * compliance), force: at.load.force })
+        let compliance = if at.load.force > 0.0 { at.penetration / at.load.force } else { 0.0 };
+        Some(CoverResponse {
+            penetration: at.penetration,
+            shear: at.load.friction * (self.shear * compliance),
+            force: at.load.force,
+        })
     }
 
     /// Replaces the objects that may press into the covers.
     pub fn replace_objects(&mut self, objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>) {
-        self.objects = objects.map(|(collider, model)| Presser { collider, model }).collect();
+        self.objects = objects.map(|(collider, model)| PressingObject { collider, model }).collect();
         self.contacts.clear();
     }
 
@@ -201,12 +205,13 @@ impl SoftCovers {
             for (cover, soft) in self.covers.iter().enumerate() {
                 let known = self.contacts.iter().position(|contact| (contact.cover, contact.object) == (cover, object));
                 let Some(pair) = narrow_phase.contact_pair(soft.collider, presser.collider) else { continue };
-                let load = load(pair, soft.collider, dt, bodies);
+                let load = contact_load(pair, soft.collider, dt, bodies);
                 if load.force <= 0.0 && known.is_none() {
                     continue;
                 }
-                let last = (LEAST_SHARE * share, 0.0);
-                let fresh = Contact { cover, object, sink: 0.0, load, curve: None, age: EVERY, last };
+                let last = (MIN_RELAXATION_SHARE * share, 0.0);
+                let fresh =
+                    GelContact { cover, object, penetration: 0.0, load, curve: None, age: MIN_CURVE_INTERVAL, last };
                 let mut contact = known.map_or(fresh, |at| self.contacts[at].clone());
                 contact.load = load;
                 self.renew_curve(&mut contact, colliders);
@@ -214,12 +219,12 @@ impl SoftCovers {
                     Some(shared) if load.force > 0.0 => shared.curve.depth(load.force),
                     _ => 0.0,
                 };
-                let off = depth - contact.sink;
+                let off = depth - contact.penetration;
                 let parent = colliders[presser.collider].parent();
                 let fastened = parent.is_some_and(|body| bodies[body].is_fixed());
-                let share = if fastened { contact.damped(off, share) } else { share };
-                contact.sink += share * off;
-                if contact.sink > NOTHING || load.force > 0.0 {
+                let share = if fastened { contact.relaxation_share(off, share) } else { share };
+                contact.penetration += share * off;
+                if contact.penetration > ZERO_DEPTH || load.force > 0.0 {
                     contacts.push(contact);
                 }
             }
@@ -228,9 +233,9 @@ impl SoftCovers {
     }
 
     /// Recomputes a contact's curve if it is out of date.
-    fn renew_curve(&self, contact: &mut Contact, colliders: &ColliderSet) {
+    fn renew_curve(&self, contact: &mut GelContact, colliders: &ColliderSet) {
         contact.age = contact.age.saturating_add(1);
-        if contact.load.force <= 0.0 || contact.age < EVERY {
+        if contact.load.force <= 0.0 || contact.age < MIN_CURVE_INTERVAL {
             return;
         }
         let (soft, presser) = (&self.covers[contact.cover], &self.objects[contact.object]);
@@ -241,9 +246,9 @@ impl SoftCovers {
         let force = contact.load.force;
         let good = contact.curve.as_ref().is_some_and(|shared| {
             let ratio = (force / shared.force).max(shared.force / force);
-            (shared.middle - middle).norm() < SAME_PLACE
-                && shared.object_from_cover.rotation.angle_to(&object_from_cover.rotation) < SAME_TURN
-                && (ratio < SAME_FORCE.0 || force.max(shared.force) < SAME_FORCE.1)
+            (shared.middle - middle).norm() < CURVE_POSITION_TOLERANCE
+                && shared.object_from_cover.rotation.angle_to(&object_from_cover.rotation) < CURVE_ROTATION_TOLERANCE
+                && (ratio < CURVE_FORCE_TOLERANCE.0 || force.max(shared.force) < CURVE_FORCE_TOLERANCE.1)
         });
         if good {
             return;
@@ -253,21 +258,21 @@ impl SoftCovers {
         let Some(out) = Unit::try_new(out, 1e-3) else { return };
         let (surface, cover_from_frame) = soft.surface(&middle, &out);
         let object_from_frame = object_from_cover * cover_from_frame;
-        let gap = Gap { surface, object: &presser.model.shape, object_from_frame };
-        if let Some(curve) = PressCurve::of(&gap, &self.gel, force) {
-            contact.curve = Some(Shared { curve: Arc::new(curve), object_from_cover, middle, force });
+        let gap = SurfaceGap { surface, object: &presser.model.shape, object_from_frame };
+        if let Some(curve) = PressCurve::from_gap(&gap, &self.gel, force) {
+            contact.curve = Some(CachedCurve { curve: Arc::new(curve), object_from_cover, middle, force });
         }
     }
 }
 
 /// Extracts the solver's load between a cover and an object.
-fn load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySet) -> Load {
+fn contact_load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySet) -> CoverLoad {
     let out = if pair.collider1 == cover { 1.0 } else { -1.0 };
-    let mut load = Load::default();
-    for at in loaded(pair, bodies) {
+    let mut load = CoverLoad::default();
+    for at in loaded_points(pair, bodies) {
         let force = at.data.impulse / dt;
         load.force += force;
-        load.middle += at.middle * force;
+        load.middle += at.point * force;
         load.out += at.normal * out * force;
         // The solver's tangent impulses are those of the second body on the first.
         load.friction += convert::to_vector(at.data.warmstart_tangent_world) * (out / dt);
@@ -285,7 +290,7 @@ impl PhysicsHooks for SoftCovers {
         let found = self.contacts.iter().find_map(|contact| {
             let (cover, object) = (self.covers[contact.cover].collider, self.objects[contact.object].collider);
             let first = (cover, object) == (one, two);
-            (first || (object, cover) == (one, two)).then_some((contact.sink, first))
+            (first || (object, cover) == (one, two)).then_some((contact.penetration, first))
         });
         let (Some((sink, cover_is_first)), Some(rigid)) = (found, context.rigid_mut()) else { return };
         let normal = *rigid.normal;

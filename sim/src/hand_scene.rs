@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use hand_model::hand_mechanism::{Feel, HandMechanism};
+use hand_model::hand_mechanism::{HandMechanism, JointDynamics};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use world::objects::ObjectModel;
@@ -18,18 +18,18 @@ use crate::convert;
 use crate::drive::{JointEffort, OPPOSITION_STIFFNESS};
 use crate::engine::EngineSettings;
 use crate::scene::{ObjectPlacement, insert_object};
-use crate::stand::{Linkage, Mechanism, Prop};
+use crate::test_stand::{Linkage, LinkageModel, Prop};
 
 /// Command of the hand: tensions of the actuators (N) and the opposition angle (rad).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pull {
+pub struct TensionCommand {
     /// Tensions of the actuators, N.
     pub tensions: Vec<f64>,
     /// Opposition angle, rad; unused by a hand without an opposition servo.
     pub opposition: f64,
 }
 
-impl Pull {
+impl TensionCommand {
     /// Creates a command with tensions (N) only.
     pub fn tensions(tensions: &[f64]) -> Self {
         Self { tensions: tensions.to_vec(), opposition: 0.0 }
@@ -38,7 +38,7 @@ impl Pull {
 
 /// A contact between hand and object.
 #[derive(Debug, Clone, Copy)]
-pub struct Touch {
+pub struct SceneContact {
     /// Link of the hand; `None` for the root.
     pub link: Option<usize>,
     /// Contact point, root frame, m.
@@ -59,16 +59,22 @@ pub struct HandScene {
 
 impl HandScene {
     /// Creates a scene with the hand's joints at `start` (rad or m) and no objects. Links collide with each other,
-    /// except for those connected by a joint and those in [`CollisionModel::passing`].
+    /// except for those connected by a joint and those in [`CollisionModel::ignored_pairs`].
     pub fn new(model: &CollisionModel, start: &[f64]) -> Self {
         let hand = model.hand();
-        let each = |value: fn(&Feel) -> f64| hand.feel.iter().map(value).collect::<Vec<f64>>();
+        let each = |value: fn(&JointDynamics) -> f64| hand.joint_dynamics.iter().map(value).collect::<Vec<f64>>();
         let (damping, armature) = (each(|feel| feel.damping), each(|feel| feel.armature));
         let (tree, masses) = (&hand.tree, &hand.masses);
-        let mechanism = Mechanism { tree, masses, damping: &damping, armature: &armature, apart: hand.digits_apart };
+        let mechanism = LinkageModel {
+            tree,
+            masses,
+            damping: &damping,
+            armature: &armature,
+            separate_roots: hand.independent_digits,
+        };
         let mut linkage = Linkage::new(EngineSettings::default(), &mechanism, model.colliders(), start);
-        for (one, two) in model.passing() {
-            linkage.let_pass(*one, *two);
+        for (one, two) in model.ignored_pairs() {
+            linkage.ignore_collisions(*one, *two);
         }
         for follower in &hand.followers {
             linkage.couple(follower);
@@ -78,14 +84,14 @@ impl HandScene {
     }
 
     /// Adds a floating object at `root_from_object`.
-    pub fn place(&mut self, object: &Arc<ObjectModel>, root_from_object: &Isometry3<f64>) {
+    pub fn add_object(&mut self, object: &Arc<ObjectModel>, root_from_object: &Isometry3<f64>) {
         let placement = ObjectPlacement { model: object.clone(), pose: *root_from_object };
         let (_, body, collider) = insert_object(self.linkage.engine_mut(), &placement);
         self.objects.push((body, collider));
     }
 
-    /// Adds a prop at `root_from_prop`, held in place until [`Self::release`].
-    pub fn put(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
+    /// Adds a prop at `root_from_prop`, held in place until [`Self::release_prop`].
+    pub fn add_prop(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
         self.objects.push(prop.insert(self.linkage.engine_mut(), root_from_prop));
     }
 
@@ -122,16 +128,16 @@ impl HandScene {
     }
 
     /// Advances one time step, with the hand pulling and `force` (N, root frame) on every object's centre of mass.
-    pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
+    pub fn step(&mut self, pull: &TensionCommand, force: &Vector3<f64>) {
         self.each_body(|body| {
             body.reset_forces(true);
             body.add_force(convert::vector(force), true);
         });
-        self.linkage.step(&efforts(&self.hand, self.linkage.angles(), pull));
+        self.linkage.step(&joint_efforts(&self.hand, self.linkage.angles(), pull));
     }
 
     /// Runs for `seconds` with the hand pulling.
-    pub fn run(&mut self, pull: &Pull, seconds: f64) {
+    pub fn run(&mut self, pull: &TensionCommand, seconds: f64) {
         let steps = (seconds / self.dt()).round() as usize;
         for _ in 0..steps {
             self.step(pull, &Vector3::zeros());
@@ -177,10 +183,10 @@ impl HandScene {
     }
 
     /// Returns the loaded contacts between hand and objects in the last step.
-    pub fn touches(&self) -> Vec<Touch> {
+    pub fn contacts(&self) -> Vec<SceneContact> {
         let contacts = self.objects.iter().flat_map(|(_, object)| contacts_of(self.linkage.engine(), *object));
         let touch = |contact: ContactPoint| {
-            Some(Touch {
+            Some(SceneContact {
                 link: self.linkage.cover_of(contact.other)?,
                 point: contact.point,
                 normal: UnitVector3::new_normalize(-contact.normal),
@@ -191,9 +197,9 @@ impl HandScene {
     }
 
     /// Sums the normal force of each moving link on the objects, N.
-    pub fn forces(&self) -> Vec<f64> {
+    pub fn link_forces(&self) -> Vec<f64> {
         let mut forces = vec![0.0; self.hand.tree.len()];
-        for touch in self.touches() {
+        for touch in self.contacts() {
             if let Some(link) = touch.link {
                 forces[link] += touch.force;
             }
@@ -214,20 +220,21 @@ impl HandScene {
 }
 
 /// Computes the effort of each joint under `pull` at `q` (rad or m).
-fn efforts(hand: &HandMechanism, q: &[f64], pull: &Pull) -> Vec<JointEffort> {
+fn joint_efforts(hand: &HandMechanism, q: &[f64], pull: &TensionCommand) -> Vec<JointEffort> {
     let torques = hand.torques(q, &pull.tensions).into_iter().enumerate();
     let effort = |(joint, torque): (usize, f64)| match hand.opposition {
         Some(servo) if servo.joint == joint => {
-            let torque = (OPPOSITION_STIFFNESS * (pull.opposition - q[joint])).clamp(-servo.limit, servo.limit);
+            let torque =
+                (OPPOSITION_STIFFNESS * (pull.opposition - q[joint])).clamp(-servo.max_torque, servo.max_torque);
             JointEffort { torque: torque - hand.spring_effort(joint, q[joint]), stiffness: OPPOSITION_STIFFNESS }
         }
-        _ => JointEffort { torque, stiffness: hand.feel[joint].spring },
+        _ => JointEffort { torque, stiffness: hand.joint_dynamics[joint].spring },
     };
     torques.map(effort).collect()
 }
 
 /// Computes the distance (m) and the angle (rad) between `a` and `b`.
-pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
+pub fn pose_difference(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
@@ -238,8 +245,8 @@ mod tests {
     use world::objects::ObjectSet;
 
     fn scene(hand: &Hand, object: &Arc<ObjectModel>, angles: &[f64]) -> HandScene {
-        let mut scene = HandScene::new(&CollisionModel::new(Arc::new(HandMechanism::of(hand, "hand"))), angles);
-        scene.place(object, &far_away());
+        let mut scene = HandScene::new(&CollisionModel::new(Arc::new(HandMechanism::from_hand(hand, "hand"))), angles);
+        scene.add_object(object, &far_away());
         scene
     }
 
@@ -253,7 +260,7 @@ mod tests {
         let hand = Hand::ftac();
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
         let mut scene = scene(&hand, &object, &hand.each_joint(|_| 0.1));
-        let pull = Pull { tensions: vec![0.0, 3.0, 0.0, 0.0, 0.0], opposition: 0.4 };
+        let pull = TensionCommand { tensions: vec![0.0, 3.0, 0.0, 0.0, 0.0], opposition: 0.4 };
         for _ in 0..1500 {
             scene.step(&pull, &Vector3::zeros());
         }
@@ -271,14 +278,14 @@ mod tests {
     fn a_free_object_accelerates() {
         let hand = Hand::ftac();
         let object = ObjectSet::standard().get("ball_45").expect("an object").clone();
-        let mut scene = scene(&hand, &object, &hand.open());
+        let mut scene = scene(&hand, &object, &hand.open_angles());
         scene.set_object_damping(0.0);
-        let pull = Pull::tensions(&hand.slack());
+        let pull = TensionCommand::tensions(&hand.slack_tensions());
         for _ in 0..240 {
             scene.step(&pull, &Vector3::new(0.1, 0.0, 0.0));
         }
         let expected = 0.1 / object.mass;
         assert!((scene.object_speed().0 - expected).abs() < 1e-3 * expected);
-        assert!(scene.touches().is_empty());
+        assert!(scene.contacts().is_empty());
     }
 }

@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::{SharedShape, Vector};
 use crate::convert;
 
 /// Distance by which a vertex that is not one of the four is moved back behind its face, m.
-const SET_BACK: f64 = 5e-5;
+const SET_BACK_DISTANCE: f64 = 5e-5;
 
 /// Computes the convex hull of `points` such that no face on which it could stand has more than four vertices. `None`
 /// if they span no volume.
@@ -30,7 +30,7 @@ pub fn standing_hull(points: &[Point3<f64>]) -> Option<SharedShape> {
         let corners = largest_quadrilateral(&outline, face.normal);
         for (n, &vertex) in vertices.iter().enumerate() {
             if !corners.contains(&n) {
-                moved[vertex as usize] -= face.normal * SET_BACK;
+                moved[vertex as usize] -= face.normal * SET_BACK_DISTANCE;
             }
         }
     }

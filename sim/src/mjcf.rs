@@ -9,35 +9,35 @@
 use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
-use hand_model::hand_mechanism::{HandMechanism, Pull as HandPull, SolidShape};
+use hand_model::hand_mechanism::{CableActuator as HandPull, HandMechanism, SolidShape};
 use hand_model::kinematics::{Joint, JointKind};
-use hand_model::transmission::{Follower, Guides, Lever};
+use hand_model::transmission::{Follower, GuidePair, Lever};
 use hand_model::{Arm, ArmVector, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 use world::physics::Physics;
 
 use crate::body::last_from_palm;
 use crate::collision_model::{CollisionModel, hull};
 use crate::drive::OPPOSITION_STIFFNESS;
-use crate::hand_scene::Pull;
+use crate::hand_scene::TensionCommand;
 use crate::hull::standing_hull;
-use crate::stand::Prop;
+use crate::test_stand::Prop;
 
 /// Compiler options of every scene. Inertias of published models often violate the triangle inequality, which MuJoCo
 /// requires.
-const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"true\"/>\n";
+const COMPILER_ELEMENT: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"true\"/>\n";
 /// Default contact properties. The hand has no friction of its own: that of a pair is the prop's.
-const DEFAULTS: &str =
+const DEFAULT_ELEMENT: &str =
     "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
 /// Smallest volume of a convex part, m3.
-const LEAST_VOLUME: f64 = 1e-12;
+const MIN_VOLUME: f64 = 1e-12;
 /// Number of subdivisions of a cover's rounding in its mesh.
-const ROUNDING: usize = 4;
+const ROUNDING_SUBDIVISIONS: usize = 4;
 
 /// The scene to export.
-pub struct Scene<'a> {
+pub struct MjcfScene<'a> {
     /// The hand; its root frame is the world frame if there is no arm.
     pub hand: &'a CollisionModel,
     /// Optional arm at the world's origin with its posture (rad), carrying the hand, and a table at z = 0.
@@ -45,7 +45,7 @@ pub struct Scene<'a> {
     /// Loose props with their poses in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
     /// Initial coordinates of the hand's joints (rad or m), and the initial command.
-    pub start: Option<(&'a [f64], &'a Pull)>,
+    pub start: Option<(&'a [f64], &'a TensionCommand)>,
     /// Gravity, world, m/s2.
     pub gravity: Vector3<f64>,
     /// Time step, s.
@@ -53,7 +53,7 @@ pub struct Scene<'a> {
 }
 
 /// Writes the scene as MJCF text.
-pub fn write(scene: &Scene<'_>) -> String {
+pub fn write(scene: &MjcfScene<'_>) -> String {
     let hand = &**scene.hand.hand();
     let mut bodies = String::new();
     let mut inside = Links { hand, assets: String::new(), bodies: String::new(), order: Vec::new() };
@@ -69,7 +69,7 @@ pub fn write(scene: &Scene<'_>) -> String {
                 Physics::standard().table.friction
             );
             arm_bodies(&mut bodies, arm);
-            let mount = placed(&last_from_palm(arm, own, &ArmDefects::default()));
+            let mount = pose_attributes(&last_from_palm(arm, own, &ArmDefects::default()));
             let _ = writeln!(bodies, "<body name=\"{name}\" gravcomp=\"1\" {mount}>\n{root}");
             bodies += &"</body>\n".repeat(arm.joints() + 1);
         }
@@ -77,7 +77,7 @@ pub fn write(scene: &Scene<'_>) -> String {
     for (prop, pose) in scene.props {
         prop_body(&mut assets, &mut bodies, prop, pose);
     }
-    let mut out = format!("<mujoco model=\"{}\">\n{COMPILER}", escaped(&hand.name));
+    let mut out = format!("<mujoco model=\"{}\">\n{COMPILER_ELEMENT}", escaped(&hand.name));
     out += &option(scene.dt, &scene.gravity);
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
     out += &contacts(scene.hand);
@@ -94,28 +94,35 @@ pub fn write(scene: &Scene<'_>) -> String {
 /// Writes the simulation options and the default properties of shapes.
 fn option(dt: f64, gravity: &Vector3<f64>) -> String {
     format!(
-        "  <option timestep=\"{dt}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>\n{DEFAULTS}",
-        triple(gravity)
+        "  <option timestep=\"{dt}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>\n{DEFAULT_ELEMENT}",
+        vector_text(gravity)
     )
 }
 
-fn triple(v: &Vector3<f64>) -> String {
+fn vector_text(v: &Vector3<f64>) -> String {
     format!("{:.9} {:.9} {:.9}", v.x, v.y, v.z)
 }
 
-fn placed(pose: &Isometry3<f64>) -> String {
+fn pose_attributes(pose: &Isometry3<f64>) -> String {
     let q = pose.rotation;
-    format!("pos=\"{}\" quat=\"{:.12} {:.12} {:.12} {:.12}\"", triple(&pose.translation.vector), q.w, q.i, q.j, q.k)
+    format!(
+        "pos=\"{}\" quat=\"{:.12} {:.12} {:.12} {:.12}\"",
+        vector_text(&pose.translation.vector),
+        q.w,
+        q.i,
+        q.j,
+        q.k
+    )
 }
 
 /// True if the hull of the points is a valid body. MuJoCo refuses a whole scene for one part without vertices or
 /// volume.
 fn is_solid(points: &[Point3<f64>]) -> bool {
-    points.len() > 3 && standing_hull(points).is_some_and(|hull| hull.mass_properties(1.0).mass() > LEAST_VOLUME)
+    points.len() > 3 && standing_hull(points).is_some_and(|hull| hull.mass_properties(1.0).mass() > MIN_VOLUME)
 }
 
 fn mesh(out: &mut String, name: &str, points: &[Point3<f64>]) {
-    let vertices: Vec<String> = points.iter().map(|point| triple(&point.coords)).collect();
+    let vertices: Vec<String> = points.iter().map(|point| vector_text(&point.coords)).collect();
     let _ = writeln!(out, "    <mesh name=\"{name}\" inertia=\"convex\" vertex=\"{}\"/>", vertices.join(" "));
 }
 
@@ -125,9 +132,9 @@ fn cover_points(cover: &CoverShape) -> Vec<Point3<f64>> {
     let mut points = Vec::new();
     for corner in 0..8 {
         let sign = Vector3::from_fn(|axis, _| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 });
-        for i in 0..=ROUNDING {
-            for j in 0..=ROUNDING {
-                let quarter = |n: usize| std::f64::consts::FRAC_PI_2 * n as f64 / ROUNDING as f64;
+        for i in 0..=ROUNDING_SUBDIVISIONS {
+            for j in 0..=ROUNDING_SUBDIVISIONS {
+                let quarter = |n: usize| std::f64::consts::FRAC_PI_2 * n as f64 / ROUNDING_SUBDIVISIONS as f64;
                 let (tilt, turn) = (quarter(i), quarter(j));
                 if i == 0 && j > 0 {
                     continue;
@@ -146,7 +153,7 @@ fn inertial(out: &mut String, mass: &MassProperties) {
     let _ = writeln!(
         out,
         "<inertial pos=\"{}\" mass=\"{:.9}\" fullinertia=\"{:.9e} {:.9e} {:.9e} {:.9e} {:.9e} {:.9e}\"/>",
-        triple(&mass.com.coords),
+        vector_text(&mass.com.coords),
         mass.mass,
         i[(0, 0)],
         i[(1, 1)],
@@ -182,10 +189,10 @@ impl Links<'_> {
         if let Some(mass) = &self.hand.root_mass {
             inertial(&mut self.bodies, mass);
         }
-        self.inside(None);
+        self.link_contents(None);
     }
 
-    fn inside(&mut self, link: Option<usize>) {
+    fn link_contents(&mut self, link: Option<usize>) {
         self.solids(link);
         self.guides(link);
         let joints = self.hand.tree.joints.iter().enumerate();
@@ -195,23 +202,23 @@ impl Links<'_> {
     /// Writes a link with everything that it carries; its joint is appended to the order.
     fn link(&mut self, link: usize) {
         let (hand, out) = (self.hand, &mut self.bodies);
-        let (joint, feel, rest) = (&hand.tree.joints[link], hand.feel[link], hand.spring_rest[link]);
+        let (joint, feel, rest) = (&hand.tree.joints[link], hand.joint_dynamics[link], hand.spring_rest[link]);
         let name = link_name(hand, Some(link));
         self.order.push(link);
-        let _ = writeln!(out, "<body name=\"{name}\" {}>", placed(&joint.origin));
+        let _ = writeln!(out, "<body name=\"{name}\" {}>", pose_attributes(&joint.origin));
         inertial(out, &hand.masses[link]);
         let kind = if joint.kind == JointKind::Slide { "slide" } else { "hinge" };
         let reference = if rest == 0.0 { String::new() } else { format!(" springref=\"{rest}\"") };
         let _ = writeln!(
             out,
             "<joint name=\"{name}\" type=\"{kind}\" axis=\"{}\" {} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"{reference}/>",
-            triple(&joint.axis),
+            vector_text(&joint.axis),
             range(joint),
             feel.damping,
             feel.armature,
             feel.spring
         );
-        self.inside(Some(link));
+        self.link_contents(Some(link));
         self.bodies.push_str("</body>\n");
     }
 
@@ -219,12 +226,12 @@ impl Links<'_> {
     fn solids(&mut self, link: Option<usize>) {
         let (assets, out) = (&mut self.assets, &mut self.bodies);
         for (n, solid) in self.hand.solids.iter().enumerate().filter(|(_, solid)| solid.link == link) {
-            let pose = placed(&solid.link_from_solid);
+            let pose = pose_attributes(&solid.link_from_solid);
             let _ = match &solid.shape {
-                SolidShape::Cuboid(half) => writeln!(out, "<geom type=\"box\" size=\"{}\" {pose}/>", triple(half)),
+                SolidShape::Cuboid(half) => writeln!(out, "<geom type=\"box\" size=\"{}\" {pose}/>", vector_text(half)),
                 SolidShape::RoundedCuboid(half, radius) => {
                     let cover = CoverShape { link_from_cover: solid.link_from_solid, half: *half, radius: *radius };
-                    let name = escaped(&solid.owner);
+                    let name = escaped(&solid.link_name);
                     mesh(assets, &name, &cover_points(&cover));
                     writeln!(out, "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\"/>")
                 }
@@ -249,15 +256,15 @@ impl Links<'_> {
 
     /// Writes the guide points on `link`: the one after its joint, and those before the joints of its children.
     fn guides(&mut self, link: Option<usize>) {
-        for (index, lever) in self.hand.pulls.iter().flat_map(|pull| &pull.arms) {
-            let Lever::Guides(Guides { before, after }) = lever else { continue };
+        for (index, lever) in self.hand.actuators.iter().flat_map(|pull| &pull.levers) {
+            let Lever::Guides(GuidePair { before, after }) = lever else { continue };
             let (joint, name) = (&self.hand.tree.joints[*index], link_name(self.hand, Some(*index)));
             if link == Some(*index) {
                 let _ = writeln!(self.bodies, "<site name=\"{name}_after\" pos=\"{} {} 0\"/>", after[0], after[1]);
             }
             if joint.parent == link {
                 let at = joint.origin * Point3::new(before[0], before[1], 0.0);
-                let _ = writeln!(self.bodies, "<site name=\"{name}_before\" pos=\"{}\"/>", triple(&at.coords));
+                let _ = writeln!(self.bodies, "<site name=\"{name}_before\" pos=\"{}\"/>", vector_text(&at.coords));
             }
         }
     }
@@ -265,7 +272,7 @@ impl Links<'_> {
 
 fn arm_bodies(out: &mut String, arm: &Arm) {
     for (i, joint) in arm.tree.joints.iter().enumerate() {
-        let _ = writeln!(out, "<body name=\"{}\" gravcomp=\"1\" {}>", arm.links[i], placed(&joint.origin));
+        let _ = writeln!(out, "<body name=\"{}\" gravcomp=\"1\" {}>", arm.links[i], pose_attributes(&joint.origin));
         inertial(out, &arm.masses[i]);
         arm_joint(out, joint, arm.armature);
     }
@@ -273,7 +280,7 @@ fn arm_bodies(out: &mut String, arm: &Arm) {
 
 fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {
     let range = range(joint);
-    let axis = triple(&joint.axis);
+    let axis = vector_text(&joint.axis);
     let _ = writeln!(
         out,
         "<joint name=\"{}\" type=\"hinge\" axis=\"{axis}\" {range} armature=\"{armature}\"/>",
@@ -292,18 +299,20 @@ fn range(joint: &Joint) -> String {
 
 fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry3<f64>) {
     let name = &prop.name;
-    let _ = writeln!(out, "    <body name=\"{name}\" {}>\n<freejoint name=\"{name}\"/>", placed(pose));
+    let _ = writeln!(out, "    <body name=\"{name}\" {}>\n<freejoint name=\"{name}\"/>", pose_attributes(pose));
     let (com, inertia) = prop.inertia();
     inertial(out, &MassProperties { mass: prop.mass, com, inertia });
     let friction = format!("friction=\"{} 0.0005 0.00001\"", prop.friction);
     for (n, (local, shape)) in prop.parts.iter().enumerate() {
         let geom = match shape {
-            Shape::Sphere { radius } => format!("type=\"sphere\" size=\"{radius}\" {}", placed(local)),
-            Shape::Cylinder { radius, half_height } => {
-                format!("type=\"cylinder\" size=\"{radius} {half_height}\" {}", placed(local))
+            ObjectShape::Sphere { radius } => format!("type=\"sphere\" size=\"{radius}\" {}", pose_attributes(local)),
+            ObjectShape::Cylinder { radius, half_height } => {
+                format!("type=\"cylinder\" size=\"{radius} {half_height}\" {}", pose_attributes(local))
             }
-            Shape::Cuboid { half, .. } => format!("type=\"box\" size=\"{}\" {}", triple(half), placed(local)),
-            Shape::Mesh(_) => {
+            ObjectShape::Cuboid { half, .. } => {
+                format!("type=\"box\" size=\"{}\" {}", vector_text(half), pose_attributes(local))
+            }
+            ObjectShape::Mesh(_) => {
                 for (part, points) in shape.convex_parts().iter().enumerate().filter(|(_, points)| is_solid(points)) {
                     let mesh_name = format!("{name}_{n}_{part}");
                     mesh(assets, &mesh_name, &points.iter().map(|point| local * point).collect::<Vec<_>>());
@@ -320,7 +329,7 @@ fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry
 /// Writes the pairs of links that may pass through each other, as in our engine.
 fn contacts(model: &CollisionModel) -> String {
     let name = |link| link_name(model.hand(), link);
-    let pairs = model.excluded().into_iter();
+    let pairs = model.excluded_pairs().into_iter();
     let lines = pairs.map(|(a, b)| format!("    <exclude body1=\"{}\" body2=\"{}\"/>\n", name(a), name(b)));
     format!("  <contact>\n{}  </contact>\n", lines.collect::<String>())
 }
@@ -337,15 +346,15 @@ fn followers(hand: &HandMechanism) -> String {
 /// True if a cable acts at constant moment arms (fixed tendon). The length of such a tendon grows with its joints; a
 /// cable in guides has its own length.
 fn is_fixed(pull: &HandPull) -> bool {
-    pull.arms.iter().any(|(_, lever)| matches!(lever, Lever::Constant(_)))
+    pull.levers.iter().any(|(_, lever)| matches!(lever, Lever::Constant(_)))
 }
 
 fn tendons(hand: &HandMechanism) -> String {
     let mut out = String::from("  <tendon>\n");
-    for pull in &hand.pulls {
+    for pull in &hand.actuators {
         let kind = if is_fixed(pull) { "fixed" } else { "spatial" };
         let _ = writeln!(out, "    <{kind} name=\"{}\">", escaped(&pull.name));
-        for (joint, lever) in &pull.arms {
+        for (joint, lever) in &pull.levers {
             let name = link_name(hand, Some(*joint));
             let _ = match lever {
                 Lever::Guides(_) => {
@@ -361,7 +370,7 @@ fn tendons(hand: &HandMechanism) -> String {
 
 fn actuators(hand: &HandMechanism, arm: Option<&Arm>) -> String {
     let mut out = String::from("  <actuator>\n");
-    for pull in &hand.pulls {
+    for pull in &hand.actuators {
         let gear = if is_fixed(pull) { "" } else { " gear=\"-1\"" };
         let _ = writeln!(out, "    <motor name=\"{0}\" tendon=\"{0}\"{gear}/>", escaped(&pull.name));
     }
@@ -383,10 +392,10 @@ fn actuators(hand: &HandMechanism, arm: Option<&Arm>) -> String {
 
 /// Writes the coordinates of joints (those of the hand in `order`) and props, and the controls, all in the order of the
 /// model.
-fn keyframe(scene: &Scene<'_>, order: &[usize]) -> String {
+fn keyframe(scene: &MjcfScene<'_>, order: &[usize]) -> String {
     let hand = scene.hand.hand();
     let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture, _)| posture);
-    let (open, slack) = (vec![0.0; order.len()], Pull::tensions(&vec![0.0; hand.pulls.len()]));
+    let (open, slack) = (vec![0.0; order.len()], TensionCommand::tensions(&vec![0.0; hand.actuators.len()]));
     let (joints, pull) = scene.start.unwrap_or((&open, &slack));
     let mut qpos: Vec<f64> = posture.iter().copied().chain(order.iter().map(|joint| joints[*joint])).collect();
     for (_, pose) in scene.props {
@@ -409,7 +418,7 @@ mod tests {
     use super::*;
 
     fn model(hand: &Hand) -> CollisionModel {
-        CollisionModel::new(Arc::new(HandMechanism::of(hand, "hand")))
+        CollisionModel::new(Arc::new(HandMechanism::from_hand(hand, "hand")))
     }
 
     /// A mesh point lies on the rounded box: its distance from the inner box is the rounding radius.
@@ -434,11 +443,17 @@ mod tests {
         let block: Vec<Point3<f64>> = corners(0.03).collect();
         let flat = vec![at(0.0, 0.0, 0.0), at(0.01, 0.0, 0.0), at(0.01, 0.01, 0.0), at(0.0, 0.01, 0.0)];
         let mesh = world::geometry::hull_mesh(&block).expect("a block");
-        let shape = Shape::Mesh(mesh.with_parts(vec![Vec::new(), block, flat, vec![at(0.0, 0.0, 0.0)]]).into());
+        let shape = ObjectShape::Mesh(mesh.with_parts(vec![Vec::new(), block, flat, vec![at(0.0, 0.0, 0.0)]]).into());
         let props = [(Prop::new("thing", shape, 0.1, 0.6), Isometry3::identity())];
         let hand = model(&Hand::ftac());
-        let text =
-            write(&Scene { hand: &hand, arm: None, props: &props, start: None, gravity: Vector3::zeros(), dt: 0.004 });
+        let text = write(&MjcfScene {
+            hand: &hand,
+            arm: None,
+            props: &props,
+            start: None,
+            gravity: Vector3::zeros(),
+            dt: 0.004,
+        });
         let parts: Vec<&str> = text.lines().filter(|line| line.contains("<mesh name=\"thing_")).collect();
         assert!(parts.len() == 1 && text.matches("mesh=\"thing_").count() == 1, "{parts:?}");
         assert!(!text.contains("vertex=\"\""));
@@ -448,7 +463,8 @@ mod tests {
     fn every_cable_joint_has_its_guides() {
         let hand = Hand::ftac();
         let model = model(&hand);
-        let scene = Scene { hand: &model, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
+        let scene =
+            MjcfScene { hand: &model, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
         let text = write(&scene);
         for Crossing { joint, .. } in hand.transmission.cables.iter().flat_map(|path| &path.joints) {
             for end in ["before", "after"] {

@@ -1,28 +1,28 @@
 //! The simulated body behind [`hand_model::robot::RobotBackend`], and the separate access to ground truth.
 
 mod backend;
-mod breaking;
-mod following;
-mod outside;
-mod own_contact;
-mod rearrange;
-mod seeing;
+mod external;
+mod fault_injection;
+mod measured_servos;
+mod object_changes;
+mod self_contact;
 mod set_points;
+mod visibility;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use hand_model::hand::MOST_HAND_JOINTS;
-use hand_model::robot::{ArmState, Command, Observation, Tick};
+use hand_model::hand::MAX_HAND_JOINTS;
+use hand_model::robot::{ArmState, Observation, RobotCommand, Tick};
 use hand_model::{Arm, ArmVector, Digit, Hand, RobotModel};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use plant::ArmDefects;
-use plant::Blindness;
-use plant::Gel;
+use plant::CameraFailure;
+use plant::GelViscoelasticity;
 use rapier3d_f64::prelude::*;
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 use world::objects::ObjectModel;
-use world::physics::{Physics, Table};
+use world::physics::{Physics, TablePhysics};
 
 use crate::body::{ArmGoal, JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::{contacts_of, normal_force};
@@ -31,13 +31,13 @@ use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
 use crate::gel::SoftCovers;
 use crate::scene::{insert_floor, insert_object};
-use crate::tactile::{Loads, TactileBoard};
-use breaking::Broken;
-use outside::{Outside, Target};
-use set_points::{Limits, SetPoint};
+use crate::tactile::{PadLoads, TactileBoard};
+use external::{AppliedForce, ExternalDisturbances};
+use fault_injection::RobotFaults;
+use set_points::{SetPoint, SetPointLimits};
 
 pub use crate::scene::{HandPosture, ObjectPlacement, SceneSetup};
-pub use crate::truth::{HandContact, ObjectContact, Truth};
+pub use crate::truth::{GroundTruth, HandContact, ObjectContact};
 
 /// Number of physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
@@ -51,7 +51,7 @@ pub struct SimulatedRobot {
     last_from_palm: Isometry3<f64>,
     engine: Engine,
     body: RobotBody,
-    objects: Vec<Inserted>,
+    objects: Vec<InsertedObject>,
     table: ColliderHandle,
     /// The floor with the height of its surface, m.
     floor: Option<(ColliderHandle, f64)>,
@@ -72,20 +72,20 @@ pub struct SimulatedRobot {
     /// Latency from exposure to [`Self::observe`], s.
     frame_delay: f64,
     /// Frames in transit, with their arrival times, s.
-    on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
+    frames_in_transit: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
     self_contact: bool,
-    outside: Outside,
-    broken: Broken,
+    external: ExternalDisturbances,
+    faults: RobotFaults,
 }
 
 /// An object's model, body and collider.
-type Inserted = (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle);
+type InsertedObject = (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle);
 
 /// Creates the compliant covers of a robot in a scene with these objects.
 fn soft_covers(
     hand: &Hand,
-    gel: &Gel,
-    (body, objects): (&RobotBody, &[Inserted]),
+    gel: &GelViscoelasticity,
+    (body, objects): (&RobotBody, &[InsertedObject]),
     colliders: &mut ColliderSet,
 ) -> SoftCovers {
     let links = std::iter::once(None).chain((0..hand.covers.len()).map(Some));
@@ -105,10 +105,10 @@ impl SimulatedRobot {
         let (hand, arm) = (robot.hand.clone(), robot.arm.clone());
         let mut engine = Engine::new(setup.engine);
         let defects = setup.arm_defects;
-        let start = defects.real(&setup.arm_start);
+        let start = defects.true_angles(&setup.arm_start);
         let body =
             RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &defects, (&start, &posture.joints));
-        let Table { center, half, .. } = Physics::standard().table;
+        let TablePhysics { center, half, .. } = Physics::standard().table;
         let table_shape = ColliderBuilder::cuboid(half[0], half[1], half[2])
             .position(Pose::from_translation(Vector::new(center[0], center[1], center[2])))
             .friction(setup.engine.table_friction)
@@ -122,7 +122,7 @@ impl SimulatedRobot {
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
-            drive: HandDrive::new(&hand, setup.cables).wound(&posture.servos),
+            drive: HandDrive::new(&hand, setup.cables).with_angles(&posture.servos),
             defects,
             last_from_palm: last_from_palm(&arm, &hand, &defects),
             hand,
@@ -146,16 +146,16 @@ impl SimulatedRobot {
             tactile,
             frames: Vec::new(),
             frame_delay: setup.frame_delay,
-            on_their_way: VecDeque::new(),
+            frames_in_transit: VecDeque::new(),
             self_contact: setup.self_contact,
-            outside: Outside::default(),
-            broken: Broken::default(),
+            external: ExternalDisturbances::default(),
+            faults: RobotFaults::default(),
         }
     }
 
     /// Returns the encoder angles that the arm should show at the end of the tick, rad.
     fn goal(&self) -> ArmVector {
-        self.set_points.iter().map(|joint| joint.at).collect()
+        self.set_points.iter().map(|joint| joint.angle).collect()
     }
 
     fn step(&mut self, goal: &ArmGoal) {
@@ -166,7 +166,7 @@ impl SimulatedRobot {
         self.arm_torque = self.body.drive_arm(&mut self.engine, &self.arm, &state, goal, &gravity);
         let efforts = self.drive.step(&self.hand, &state.hand, &state.hand_speed, dt);
         for (joint, effort) in efforts.iter().enumerate() {
-            let effort = self.broken.effort(joint, state.hand[joint], *effort);
+            let effort = self.faults.effort_with_faults(joint, state.hand[joint], *effort);
             self.body.drive_finger(&mut self.engine, &state, joint, effort.torque, effort.stiffness);
         }
         self.engine.step();
@@ -197,17 +197,17 @@ impl SimulatedRobot {
         }
     }
 
-    fn note_contacts(&mut self) {
+    fn record_contacts(&mut self) {
         for (index, (_, _, collider)) in self.objects.iter().enumerate() {
             for pair in self.engine.narrow_phase.contact_pairs_with(*collider) {
-                if !bears(pair) {
+                if !bears_load(pair) {
                     continue;
                 }
                 let other = if pair.collider1 == *collider { pair.collider2 } else { pair.collider1 };
                 if other == self.table {
                     self.on_table[index] = true;
                 } else if let Some(cover) = self.body.covers.iter().position(|c| *c == other) {
-                    self.touched_by[index] |= if cover == 0 { 1 << MOST_HAND_JOINTS } else { 1 << (cover - 1) };
+                    self.touched_by[index] |= if cover == 0 { 1 << MAX_HAND_JOINTS } else { 1 << (cover - 1) };
                 } else if let Some(second) = self.objects.iter().position(|(_, _, c)| *c == other)
                     && index < second
                     && !self.object_pairs.contains(&(index, second))
@@ -222,7 +222,7 @@ impl SimulatedRobot {
         for ground in grounds {
             let robot = |collider| self.body.covers.contains(&collider) || self.body.wrist.contains(&collider);
             let mut pairs = self.engine.narrow_phase.contact_pairs_with(ground);
-            self.collides |= pairs.any(|pair| (robot(pair.collider1) || robot(pair.collider2)) && bears(pair));
+            self.collides |= pairs.any(|pair| (robot(pair.collider1) || robot(pair.collider2)) && bears_load(pair));
         }
     }
 
@@ -232,13 +232,13 @@ impl SimulatedRobot {
     }
 
     /// True if, in the last tick, object `index` touched another object or one of the links in `links` (bits as in
-    /// [`Truth::touched_by`]). A cheap part of [`SimulatedRobot::truth`].
-    pub fn touches(&self, index: usize, links: u32) -> bool {
+    /// [`GroundTruth::touched_by`]). A cheap part of [`SimulatedRobot::truth`].
+    pub fn is_touched(&self, index: usize, links: u32) -> bool {
         self.touched_by[index] & links != 0 || self.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index)
     }
 
     /// Adds `change` (m/s) to the velocity of object `index`: an external disturbance for experiments and tests.
-    pub fn push(&mut self, index: usize, change: &Vector3<f64>) {
+    pub fn add_velocity(&mut self, index: usize, change: &Vector3<f64>) {
         let body = &mut self.engine.bodies[self.objects[index].1];
         let velocity = body.linvel() + convert::vector(change);
         body.set_linvel(velocity, true);
@@ -246,8 +246,8 @@ impl SimulatedRobot {
 
     /// Applies an external force (N, world axes) during the next tick to object `on`, at its centre of mass, or to the
     /// palm at its origin.
-    pub fn pull(&mut self, on: Option<usize>, force: Vector3<f64>) {
-        self.outside.pull(on, force);
+    pub fn apply_force(&mut self, on: Option<usize>, force: Vector3<f64>) {
+        self.external.add_force(on, force);
     }
 
     /// Scales the friction of object `index` to `factor` times that of its model from now on.
@@ -258,23 +258,23 @@ impl SimulatedRobot {
 
     /// Cuts the power of these digits' servos from now on; the thumb's opposition is cut with the thumb.
     pub fn cut_power(&mut self, digits: &[Digit]) {
-        self.outside.cut_power(digits);
+        self.external.cut_power(digits);
     }
 
     /// Makes the cameras of the named pads fail from now on.
-    pub fn fail_cameras(&mut self, pads: &[String], how: Blindness) {
+    pub fn fail_cameras(&mut self, pads: &[String], how: CameraFailure) {
         let named = self.hand.pads.iter().filter(|pad| pads.contains(&pad.name));
-        self.outside.fail_cameras(named.flat_map(|pad| pad.cameras.iter().copied()), how);
+        self.external.fail_cameras(named.flat_map(|pad| pad.cameras.iter().copied()), how);
     }
 
     /// Returns the external forces of this tick, each with its body and point of application.
-    fn pulled(&mut self) -> Vec<Target> {
-        let forces = self.outside.take_forces();
+    fn external_forces(&mut self) -> Vec<AppliedForce> {
+        let forces = self.external.take_forces();
         let on = |(on, force): (Option<usize>, Vector3<f64>)| match on {
-            Some(object) => Target { body: self.objects[object].1, point: None, force },
+            Some(object) => AppliedForce { body: self.objects[object].1, point: None, force },
             None => {
                 let palm = self.palm(&self.body.link_poses(&self.engine)).translation.vector;
-                Target { body: self.body.palm_link(), point: Some(palm), force }
+                AppliedForce { body: self.body.palm_link(), point: Some(palm), force }
             }
         };
         forces.into_iter().map(on).collect()
@@ -286,7 +286,7 @@ impl SimulatedRobot {
     }
 
     /// Returns the ground truth, for the referee and the recording only.
-    pub fn truth(&self) -> Truth {
+    pub fn truth(&self) -> GroundTruth {
         let links = self.body.link_poses(&self.engine);
         let objects: Vec<_> =
             self.objects.iter().map(|(_, body, _)| convert::to_pose(self.engine.bodies[*body].position())).collect();
@@ -318,7 +318,7 @@ impl SimulatedRobot {
                 }
             }
         }
-        Truth {
+        GroundTruth {
             time: self.time,
             objects,
             velocities,
@@ -362,7 +362,8 @@ impl SimulatedRobot {
     /// gel of the link's cover under friction, averaged over the objects that press into it.
     fn shear(&self, link: Option<usize>, world_from_pad: &Isometry3<f64>) -> Vector3<f64> {
         let Some(covers) = &self.engine.soft_covers else { return Vector3::zeros() };
-        let gives = (0..self.objects.len()).filter_map(|object| covers.give(link.map_or(0, |link| link + 1), object));
+        let gives =
+            (0..self.objects.len()).filter_map(|object| covers.cover_response(link.map_or(0, |link| link + 1), object));
         let (sum, force) = gives
             .fold((Vector3::zeros(), 0.0), |(sum, force), give| (sum + give.shear * give.force, force + give.force));
         let mean = if force > 0.0 { sum / force } else { Vector3::zeros() };
@@ -372,7 +373,7 @@ impl SimulatedRobot {
 
     fn capture_tactile(&mut self) {
         let truth = self.truth();
-        let own = self.own_loads();
+        let own = self.self_loads();
         let pads: Vec<Isometry3<f64>> = self
             .hand
             .pads
@@ -387,27 +388,27 @@ impl SimulatedRobot {
                 }
             })
             .collect();
-        let objects: Vec<(&Shape, Isometry3<f64>)> =
+        let objects: Vec<(&ObjectShape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
-        let loads = Loads { pads: &pads, forces: &truth.pad_forces, objects: &objects, own: &own };
+        let loads = PadLoads { pads: &pads, forces: &truth.pad_forces, objects: &objects, self_loads: &own };
         let mut frames = self.tactile.capture_loads(&self.hand, self.time, &loads);
-        self.outside.drop_failed_frames(&mut frames);
-        self.broken.spoil(&mut frames);
-        self.on_their_way.push_back((self.time + self.frame_delay, frames));
+        self.external.drop_failed_frames(&mut frames);
+        self.faults.corrupt_images(&mut frames);
+        self.frames_in_transit.push_back((self.time + self.frame_delay, frames));
     }
 
     /// Moves frames that have arrived by now to the output.
     fn receive_frames(&mut self) {
         // Tolerance of half a physics step, because times are sums of steps.
         let now = self.time + 0.5 * self.engine.settings.dt;
-        while let Some((_, frames)) = self.on_their_way.pop_front_if(|(arrives, _)| *arrives <= now) {
+        while let Some((_, frames)) = self.frames_in_transit.pop_front_if(|(arrives, _)| *arrives <= now) {
             self.frames.extend(frames);
         }
     }
 }
 
 /// True if a contact pair bears load.
-fn bears(pair: &ContactPair) -> bool {
+fn bears_load(pair: &ContactPair) -> bool {
     pair.solver_manifolds().iter().any(|manifold| manifold.points.iter().any(|point| point.data.impulse > 0.0))
 }
 
@@ -420,7 +421,7 @@ impl SimulatedRobot {
             sequence: self.sequence,
             servos: self.drive.states(),
             arm: ArmState {
-                position: self.defects.shown(&self.state.arm),
+                position: self.defects.encoder_readings(&self.state.arm),
                 velocity: self.state.arm_speed,
                 torque: self.arm.each(|joint| self.arm.torque_gains[joint] * self.arm_torque[joint]),
             },
@@ -429,16 +430,17 @@ impl SimulatedRobot {
     }
 
     /// Takes a command and returns the one that is followed after the limits of the arm.
-    pub fn send(&mut self, command: &Command) -> Command {
+    pub fn send(&mut self, command: &RobotCommand) -> RobotCommand {
         let mut sent = *command;
         let tick = self.tick_length();
         self.previous_goal = self.goal();
         for (i, goal) in sent.arm.iter_mut().enumerate() {
             let joint = &self.arm.tree.joints[i];
-            let limits = Limits { speed: self.arm.velocity_limits[i], acceleration: self.arm.acceleration_limits[i] };
+            let limits =
+                SetPointLimits { speed: self.arm.velocity_limits[i], acceleration: self.arm.acceleration_limits[i] };
             *goal = self.set_points[i].follow(goal.clamp(joint.lower, joint.upper), limits, tick);
         }
-        self.outside.without_power(&mut sent);
+        self.external.cut_current(&mut sent);
         self.drive.set_goals(&sent.servos);
         self.capture = sent.capture;
         sent
@@ -452,15 +454,15 @@ impl SimulatedRobot {
         self.on_table.fill(false);
         let (tick, goal) = (self.tick_length(), self.goal());
         let speed = self.arm.each(|i| (goal[i] - self.previous_goal[i]) / tick);
-        let pulled = self.pulled();
-        Outside::begin_forces(&pulled, &mut self.engine);
+        let pulled = self.external_forces();
+        ExternalDisturbances::apply_forces(&pulled, &mut self.engine);
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
             let shown: ArmVector = self.arm.each(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
-            self.step(&ArmGoal { position: self.defects.real(&shown), speed });
-            self.note_contacts();
+            self.step(&ArmGoal { position: self.defects.true_angles(&shown), speed });
+            self.record_contacts();
         }
-        Outside::end_forces(&pulled, &mut self.engine);
+        ExternalDisturbances::clear_forces(&pulled, &mut self.engine);
         self.previous_goal = goal;
         self.sequence += 1;
         if std::mem::take(&mut self.capture) {

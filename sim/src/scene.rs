@@ -6,7 +6,7 @@ use hand_model::transmission::friction::CableLosses;
 use hand_model::{ActuatorVector, ArmVector, Hand, HandVector};
 use nalgebra::Isometry3;
 use plant::ArmDefects;
-use plant::Gel;
+use plant::GelViscoelasticity;
 use rapier3d_f64::prelude::*;
 use world::objects::ObjectModel;
 use world::physics::Physics;
@@ -44,7 +44,7 @@ pub struct SceneSetup {
     /// Losses in guides and gears.
     pub cables: CableLosses,
     /// Compliance of the covers; none for rigid covers.
-    pub gel: Option<Gel>,
+    pub gel: Option<GelViscoelasticity>,
     pub engine: EngineSettings,
 }
 
@@ -78,17 +78,17 @@ pub struct HandPosture {
 impl HandPosture {
     /// Returns the posture of an open hand with slack cables.
     pub fn open(hand: &Hand) -> Self {
-        Self { joints: hand.open(), servos: hand.each_actuator(|_| 0.0) }
+        Self { joints: hand.open_angles(), servos: hand.each_actuator(|_| 0.0) }
     }
 }
 
 /// Half extents of the floor, m: a rolling object stops long before the edge, and nothing is fast enough to pass
 /// through the floor in one step.
-const FLOOR: [f64; 3] = [20.0, 20.0, 0.5];
+const FLOOR_HALF_EXTENTS: [f64; 3] = [20.0, 20.0, 0.5];
 
 /// Inserts a floor with its surface at `height` (m) into the engine, with the table's friction.
 pub(crate) fn insert_floor(engine: &mut Engine, height: f64) -> ColliderHandle {
-    let [x, y, z] = FLOOR;
+    let [x, y, z] = FLOOR_HALF_EXTENTS;
     let floor = ColliderBuilder::cuboid(x, y, z)
         .position(Pose::from_translation(Vector::new(0.0, 0.0, height - z)))
         .friction(engine.settings.table_friction)
@@ -114,7 +114,7 @@ pub(crate) fn insert_object(
             convert::matrix(&inertia),
         ));
     let handle = engine.bodies.insert(body);
-    let shape = collision_shape::shape(&model.shape);
+    let shape = collision_shape::collision_shape(&model.shape);
     let collider = ColliderBuilder::new(shape)
         .density(0.0)
         .friction(model.friction)

@@ -7,7 +7,7 @@
 use hand_model::parameters::{Cable, Servo as ServoParameters};
 use hand_model::robot::{ServoGoal, ServoState};
 
-use crate::play::Play;
+use crate::backlash::Backlash;
 
 /// Sub-steps of the motor within one physics step; the rotor on its cable rings at about 50 rad/s.
 const SUBSTEPS: usize = 8;
@@ -28,14 +28,14 @@ pub struct ServoModel {
     pub current: f64,
     /// Its last goal.
     pub goal: ServoGoal,
-    play: Play,
+    backlash: Backlash,
 }
 
 impl ServoModel {
     /// Creates a servo at rest at angle 0, whose gear has this backlash (rad at its output).
     pub fn new(parameters: ServoParameters, backlash: f64) -> Self {
-        let play = Play::new(backlash);
-        Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0), play }
+        let play = Backlash::new(backlash);
+        Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0), backlash: play }
     }
 
     /// Scales its torque by `factor` from now on, at the same currents and speeds.
@@ -71,11 +71,11 @@ impl ServoModel {
         let mut total = 0.0;
         for n in 0..SUBSTEPS {
             let taken_up = excursion + rate * h * n as f64;
-            let wound = cable.spool_radius * (self.angle - self.play.lag());
+            let wound = cable.spool_radius * (self.angle - self.backlash.lag());
             let tension = (cable.stiffness * (wound - taken_up)).max(0.0);
             let before = self.angle;
             self.advance(cable.spool_radius * tension, h);
-            self.play.follow(self.angle - before, tension);
+            self.backlash.update(self.angle - before, tension);
             total += tension;
         }
         // With a slack cable the spool stops at its open mark.
@@ -88,8 +88,8 @@ impl ServoModel {
 
     /// Returns the part of a twist (rad) between the servo, geared by `ratio`, and its load that the backlash of its
     /// gear does not absorb.
-    pub fn beyond_play(&mut self, twist: f64, ratio: f64) -> f64 {
-        self.play.taken_up(twist, ratio)
+    pub fn beyond_backlash(&mut self, twist: f64, ratio: f64) -> f64 {
+        self.backlash.transmitted_twist(twist, ratio)
     }
 
     /// Advances a servo that turns a joint through a stiff shaft with a `load` (N m) at the output.

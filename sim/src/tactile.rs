@@ -12,7 +12,7 @@ use std::io::Write as _;
 use std::sync::Arc;
 
 use hand_model::Hand;
-use hand_model::pads::{Camera, IMAGE_SIZE};
+use hand_model::pads::{IMAGE_SIZE, PadCamera};
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rand::SeedableRng;
@@ -20,20 +20,21 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use tactile_optics::indentation::press_rasters;
 use tactile_optics::{
-    CpuRenderer, Foundation, IndentationMap, Job, OpticsError, Raster, ReducedSensor, Renderer, Sensor, SensorModel,
+    CpuRenderer, GelFoundation, IndentationMap, OpticsError, Raster, ReducedSensor, RenderJob, Renderer, Sensor,
+    SensorModel,
 };
-use world::geometry::{Relief, Shape};
+use world::geometry::{MeshHeightMap, ObjectShape};
 
-pub use drift::Drift;
+pub use drift::BrightnessDrift;
 
 /// Distance between bounding spheres and a pad's centre beyond which objects are ignored, m.
-const REACH: f64 = 0.005;
+const OBJECT_REACH: f64 = 0.005;
 /// Force threshold below which a pad is idle, N.
-const LEAST_FORCE: f64 = 0.02;
+const MIN_FORCE: f64 = 0.02;
 /// Factor on the radius of a shape's bounding sphere beyond which a ray surely misses the shape.
-const MISSES: f64 = 1.001;
+const BOUNDING_RADIUS_FACTOR: f64 = 1.001;
 /// Substitute for the capture time in the noise seed of a background frame; no real capture time comes near it.
-const BACKGROUND: u64 = 0x00ba_c4c4;
+const BACKGROUND_MOMENT: u64 = 0x00ba_c4c4;
 /// Start depth of rays under the pad's surface, m: deeper than any contact, inside the phalanx.
 const RAY_START: f64 = 0.006;
 
@@ -47,7 +48,7 @@ pub fn unit_seed(serial: u64, n: usize) -> u64 {
 pub struct TactileBoard {
     renderer: Arc<dyn Renderer>,
     noise_seed: u64,
-    drift: Option<Arc<Drift>>,
+    drift: Option<Arc<BrightnessDrift>>,
     /// The sensors at a smaller image size, if frames have that size.
     reduced: Option<Arc<Vec<ReducedSensor>>>,
     sequence: u64,
@@ -55,28 +56,28 @@ pub struct TactileBoard {
 
 /// Load of a link of the hand or of the table on a pad.
 #[derive(Debug, Clone)]
-pub struct OwnLoad {
+pub struct SelfLoad {
     /// Index of the pad.
     pub pad: usize,
     /// Normal force, N.
     pub force: f64,
     /// Shape of the pressing body.
-    pub shape: Shape,
+    pub shape: ObjectShape,
     /// `world_from_shape`.
     pub pose: Isometry3<f64>,
 }
 
 /// All loads on the pads at one moment.
 #[derive(Debug, Clone, Copy)]
-pub struct Loads<'a> {
+pub struct PadLoads<'a> {
     /// `world_from_pad`.
     pub pads: &'a [Isometry3<f64>],
     /// Normal force of all objects on each pad, N.
     pub forces: &'a [f64],
     /// Objects that may exert these forces, with `world_from_object`.
-    pub objects: &'a [(&'a Shape, Isometry3<f64>)],
+    pub objects: &'a [(&'a ObjectShape, Isometry3<f64>)],
     /// Loads of the hand and of the table on the hand's own pads.
-    pub own: &'a [OwnLoad],
+    pub self_loads: &'a [SelfLoad],
 }
 
 impl TactileBoard {
@@ -102,8 +103,12 @@ impl TactileBoard {
     }
 
     /// Creates hand unit `serial` with a changed model of each camera (by index).
-    pub fn changed(hand: &Hand, serial: u64, change: impl Fn(usize, &mut SensorModel)) -> Result<Self, OpticsError> {
-        let sensor = |(n, camera): (usize, &Camera)| {
+    pub fn with_models(
+        hand: &Hand,
+        serial: u64,
+        change: impl Fn(usize, &mut SensorModel),
+    ) -> Result<Self, OpticsError> {
+        let sensor = |(n, camera): (usize, &PadCamera)| {
             let (pad, seed) = (&hand.pads[camera.pad], unit_seed(serial, n));
             let mut model = SensorModel::unit(pad, camera, seed);
             change(n, &mut model);
@@ -119,7 +124,7 @@ impl TactileBoard {
     }
 
     /// Returns the same board with drifting cameras; its frames of idle pads have noise.
-    pub fn drifting(self, drift: Drift) -> Self {
+    pub fn drifting(self, drift: BrightnessDrift) -> Self {
         Self { drift: Some(Arc::new(drift)), ..self }
     }
 
@@ -150,17 +155,17 @@ impl TactileBoard {
             return self.backgrounds();
         }
         let idle = IndentationMap::idle();
-        let job = |sensor: usize| Job {
+        let job = |sensor: usize| RenderJob {
             sensor,
             indentation: &idle,
-            noise: self.noise_of(BACKGROUND << 40, sensor),
+            noise_seed: self.frame_noise_seed(BACKGROUND_MOMENT << 40, sensor),
             brightness: 1.0,
         };
         self.images(&(0..self.sensors().len()).map(job).collect::<Vec<_>>()).into_iter().map(Arc::new).collect()
     }
 
     /// Computes the noise seed of a camera's frame at a `moment`.
-    fn noise_of(&self, moment: u64, camera: usize) -> u64 {
+    fn frame_noise_seed(&self, moment: u64, camera: usize) -> u64 {
         self.noise_seed ^ (moment << 8) ^ camera as u64
     }
 
@@ -169,7 +174,7 @@ impl TactileBoard {
         self.renderer.sensors()
     }
 
-    /// Captures one image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), and
+    /// Captures one image of every camera. `pads` are `world_from_pad`, `link_forces` the normal forces on them (N), and
     /// `objects` everything that may press (`world_from_object`).
     pub fn capture(
         &mut self,
@@ -177,13 +182,13 @@ impl TactileBoard {
         time: f64,
         pads: &[Isometry3<f64>],
         forces: &[f64],
-        objects: &[(&Shape, Isometry3<f64>)],
+        objects: &[(&ObjectShape, Isometry3<f64>)],
     ) -> Vec<TactileFrame> {
-        self.capture_loads(hand, time, &Loads { pads, forces, objects, own: &[] })
+        self.capture_loads(hand, time, &PadLoads { pads, forces, objects, self_loads: &[] })
     }
 
     /// Captures one image of every camera, with the pads under `loads`.
-    pub fn capture_loads(&mut self, hand: &Hand, time: f64, loads: &Loads) -> Vec<TactileFrame> {
+    pub fn capture_loads(&mut self, hand: &Hand, time: f64, loads: &PadLoads) -> Vec<TactileFrame> {
         self.sequence += 1;
         if self.sensors().is_empty() {
             return Vec::new();
@@ -200,9 +205,9 @@ impl TactileBoard {
                 let indentation = maps.as_ref().map(|maps| &maps[n]).or(self.drift.as_ref().map(|_| &idle));
                 match indentation {
                     Some(indentation) => {
-                        let noise = self.noise_of(moment, camera);
+                        let noise = self.frame_noise_seed(moment, camera);
                         let brightness = self.drift.as_ref().map_or(1.0, |drift| drift.brightness(camera, time));
-                        jobs.push(Job { sensor: camera, indentation, noise, brightness });
+                        jobs.push(RenderJob { sensor: camera, indentation, noise_seed: noise, brightness });
                     }
                     None => frames.push(frame(camera, self.background(camera))),
                 }
@@ -215,19 +220,19 @@ impl TactileBoard {
     }
 
     /// Renders the images. If the GPU fails, reports that and renders them on the CPU.
-    fn images(&self, jobs: &[Job<'_>]) -> Vec<TactileImage> {
+    fn images(&self, jobs: &[RenderJob<'_>]) -> Vec<TactileImage> {
         if let Some(reduced) = &self.reduced {
-            let image = |job: &Job<'_>| {
-                let (sensor, mut rng) = (&self.sensors()[job.sensor], ChaCha8Rng::seed_from_u64(job.noise));
-                reduced[job.sensor].render_at(sensor, job.indentation, job.brightness, &mut rng)
+            let image = |job: &RenderJob<'_>| {
+                let (sensor, mut rng) = (&self.sensors()[job.sensor], ChaCha8Rng::seed_from_u64(job.noise_seed));
+                reduced[job.sensor].render_with_brightness(sensor, job.indentation, job.brightness, &mut rng)
             };
             return jobs.par_iter().map(image).collect();
         }
         let on_cpu = |error: OpticsError| {
             let _ = writeln!(std::io::stderr(), "{error}; these tactile images come from the CPU");
-            let image = |job: &Job<'_>| {
-                let mut rng = ChaCha8Rng::seed_from_u64(job.noise);
-                self.sensors()[job.sensor].render_at(job.indentation, job.brightness, &mut rng)
+            let image = |job: &RenderJob<'_>| {
+                let mut rng = ChaCha8Rng::seed_from_u64(job.noise_seed);
+                self.sensors()[job.sensor].render_with_brightness(job.indentation, job.brightness, &mut rng)
             };
             jobs.par_iter().map(image).collect()
         };
@@ -238,14 +243,14 @@ impl TactileBoard {
 /// Computes the indentation of a pad by objects and by the hand itself: one map of `side` x `side` pixels per camera,
 /// `None` without load. Bodies with forces of their own are pressed in one by one, and every pixel shows the deepest of
 /// them, because their contacts lie side by side.
-fn press_all(hand: &Hand, index: usize, side: usize, loads: &Loads) -> Option<Vec<IndentationMap>> {
-    let press = |force, objects: &[(&Shape, Isometry3<f64>)]| {
+fn press_all(hand: &Hand, index: usize, side: usize, loads: &PadLoads) -> Option<Vec<IndentationMap>> {
+    let press = |force, objects: &[(&ObjectShape, Isometry3<f64>)]| {
         press_pad(hand, (index, side), &loads.pads[index], force, objects)
     };
     let objects = press(loads.forces[index], loads.objects);
-    let own = loads.own.iter().filter(|load| load.pad == index);
+    let own = loads.self_loads.iter().filter(|load| load.pad == index);
     let own = own.filter_map(|load| press(load.force, &[(&load.shape, load.pose)]));
-    objects.into_iter().chain(own).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.deeper(b)).collect())
+    objects.into_iter().chain(own).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.pixelwise_max(b)).collect())
 }
 
 /// Computes the indentation of a pad under one `force` (N), one map per camera; `None` without load.
@@ -254,13 +259,14 @@ fn press_pad(
     (index, side): (usize, usize),
     world_from_pad: &Isometry3<f64>,
     force: f64,
-    objects: &[(&Shape, Isometry3<f64>)],
+    objects: &[(&ObjectShape, Isometry3<f64>)],
 ) -> Option<Vec<IndentationMap>> {
     let pad = &hand.pads[index];
-    if force < LEAST_FORCE {
+    if force < MIN_FORCE {
         return None;
     }
-    let rasters: Vec<Raster> = pad.cameras.iter().map(|camera| Raster::of(&hand.cameras[*camera], side)).collect();
+    let rasters: Vec<Raster> =
+        pad.cameras.iter().map(|camera| Raster::with_side(&hand.cameras[*camera], side)).collect();
     let window = rasters.iter().fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(low, high), raster| {
         let ((left, top), (right, bottom)) = (raster.pixel_center(0, 0), raster.pixel_center(side - 1, side - 1));
         ([low[0].min(left), low[1].min(bottom)], [high[0].max(right), high[1].max(top)])
@@ -269,30 +275,30 @@ fn press_pad(
     let near: Vec<Underside> = objects
         .iter()
         .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad, shape.bounding_radius()))
-        .filter(|(_, object_from_pad, radius)| object_from_pad.translation.vector.norm() < radius + half + REACH)
+        .filter(|(_, object_from_pad, radius)| object_from_pad.translation.vector.norm() < radius + half + OBJECT_REACH)
         .map(|(shape, object_from_pad, radius)| Underside::new(shape, object_from_pad, radius, window))
         .collect();
     let lowest = |x: f64, y: f64| near.iter().filter_map(|object| object.height(x, y)).reduce(f64::min);
     // Only a shape with a broken ray query can fail here. Its pad then shows nothing rather than something wrong.
-    press_rasters(pad, &rasters, &Foundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
+    press_rasters(pad, &rasters, &GelFoundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
 }
 
 /// The part of an object that faces a pad.
 enum Underside<'a> {
-    Mesh(Relief),
+    Mesh(MeshHeightMap),
     /// A shape with ray queries in closed form: the shape, `object_from_pad`, the shape's centre in the pad's frame
     /// (m), and the squared distance from it beyond which a ray surely misses the shape (m2).
-    Closed(&'a Shape, Isometry3<f64>, Point3<f64>, f64),
+    Closed(&'a ObjectShape, Isometry3<f64>, Point3<f64>, f64),
 }
 
 impl<'a> Underside<'a> {
     /// Prepares a shape; `radius` is that of its bounding sphere, m, and rays cover the `window` of the pad.
-    fn new(shape: &'a Shape, object_from_pad: Isometry3<f64>, radius: f64, window: ([f64; 2], [f64; 2])) -> Self {
-        if let Shape::Mesh(mesh) = shape {
-            return Self::Mesh(Relief::new(mesh, &object_from_pad.inverse(), -RAY_START, window));
+    fn new(shape: &'a ObjectShape, object_from_pad: Isometry3<f64>, radius: f64, window: ([f64; 2], [f64; 2])) -> Self {
+        if let ObjectShape::Mesh(mesh) = shape {
+            return Self::Mesh(MeshHeightMap::new(mesh, &object_from_pad.inverse(), -RAY_START, window));
         }
         let middle = object_from_pad.inverse_transform_point(&Point3::origin());
-        Self::Closed(shape, object_from_pad, middle, (radius * MISSES).powi(2))
+        Self::Closed(shape, object_from_pad, middle, (radius * BOUNDING_RADIUS_FACTOR).powi(2))
     }
 
     /// Returns the lowest point over (x, y), pad frame, m.

@@ -2,7 +2,7 @@
 
 use hand_model::DigitVector;
 use nalgebra::{Isometry3, Vector3};
-use world::holding::Support;
+use world::holding::SupportState;
 
 /// A contact of an object with the hand, for the referee and the recording.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +30,7 @@ pub struct ObjectContact {
 
 /// Ground truth of one tick. Only the referee and the recorder may see it.
 #[derive(Debug, Clone, Default)]
-pub struct Truth {
+pub struct GroundTruth {
     /// Time, s.
     pub time: f64,
     /// `world_from_object`.
@@ -52,7 +52,7 @@ pub struct Truth {
     /// Contacts between objects at the last step of the tick.
     pub object_contacts: Vec<ObjectContact>,
     /// Links that touched each object at any step of the tick, as bits: bit i for link i, bit
-    /// [`hand_model::hand::MOST_HAND_JOINTS`] for the palm.
+    /// [`hand_model::hand::MAX_HAND_JOINTS`] for the palm.
     pub touched_by: Vec<u32>,
     /// Pairs of objects that touched at any step of the tick.
     pub object_pairs: Vec<(usize, usize)>,
@@ -64,11 +64,11 @@ pub struct Truth {
     pub pad_forces: Vec<f64>,
 }
 
-impl Truth {
+impl GroundTruth {
     /// Returns the support of object `index`, for [`world::holding::HoldingRule`].
-    pub fn support(&self, index: usize) -> Support {
+    pub fn support(&self, index: usize) -> SupportState {
         let at = self.objects[index].translation.vector;
-        Support {
+        SupportState {
             held: self.touched_by[index] != 0,
             on_table: self.on_table[index],
             distance: (at - self.palm.translation.vector).norm(),
@@ -79,19 +79,19 @@ impl Truth {
 
 #[cfg(test)]
 mod tests {
-    use hand_model::hand::MOST_HAND_JOINTS;
+    use hand_model::hand::MAX_HAND_JOINTS;
 
     use super::*;
-    use world::holding::{GRIPPED, LIFTED};
+    use world::holding::{GRIPPED_RULE, LIFTED_RULE};
 
     /// A palm 20 cm over the table with an object 5 cm under it.
-    fn held() -> Truth {
-        Truth {
+    fn held() -> GroundTruth {
+        GroundTruth {
             objects: vec![Isometry3::translation(0.5, 0.0, 0.15)],
             palm: Isometry3::translation(0.5, 0.0, 0.2),
-            touched_by: vec![1 << MOST_HAND_JOINTS],
+            touched_by: vec![1 << MAX_HAND_JOINTS],
             on_table: vec![false],
-            ..Truth::default()
+            ..GroundTruth::default()
         }
     }
 
@@ -99,15 +99,15 @@ mod tests {
     fn an_object_under_the_palm_is_held() {
         let support = held().support(0);
         assert!((support.distance - 0.05).abs() < 1e-12 && (support.height - 0.15).abs() < 1e-12);
-        assert!(LIFTED.holds(&support));
+        assert!(LIFTED_RULE.holds(&support));
     }
 
     #[test]
     fn what_is_untouched_on_the_table_or_far_is_not() {
-        let change = |by: fn(&mut Truth)| {
+        let change = |by: fn(&mut GroundTruth)| {
             let mut truth = held();
             by(&mut truth);
-            GRIPPED.holds(&truth.support(0))
+            GRIPPED_RULE.holds(&truth.support(0))
         };
         assert!(change(|_| ()));
         assert!(!change(|truth| truth.touched_by[0] = 0));

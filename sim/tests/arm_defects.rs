@@ -1,7 +1,7 @@
 //! An arm that differs from its controller's model: encoder offsets move the palm by an amount that depends on the
 //! posture, and an unknown payload makes it sag in proportion.
 
-use hand_model::robot::{Command, ServoGoal};
+use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::{Arm, ArmVector, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use plant::ArmDefects;
@@ -9,15 +9,15 @@ use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
 /// Settling time, s.
-const SETTLING: f64 = 1.5;
+const SETTLING_TIME: f64 = 1.5;
 
 /// Returns the palm's true pose and the encoder readings at rest when `posture` (rad) is commanded.
 fn at_rest(posture: ArmVector, defects: ArmDefects) -> (Isometry3<f64>, ArmVector) {
     let setup = SceneSetup { arm_defects: defects, ..SceneSetup::ideal(Isometry3::identity(), posture) };
     let model = RobotModel::ftac_gen3();
     let mut robot = SimulatedRobot::new(&model, &setup, TactileBoard::blank());
-    let command = Command { arm: posture, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
-    while robot.time() < SETTLING {
+    let command = RobotCommand { arm: posture, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
+    while robot.time() < SETTLING_TIME {
         robot.send(&command);
         robot.wait_for_tick();
     }
@@ -41,7 +41,7 @@ fn encoder_offsets_move_the_palm_by_posture() {
             assert!((shown - commanded).abs() < 2e-3, "shown {shown} rad, commanded {commanded} rad");
         }
         let from_flange = hand.palm_from_flange.inverse();
-        let law = arm.tool_pose(&defects.real(&shown)) * defects.mount() * from_flange;
+        let law = arm.tool_pose(&defects.true_angles(&shown)) * defects.mount() * from_flange;
         let off = (palm.translation.vector - law.translation.vector).norm();
         assert!(off < 2e-4, "the palm is {off} m from where its joints put it");
         palm.translation.vector - (arm.tool_pose(&shown) * from_flange).translation.vector

@@ -3,10 +3,10 @@
 use hand_model::transmission::Crossing;
 use std::sync::Arc;
 
-use hand_model::transmission::SPANS;
+use hand_model::transmission::MAX_SPANS;
 use hand_model::{Digit, Hand};
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, tension_goals};
+use sim::test_stand::{HandTestStand, tension_goals};
 
 /// In a steady pull on a free finger each joint's spring balances the spool's tension times the capstan factor, exp(-mu
 /// wrap); when let out again, times exp(mu wrap).
@@ -16,7 +16,7 @@ fn a_finger_s_springs_feel_the_capstan_s_tension() {
     let cable = hand.parameters.cable;
     let digit = Digit::Index.index();
     let path = &hand.transmission.cables[digit];
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
     let mut run = |from: f64, to: f64, seconds: f64| {
         // Half of the time is for coming to rest, because joints and servo have viscous losses too.
         let steps = (seconds * 240.0) as usize;
@@ -30,7 +30,7 @@ fn a_finger_s_springs_feel_the_capstan_s_tension() {
     for ((q, tension), sign) in [(run(0.0, 5.0, 3.0), -1.0), (run(5.0, 3.0, 3.0), 1.0)] {
         let mut turned = cable.friction.routing;
         let mut least: f64 = 1.0;
-        for Crossing { joint, lever, .. } in path.joints.iter().take(SPANS) {
+        for Crossing { joint, lever, .. } in path.joints.iter().take(MAX_SPANS) {
             let [before, after] = lever.wraps(q[*joint]);
             let expected = (sign * cable.friction.coefficient * (turned + before)).exp();
             turned += before + after;

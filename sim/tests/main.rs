@@ -2,12 +2,12 @@
 
 mod arm_defects;
 mod beside_the_table;
-mod breaking;
 mod cables;
+mod external;
+mod fault_injection;
 mod other_arms;
-mod outside;
-mod own_contact;
 mod rest;
+mod self_contact;
 mod stand;
 mod statics;
 mod urdf_hand;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use hand_model::RobotModel;
-use hand_model::load::weight;
-use hand_model::robot::{Command, ServoGoal};
+use hand_model::gravity::gravity_torques;
+use hand_model::robot::{RobotCommand, ServoGoal};
 use nalgebra::Isometry3;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
@@ -22,7 +22,7 @@ fn every_arm_holds_its_home_posture() {
         let home = model.arm.home;
         let mut robot =
             SimulatedRobot::new(&model, &SceneSetup::ideal(Isometry3::identity(), home), TactileBoard::blank());
-        let command = Command { arm: home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
+        let command = RobotCommand { arm: home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
         while robot.time() < 1.5 {
             assert_eq!(robot.send(&command).arm.len(), joints);
             robot.wait_for_tick();
@@ -31,7 +31,7 @@ fn every_arm_holds_its_home_posture() {
         for (joint, (at, home)) in shown.position.iter().zip(home).enumerate() {
             assert!((at - home).abs() < 2e-3, "{name}, joint {joint}: {at} rad, {home} rad asked for");
         }
-        let law = weight(&model, &shown.position);
+        let law = gravity_torques(&model, &shown.position);
         for (joint, torque) in shown.torque.iter().enumerate() {
             // The simulated digits hang on their springs; the static law assumes them straight.
             assert!((torque - law[joint]).abs() < 0.3, "{name}, joint {joint}: {torque} N m, {} N m", law[joint]);

@@ -8,13 +8,13 @@ use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 
 /// Motion allowed while settling, m: an object on its side has facets, and may roll by half a facet until one is down.
-const SETTLES_WITHIN: f64 = 2e-3;
+const MAX_SETTLING_MOTION: f64 = 2e-3;
 /// Settling time, s.
-const SETTLING: f64 = 8.0;
+const SETTLING_TIME: f64 = 8.0;
 /// Motion after settling above which an object creeps, m.
-const STAYS_WITHIN: f64 = 1e-4;
+const MAX_CREEP: f64 = 1e-4;
 /// Duration of observation after settling, s.
-const WATCHED: f64 = 12.0;
+const OBSERVATION_TIME: f64 = 12.0;
 
 #[test]
 fn objects_rest_where_they_are_put() {
@@ -31,11 +31,11 @@ fn objects_rest_where_they_are_put() {
             while robot.wait_for_tick().time < time {}
             robot.truth().objects[0].translation.vector
         };
-        let settled = position_at(SETTLING);
+        let settled = position_at(SETTLING_TIME);
         let rolled = (settled - pose.translation.vector).norm();
-        let moved = (position_at(WATCHED) - settled).norm();
+        let moved = (position_at(OBSERVATION_TIME) - settled).norm();
         println!("{:14} settled by {:.3} mm, then moved {:.4} mm", model.name, rolled * 1e3, moved * 1e3);
-        if rolled > SETTLES_WITHIN || moved > STAYS_WITHIN {
+        if rolled > MAX_SETTLING_MOTION || moved > MAX_CREEP {
             crept.push(model.name.clone());
         }
     }
@@ -57,7 +57,7 @@ fn a_rolling_ball_is_stopped() {
     };
     let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
     let speed = 0.1;
-    robot.push(0, &nalgebra::Vector3::new(0.0, speed, 0.0));
+    robot.add_velocity(0, &nalgebra::Vector3::new(0.0, speed, 0.0));
     let mut rolling = None;
     while robot.wait_for_tick().time < 3.0 {
         let truth = robot.truth();

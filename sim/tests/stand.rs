@@ -9,8 +9,8 @@ use hand_model::{ActuatorVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use sim::drive::JointEffort;
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Linkage, Mechanism, Prop, tension_goals};
-use world::Shape;
+use sim::test_stand::{HandTestStand, Linkage, LinkageModel, Prop, tension_goals};
+use world::ObjectShape;
 
 /// A chain of three rods that swings freely about y conserves its energy.
 #[test]
@@ -33,7 +33,8 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     };
     let masses = [rod; 3];
     let settings = EngineSettings { dt: 1.0 / 4000.0, ..EngineSettings::default() };
-    let mechanism = Mechanism { tree: &tree, masses: &masses, damping: &[0.0; 3], armature: &[0.0; 3], apart: false };
+    let mechanism =
+        LinkageModel { tree: &tree, masses: &masses, damping: &[0.0; 3], armature: &[0.0; 3], separate_roots: false };
     let mut chain = Linkage::new(settings, &mechanism, Vec::new(), &[0.3, 0.4, -0.2]);
     let g = 9.81;
     chain.set_gravity(&Vector3::new(0.0, 0.0, -g));
@@ -67,19 +68,22 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     assert!(farthest < 0.02 * range, "{farthest} J of {range} J");
 }
 
-fn grip(hand: &Arc<Hand>) -> (HandStand, ActuatorVector<ServoGoal>) {
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-    stand.put(Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8), &Isometry3::translation(0.0, 0.0, -0.015));
+fn grip(hand: &Arc<Hand>) -> (HandTestStand, ActuatorVector<ServoGoal>) {
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
+    stand.add_prop(
+        Prop::new("ball", ObjectShape::Sphere { radius: 0.03 }, 0.06, 0.8),
+        &Isometry3::translation(0.0, 0.0, -0.015),
+    );
     let goals = tension_goals(hand, &[12.0; 5], 1.0);
     stand.run(&goals, 0.8);
-    stand.release(0);
+    stand.release_prop(0);
     stand.set_gravity(&Vector3::new(0.0, 0.0, -9.81));
     (stand, goals)
 }
 
 /// Returns the bits of everything that moves.
-fn bits(stand: &HandStand) -> Vec<u64> {
-    let pose = stand.pose(0);
+fn bits(stand: &HandTestStand) -> Vec<u64> {
+    let pose = stand.prop_pose(0);
     let place = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
     stand.angles().iter().chain(place).chain(&stand.tensions()).map(|value| value.to_bits()).collect()
 }
@@ -116,12 +120,15 @@ fn threads_change_nothing() {
 #[test]
 fn free_fall() {
     let hand = Arc::new(Hand::ftac());
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-    stand.put(Prop::new("ball", Shape::Sphere { radius: 0.02 }, 0.1, 0.5), &Isometry3::translation(0.0, 0.0, -0.3));
-    stand.release(0);
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
+    stand.add_prop(
+        Prop::new("ball", ObjectShape::Sphere { radius: 0.02 }, 0.1, 0.5),
+        &Isometry3::translation(0.0, 0.0, -0.3),
+    );
+    stand.release_prop(0);
     stand.set_gravity(&Vector3::new(0.0, 0.0, -9.81));
     stand.run(&tension_goals(&hand, &[0.0; 5], 0.0), 0.5);
-    let fallen = -0.3 - stand.pose(0).translation.z;
+    let fallen = -0.3 - stand.prop_pose(0).translation.z;
     // Semi-implicit Euler is ahead by half a step's distance.
     assert!((fallen - 0.5 * 9.81 * 0.25).abs() < 0.012, "{fallen}");
 }
@@ -185,7 +192,8 @@ fn a_limit_stops_a_joint() {
     let masses = [MassProperties { mass: 0.05, com: Point3::new(0.05, 0.0, 0.0), inertia: Matrix3::identity() * 4e-5 }];
     for solver_iterations in [1, 4] {
         let settings = EngineSettings { solver_iterations, ..EngineSettings::default() };
-        let mechanism = Mechanism { tree: &tree, masses: &masses, damping: &[1e-3], armature: &[1e-4], apart: false };
+        let mechanism =
+            LinkageModel { tree: &tree, masses: &masses, damping: &[1e-3], armature: &[1e-4], separate_roots: false };
         let mut door = Linkage::new(settings, &mechanism, Vec::new(), &[0.0]);
         for (torque, limit) in [(0.05, 0.5), (-0.05, -0.2), (0.05, 0.5)] {
             for _ in 0..240 {
@@ -205,11 +213,11 @@ fn a_held_bar_does_not_creep_where_it_sticks() {
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     let place = Isometry3::from_parts(Vector3::new(0.0026, 0.013, skin - 0.0165).into(), across);
     let slip = |settings| {
-        let mut stand = HandStand::new(hand.clone(), settings);
-        let bar = stand.put(Prop::dumbbell(0.016, 0.12, 0.045, 0.045, 2.5), &place);
+        let mut stand = HandTestStand::new(hand.clone(), settings);
+        let bar = stand.add_prop(Prop::dumbbell(0.016, 0.12, 0.045, 0.045, 2.5), &place);
         let [goals, hard] = [60.0, 100.0].map(|pull| tension_goals(&hand, &[0.0, pull, pull, pull, pull], 0.0));
         stand.run(&goals, 1.5);
-        stand.release(bar);
+        stand.release_prop(bar);
         stand.run(&goals, 1.0);
         // Gripping hard brings bar and phalanges to rest.
         for _ in 0..6 {
@@ -218,11 +226,11 @@ fn a_held_bar_does_not_creep_where_it_sticks() {
         }
         stand.set_gravity(&Vector3::new(0.0, 9.81, 0.0));
         stand.run(&goals, 1.0);
-        let before = stand.pose(bar);
+        let before = stand.prop_pose(bar);
         stand.run(&goals, 5.0);
-        (stand.pose(bar).translation.vector - before.translation.vector).norm()
+        (stand.prop_pose(bar).translation.vector - before.translation.vector).norm()
     };
     let default = EngineSettings::default();
-    let (creeping, sticking) = (slip(EngineSettings { sticking: None, ..default }), slip(default));
+    let (creeping, sticking) = (slip(EngineSettings { bristle_friction: None, ..default }), slip(default));
     assert!(sticking < 5e-5 && creeping > 4.0 * sticking, "{creeping} m, {sticking} m");
 }

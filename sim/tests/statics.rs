@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use hand_model::statics::{self, Slid};
+use hand_model::statics::{self, GuideFriction};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Prop, tension_goals};
-use world::Shape;
+use sim::test_stand::{HandTestStand, Prop, tension_goals};
+use world::ObjectShape;
 
 /// Foundation stiffness of a nearly rigid cover in the static problem, Pa/m: an element yields by a few micrometres.
-const RIGID: f64 = 2.0e9;
+const RIGID_STIFFNESS: f64 = 2.0e9;
 
-fn closed(hand: &Hand) -> Slid {
-    Slid { friction: hand.parameters.cable.friction, state: 1.0 }
+fn closed(hand: &Hand) -> GuideFriction {
+    GuideFriction { friction: hand.parameters.cable.friction, state: 1.0 }
 }
 
 #[test]
@@ -21,10 +21,10 @@ fn free_postures_agree() {
     let hand = Arc::new(Hand::ftac());
     for (tension, opposition) in [(2.0, 0.2), (5.0, 0.8), (8.0, 0.0)] {
         let tensions = [0.7 * tension, tension, 0.5 * tension, tension, 0.8 * tension];
-        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
         stand.run(&tension_goals(&hand, &tensions, opposition), 3.0);
         let found = stand.angles();
-        let expected = statics::free_sliding(&hand, &tensions, found[0], &closed(&hand));
+        let expected = statics::free_equilibrium_with_friction(&hand, &tensions, found[0], &closed(&hand));
         println!("tensions {:?} of {tensions:?}", stand.tensions());
         for (joint, (ours, still)) in found.iter().zip(&expected).enumerate() {
             let difference = (ours - still).to_degrees();
@@ -37,17 +37,17 @@ fn free_postures_agree() {
 #[test]
 fn postures_on_a_rod_agree() {
     let hand = Arc::new(Hand::ftac());
-    let rod = Prop::new("rod", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.2, 0.0);
+    let rod = Prop::new("rod", ObjectShape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.2, 0.0);
     let pose = Isometry3::from_parts(
         Vector3::new(0.0, 0.005, -0.018).into(),
         UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2),
     );
     let tensions = [0.0, 10.0, 8.0, 10.0, 6.0];
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-    stand.put(rod.clone(), &pose);
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
+    stand.add_prop(rod.clone(), &pose);
     stand.run(&tension_goals(&hand, &tensions, 0.0), 4.0);
     let slid = closed(&hand);
-    let rest = statics::against(&hand, &tensions, 0.0, &slid, RIGID, |point| {
+    let rest = statics::contact_equilibrium(&hand, &tensions, 0.0, &slid, RIGID_STIFFNESS, |point| {
         let (distance, outward) = rod.signed_distance(&pose.inverse_transform_point(point));
         (distance, pose * outward)
     })
@@ -63,11 +63,11 @@ fn postures_on_a_rod_agree() {
             forces[link] -= contact.force;
         }
     }
-    for push in &rest.pushes {
+    for push in &rest.contact_forces {
         println!("link {}: {:?} {:?}", push.link, forces[push.link].as_slice(), push.force.as_slice());
     }
-    assert!(rest.pushes.len() >= 6);
-    for push in &rest.pushes {
+    assert!(rest.contact_forces.len() >= 6);
+    for push in &rest.contact_forces {
         let difference = (forces[push.link] - push.force).norm();
         assert!(difference < 0.1 * push.force.norm() + 0.1, "link {}", push.link);
     }
@@ -79,7 +79,7 @@ fn postures_on_a_rod_agree() {
 fn closing_and_opening_follow_their_static_paths() {
     let hand = Arc::new(Hand::ftac());
     let friction = hand.parameters.cable.friction;
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
     let digit = Digit::Middle;
     let (mut widest, mut farthest, mut stretch) = (0.0f64, 0.0f64, 0.0f64);
     let pull = |step: i32| 0.1 * f64::from(step);
@@ -97,8 +97,10 @@ fn closing_and_opening_follow_their_static_paths() {
             let tension = stand.tensions()[digit.index()];
             let mut now = [0.0; 5];
             now[digit.index()] = tension;
-            let expected = statics::free_sliding(&hand, &now, 0.0, &Slid { friction, state });
-            let other = statics::free_sliding(&hand, &now, 0.0, &Slid { friction, state: -state });
+            let expected =
+                statics::free_equilibrium_with_friction(&hand, &now, 0.0, &GuideFriction { friction, state });
+            let other =
+                statics::free_equilibrium_with_friction(&hand, &now, 0.0, &GuideFriction { friction, state: -state });
             let found = stand.angles();
             for joint in digit.ftac_joints() {
                 farthest = farthest.max((found[joint] - expected[joint]).abs().to_degrees());

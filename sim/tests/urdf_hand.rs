@@ -6,9 +6,9 @@ use std::sync::Arc;
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};
 use sim::collision_model::CollisionModel;
-use sim::hand_scene::{HandScene, Pull};
-use sim::stand::Prop;
-use world::Shape;
+use sim::hand_scene::{HandScene, TensionCommand};
+use sim::test_stand::Prop;
+use world::ObjectShape;
 use world::geometry::LINK_MESHES;
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<HandMechanism>> {
@@ -20,21 +20,21 @@ fn hand(urdf: &str, pulls: &str) -> Option<Arc<HandMechanism>> {
 }
 
 fn at_rest(hand: Arc<HandMechanism>) -> HandScene {
-    let rest = hand.rest();
+    let rest = hand.rest_coordinates();
     HandScene::new(&CollisionModel::new(hand), &rest)
 }
 
 /// Closes on a ball held at `center`, releases it, and returns the force of each link on it once all is at rest.
 fn close(hand: &Arc<HandMechanism>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (HandScene, Vec<f64>) {
     let mut stand = at_rest(hand.clone());
-    stand.put(
-        &Prop::new("ball", Shape::Sphere { radius }, 0.1, 0.8),
+    stand.add_prop(
+        &Prop::new("ball", ObjectShape::Sphere { radius }, 0.1, 0.8),
         &Isometry3::translation(center.x, center.y, center.z),
     );
-    stand.run(&Pull::tensions(tensions), 2.0);
+    stand.run(&TensionCommand::tensions(tensions), 2.0);
     stand.release();
-    stand.run(&Pull::tensions(tensions), 2.0);
-    let forces = stand.forces();
+    stand.run(&TensionCommand::tensions(tensions), 2.0);
+    let forces = stand.link_forces();
     println!("{}: {:?}", hand.name, forces);
     (stand, forces)
 }
@@ -43,7 +43,7 @@ fn close(hand: &Arc<HandMechanism>, center: Point3<f64>, radius: f64, tensions: 
 fn the_allegro_hand_closes_on_a_ball() {
     let Some(hand) = hand("allegro/allegro_hand_right.urdf", "allegro.toml") else { return };
     // Nothing pulls the four joints that spread and rotate.
-    assert_eq!((hand.tree.len(), hand.held.len()), (12, 4));
+    assert_eq!((hand.tree.len(), hand.held_joints.len()), (12, 4));
     // In front of the palm (+x), between fingers and thumb.
     let (_, forces) = close(&hand, Point3::new(0.07, 0.0, 0.03), 0.05, &[12.0, 12.0, 12.0, 20.0, 12.0]);
     let touching = |first: usize, last: usize| {
@@ -91,7 +91,7 @@ fn clamp(urdf: &str) -> Arc<HandMechanism> {
 #[test]
 fn jaws_stop_at_each_other() {
     let mut stand = at_rest(clamp(CLAMP));
-    stand.run(&Pull::tensions(&[30.0]), 2.0);
+    stand.run(&TensionCommand::tensions(&[30.0]), 2.0);
     let (angle, deep) = (stand.angles()[1], stand.self_penetration());
     println!("the jaws stop at {angle:.3} rad, {:.2} mm deep in each other", 1e3 * deep);
     assert!((0.3..0.5).contains(&angle), "{angle} rad");
@@ -113,7 +113,7 @@ fn a_parallel_gripper_slides() {
     let hand = HandMechanism::parse(&slide, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"), LINK_MESHES);
     let hand = Arc::new(hand.expect("a gripper"));
     let mut empty = at_rest(hand.clone());
-    empty.run(&Pull::tensions(&[20.0]), 2.0);
+    empty.run(&TensionCommand::tensions(&[20.0]), 2.0);
     println!("empty: {:?} m", empty.angles());
     assert!((empty.angles()[0] + 0.03).abs() < 1e-3 && (empty.angles()[1] - 0.03).abs() < 1e-3, "{:?}", empty.angles());
     let (stand, forces) = close(&hand, Point3::new(0.08, 0.0, 0.0), 0.02, &[20.0]);
@@ -129,11 +129,11 @@ fn a_parallel_gripper_slides() {
 /// Only links connected by a joint, and links that overlap at rest, pass through each other.
 #[test]
 fn links_that_overlap_at_rest_pass() {
-    assert!(CollisionModel::new(clamp(CLAMP)).passing().is_empty());
+    assert!(CollisionModel::new(clamp(CLAMP)).ignored_pairs().is_empty());
     let wide = CLAMP.replacen("size=\"0.08 0.01 0.02\"", "size=\"0.08 0.17 0.02\"", 1);
-    assert_eq!(CollisionModel::new(clamp(&wide)).passing().iter().collect::<Vec<_>>(), [&(Some(0), Some(1))]);
+    assert_eq!(CollisionModel::new(clamp(&wide)).ignored_pairs().iter().collect::<Vec<_>>(), [&(Some(0), Some(1))]);
     let mut stand = at_rest(clamp(&wide));
-    stand.run(&Pull::tensions(&[30.0]), 2.0);
+    stand.run(&TensionCommand::tensions(&[30.0]), 2.0);
     assert!(stand.angles()[1] > 0.9, "{:?}", stand.angles());
     assert_eq!(stand.self_penetration(), 0.0);
 }

@@ -14,13 +14,13 @@ use serde_json::Value;
 use tempfile::{TempDir, tempdir};
 
 const CONDITIONS: [&str; 4] = ["ideal", "blind", "reflex", "touch"];
-const SIZE: [&str; 6] = ["--combos", "2", "--trials", "2", "--seed", "7"];
+const RUN_SIZE_ARGS: [&str; 6] = ["--combos", "2", "--trials", "2", "--seed", "7"];
 /// Rows of trials.csv: `ideal` once per combination, `blind`, `reflex` and `touch` in every trial.
-const ROWS: usize = 2 + 2 * 2 * 3;
+const ROW_COUNT: usize = 2 + 2 * 2 * 3;
 
 fn bench(extra: &[&str]) {
     let record = if extra.contains(&"--record") { &[][..] } else { &["--record", "none"] };
-    let output = run(&[&["bench"], record, &SIZE[..], extra].concat());
+    let output = run(&[&["bench"], record, &RUN_SIZE_ARGS[..], extra].concat());
     // Exit code 1 means that the rates fall short of the paper's, which is possible with four trials.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
 }
@@ -87,7 +87,7 @@ fn jobs_change_nothing() {
     let two = tempdir().expect("a folder");
     bench(&["--jobs", "2", "--out", text(two.path())]);
     let rows = trials(reference());
-    assert_eq!(rows.len(), 1 + ROWS, "header and a row per trial and condition");
+    assert_eq!(rows.len(), 1 + ROW_COUNT, "header and a row per trial and condition");
     assert_eq!(rows, trials(two.path()));
 }
 
@@ -177,7 +177,7 @@ fn every_try_is_a_row() {
         assert!(first || (row[number] == (last.0 + 1).to_string() && value(begun) >= last.1), "{row:?}");
         last = (row[number].parse().expect("a number"), value(ended));
     }
-    assert_eq!(trials, ROWS);
+    assert_eq!(trials, ROW_COUNT);
 }
 
 /// If the first object was felt, every condition predicts the separation of the objects under the planned grasp;
@@ -205,7 +205,7 @@ fn separations_are_foretold() {
 fn killed_and_resumed_is_as_if_nothing_had_happened() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("out");
-    let size = [&["bench", "--record", "none"], &SIZE[..], &["--jobs", "1", "--out", text(&out)]].concat();
+    let size = [&["bench", "--record", "none"], &RUN_SIZE_ARGS[..], &["--jobs", "1", "--out", text(&out)]].concat();
     let began = Instant::now();
     let mut child = ftac(&size).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
     let patience = Duration::from_secs(120);

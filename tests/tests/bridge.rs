@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::devices::{Devices, json, text, wait_for_trial};
+use crate::devices::{EmulatedDevices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
@@ -213,7 +213,7 @@ fn an_interrupted_fault_matrix_goes_on() {
 #[test]
 fn a_killed_host_leaves_everything_standing() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start(folder.path(), &["--until-stopped"]);
+    let devices = EmulatedDevices::start(folder.path(), &["--until-stopped"]);
     let sessions = folder.path().join("sessions");
     let arguments = [
         "trial",
@@ -245,7 +245,7 @@ fn a_killed_host_leaves_everything_standing() {
 #[test]
 fn an_unplugged_camera_board_ends_in_hold() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let sessions = folder.path().join("sessions");
     let arguments = [
         "trial",

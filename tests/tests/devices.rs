@@ -19,16 +19,16 @@ pub fn json(bytes: &[u8]) -> Value {
 }
 
 /// Lock for one real-time trial at a time: each keeps a simulator and a control stack busy.
-static REAL_TIME: Mutex<()> = Mutex::new(());
+static REAL_TIME_LOCK: Mutex<()> = Mutex::new(());
 
 /// A running emulator in real time.
-pub struct Devices {
+pub struct EmulatedDevices {
     _alone: MutexGuard<'static, ()>,
     pub child: Child,
     pub config: PathBuf,
 }
 
-impl Devices {
+impl EmulatedDevices {
     /// Starts calibrated devices, with additional arguments.
     pub fn start(folder: &Path, extra: &[&str]) -> Self {
         Self::start_cold(folder, &[&["--calibrated"], extra].concat())
@@ -36,7 +36,7 @@ impl Devices {
 
     /// Starts uncalibrated devices, with additional arguments.
     pub fn start_cold(folder: &Path, extra: &[&str]) -> Self {
-        let alone = REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let alone = REAL_TIME_LOCK.lock().unwrap_or_else(PoisonError::into_inner);
         let dir = folder.join("devices");
         let usual = ["bridge", "emulate", "--patient", "--json", "--dir", text(&dir)];
         let arguments = [&usual, extra].concat();
@@ -66,7 +66,7 @@ impl Devices {
     }
 }
 
-impl Drop for Devices {
+impl Drop for EmulatedDevices {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();

@@ -8,13 +8,13 @@ use e2e::{root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
 /// `trials.csv` of a short run of a scenario file with its text changed by `edit`; rows by column name.
-struct Run {
+struct ShortRun {
     rows: Vec<csv::StringRecord>,
     header: csv::StringRecord,
     _folder: TempDir,
 }
 
-impl Run {
+impl ShortRun {
     fn of(name: &str, edit: impl Fn(String) -> String, size: &[&str]) -> Self {
         let folder = tempdir().expect("a folder");
         let text = fs::read_to_string(root().join("scenarios/data").join(format!("{name}.toml"))).expect("a scenario");
@@ -75,39 +75,39 @@ fn utf8(path: &Path) -> &str {
 
 #[test]
 fn a_push_during_the_first_grasp() {
-    let pushed = Run::short("push");
+    let pushed = ShortRun::short("push");
     pushed.disturbed("N on the first object at ");
     // A push of 6 N knocks the object out of the closing hand; without it the object stays.
     let hard = |text: String| one_pair(text.replace("-2.0", "-6.0"));
-    let hard = Run::of("push", hard, &["--combos", "1", "--trials", "1"]);
-    let undisturbed = Run::undisturbed("push");
+    let hard = ShortRun::of("push", hard, &["--combos", "1", "--trials", "1"]);
+    let undisturbed = ShortRun::undisturbed("push");
     for condition in ["blind", "touch"] {
         assert_eq!(hard.values(condition, "cause"), ["first_not_picked"], "{condition}");
         assert_ne!(undisturbed.values(condition, "cause"), ["first_not_picked"], "{condition}");
     }
     // The same seed gives the same bits.
-    let again = Run::short("push");
-    let of = |run: &Run| ["blind", "touch"].map(|c| run.values(c, "sim_seconds").concat());
+    let again = ShortRun::short("push");
+    let of = |run: &ShortRun| ["blind", "touch"].map(|c| run.values(c, "sim_seconds").concat());
     assert_eq!(of(&pushed), of(&again));
 }
 
 #[test]
 fn slipping_while_carried() {
-    Run::short("slip").disturbed("the first object becomes slippery");
+    ShortRun::short("slip").disturbed("the first object becomes slippery");
     // At the friction of ice and a pull of 40 N the object is lost; without them it is not.
     let ice = |text: String| one_pair(text.replace("friction = 0.5", "friction = 0.02").replace("-4.0", "-40.0"));
-    let lost = Run::of("slip", ice, &["--combos", "1", "--trials", "1"]);
+    let lost = ShortRun::of("slip", ice, &["--combos", "1", "--trials", "1"]);
     assert_eq!(lost.values("blind", "success"), ["false"]);
     let cause = lost.values("blind", "cause").concat();
     assert!(["first_dropped", "both_dropped"].contains(&cause.as_str()), "{cause}");
-    assert_ne!(Run::undisturbed("slip").values("blind", "cause"), [cause.as_str()]);
+    assert_ne!(ShortRun::undisturbed("slip").values("blind", "cause"), [cause.as_str()]);
 }
 
 #[test]
 fn an_object_that_is_not_where_it_is_seen() {
-    Run::short("wrong_position").disturbed("beside its place until it is touched");
+    ShortRun::short("wrong_position").disturbed("beside its place until it is touched");
     // The object is far from its seen place: the blind hand closes on nothing.
-    let far = Run::of(
+    let far = ShortRun::of(
         "wrong_position",
         |text| text.replace("0.010, 0.011", "0.0, 0.090"),
         &["--combos", "1", "--trials", "1"],
@@ -118,10 +118,10 @@ fn an_object_that_is_not_where_it_is_seen() {
 
 #[test]
 fn an_object_of_another_size() {
-    let larger = Run::short("wrong_size");
+    let larger = ShortRun::short("wrong_size");
     larger.disturbed("1.150 times as large as its model");
-    let place = |run: &Run| run.number("touch", "prior_error_mm");
-    let moved = (place(&larger) - place(&Run::undisturbed("wrong_size"))).abs();
+    let place = |run: &ShortRun| run.number("touch", "prior_error_mm");
+    let moved = (place(&larger) - place(&ShortRun::undisturbed("wrong_size"))).abs();
     assert!(moved > 0.2, "a larger object sits only {moved} mm elsewhere in the hand");
 }
 
@@ -131,24 +131,24 @@ fn balls_of_other_sizes() {
         let text = text.replace("first = [\"golf_ball\", \"ball_50\"]", "first = [\"golf_ball\"]");
         text.replace("second = [\"golf_ball\", \"ball_50\", \"tennis_ball\"]", "second = [\"golf_ball\"]")
     };
-    let sweep = Run::of("size_sweep", one_pair, &["--combos", "1", "--trials", "2"]);
+    let sweep = ShortRun::of("size_sweep", one_pair, &["--combos", "1", "--trials", "2"]);
     assert_eq!(sweep.values("touch", "first"), ["golf_ball_as_36.0_mm", "golf_ball_as_39.0_mm"]);
     assert_eq!(sweep.values("ideal", "first"), ["golf_ball"]);
 }
 
 #[test]
 fn failed_cameras() {
-    Run::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
+    ShortRun::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
     // With most of the pads in contact failed, the first grasp is nearly the same; its pose estimate is not.
     let most = r#""ring_middle", "little_middle", "palm_ulnar", "palm_radial", "ring_distal""#;
     let most = |text: String| one_pair(text.replace("\"ring_distal\"", most));
-    let missing = Run::of("blind_pads", most, &["--combos", "1", "--trials", "1"]);
-    let intact = Run::undisturbed("blind_pads");
+    let missing = ShortRun::of("blind_pads", most, &["--combos", "1", "--trials", "1"]);
+    let intact = ShortRun::undisturbed("blind_pads");
     let apart = |column: &str| (missing.number("touch", column) - intact.number("touch", column)).abs();
     let (prior, pose) = (apart("prior_error_mm"), apart("pose_error_mm"));
     assert!(prior < 0.2 && pose > 2.0 * prior, "prior {prior} mm, pose {pose} mm");
     let black = |text: String| one_pair(text.replace("frames = \"missing\"", "frames = \"black\""));
-    Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
+    ShortRun::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }
 
 /// Without ring and little finger no grasp holds the first object: touch says so and does not begin. Blind closes on it
@@ -156,7 +156,7 @@ fn failed_cameras() {
 #[test]
 fn digits_without_power() {
     let both = |text: String| text.replace("[\"index\"]", "[\"ring\", \"little\"]");
-    let run = Run::of("disabled_digits", both, &["--combos", "1", "--trials", "1"]);
+    let run = ShortRun::of("disabled_digits", both, &["--combos", "1", "--trials", "1"]);
     run.disturbed("no power: ring, little");
     assert_eq!(run.values("touch", "cause"), ["no_strategy"]);
     let why = run.values("touch", "reason").concat();

@@ -6,7 +6,7 @@ use std::io::{BufRead as _, BufReader, Write};
 use std::path::Path;
 use std::process::Stdio;
 
-use crate::devices::{Devices, json, text};
+use crate::devices::{EmulatedDevices, json, text};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
@@ -20,7 +20,7 @@ fn bridge(arguments: &[&str], config: &Path) -> std::process::Output {
 #[test]
 fn a_cold_hand_is_calibrated() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start_cold(folder.path(), &[]);
+    let devices = EmulatedDevices::start_cold(folder.path(), &[]);
     let output = bridge(&["calibrate", "--yes"], &devices.config);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let crc = json(&output.stdout)["crc"].clone();
@@ -44,7 +44,7 @@ fn a_cold_hand_is_calibrated() {
 }
 
 /// Applies an event to servo 6, and waits until this number of servos answers.
-fn servo_6(devices: &mut Devices, event: &str, servos: usize) {
+fn servo_6(devices: &mut EmulatedDevices, event: &str, servos: usize) {
     devices.happen(event);
     let found = || json(&bridge(&["scan"], &devices.config).stdout)["servos"].as_array().map_or(0, Vec::len);
     assert!((0..100).any(|_| found() == servos), "{servos} servos after {event}");
@@ -55,7 +55,7 @@ fn servo_6(devices: &mut Devices, event: &str, servos: usize) {
 #[test]
 fn a_failed_calibration_changes_nothing_and_goes_on() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &["--springs"]);
+    let mut devices = EmulatedDevices::start(folder.path(), &["--springs"]);
     let calibration = devices.config.with_file_name("calibration.json");
     let before = fs::read(&calibration).expect("there");
     // A missing servo is detected before any motion.
@@ -93,7 +93,7 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
 #[test]
 fn a_hand_without_cameras_runs_blind() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start(folder.path(), &[]);
+    let devices = EmulatedDevices::start(folder.path(), &[]);
     let whole = fs::read_to_string(&devices.config).expect("there");
     let start = whole.find("[cameras]").expect("its section");
     let end = start + whole[start + 1..].find('[').expect("the next section");

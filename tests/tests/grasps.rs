@@ -114,9 +114,9 @@ fn grasps_with_the_shares_of_people() {
 }
 
 /// Radius of the ball, m.
-const BALL: f64 = 0.025;
+const BALL_RADIUS: f64 = 0.025;
 
-/// Returns a ball (OBJ) of `rings` by twice as many facets, radius [`BALL`]; the facets of the last `left_out` rings
+/// Returns a ball (OBJ) of `rings` by twice as many facets, radius [`BALL_RADIUS`]; the facets of the last `left_out` rings
 /// are missing.
 fn ball(rings: usize, left_out: usize) -> String {
     let mut content = String::new();
@@ -126,7 +126,7 @@ fn ball(rings: usize, left_out: usize) -> String {
         for k in 0..around {
             let turn = std::f64::consts::TAU * k as f64 / around as f64;
             let (x, y) = (tilt.sin() * turn.cos(), tilt.sin() * turn.sin());
-            content += &format!("v {:.6} {:.6} {:.6}\n", BALL * x, BALL * y, BALL * tilt.cos());
+            content += &format!("v {:.6} {:.6} {:.6}\n", BALL_RADIUS * x, BALL_RADIUS * y, BALL_RADIUS * tilt.cos());
         }
     }
     for ring in 0..rings - left_out {
@@ -259,7 +259,7 @@ fn grasps_of_a_mesh_are_in_its_own_frame() {
         for contact in grasp["contacts"].as_array().expect("contacts") {
             let point: Vec<f64> = serde_json::from_value(contact[1].clone()).expect("a point");
             let radius = (0..3).map(|n| (point[n] - pose[n] - center[n]).powi(2)).sum::<f64>().sqrt();
-            assert!((radius - BALL).abs() < 1.5e-3, "{radius}");
+            assert!((radius - BALL_RADIUS).abs() < 1.5e-3, "{radius}");
         }
     }
     let again = run(&["--json", "grasps", "eval", "--grasps", text(&file)]);

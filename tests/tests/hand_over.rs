@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::{TempDir, tempdir};
 
 /// A command of each group that `ftac-lab` runs.
-const HANDED_OVER: [&[&str]; 7] = [
+const LAB_COMMANDS: [&[&str]; 7] = [
     &["hand", "check"],
     &["arm", "check"],
     &["touch", "eval"],
@@ -21,7 +21,7 @@ const HANDED_OVER: [&[&str]; 7] = [
 ];
 
 /// Command with which a user builds it.
-const BUILD: &str = "cargo build --release -p ftac-lab";
+const BUILD_COMMAND: &str = "cargo build --release -p ftac-lab";
 
 fn lab() -> PathBuf {
     binary().with_file_name("ftac-lab")
@@ -80,15 +80,19 @@ fn output(command: &mut Command) -> Output {
 #[test]
 fn without_ftac_lab_the_command_that_builds_it_is_told() {
     let folder = alone();
-    for arguments in HANDED_OVER {
+    for arguments in LAB_COMMANDS {
         let said = output(&mut started(folder.path(), folder.path(), arguments));
         assert_eq!(said.status.code(), Some(2), "{arguments:?}: {}", stderr(&said));
-        assert!(stderr(&said).contains("found no `ftac-lab`") && stderr(&said).contains(BUILD), "{}", stderr(&said));
+        assert!(
+            stderr(&said).contains("found no `ftac-lab`") && stderr(&said).contains(BUILD_COMMAND),
+            "{}",
+            stderr(&said)
+        );
     }
     let said = output(&mut started(folder.path(), folder.path(), &["arm", "check", "--json"]));
     let error: Value = serde_json::from_slice(&said.stdout).expect("JSON");
     assert_eq!(error["code"], 2);
-    assert!(error["error"].as_str().expect("words").contains(BUILD), "{error}");
+    assert!(error["error"].as_str().expect("words").contains(BUILD_COMMAND), "{error}");
     // Everything else works: help of these commands, and refusal of wrong arguments.
     let help = output(&mut started(folder.path(), folder.path(), &["hand", "--help"]));
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
@@ -108,7 +112,7 @@ fn another_version_is_refused() {
     stand_in(path.path(), &identity());
     let said = output(&mut started(folder.path(), path.path(), &["hand", "check"]));
     assert_eq!(said.status.code(), Some(2), "{}", stderr(&said));
-    for words in ["found \"0.0.1 0123456789abcdef\"", &identity(), BUILD] {
+    for words in ["found \"0.0.1 0123456789abcdef\"", &identity(), BUILD_COMMAND] {
         assert!(stderr(&said).contains(words), "{words}: {}", stderr(&said));
     }
     assert!(!mark(folder.path()).exists() && !mark(path.path()).exists(), "it ran");
@@ -171,12 +175,12 @@ fn ftac_lab_runs_what_is_handed_over_and_nothing_else() {
     assert_eq!(page.status.code(), Some(2), "{}", stderr(&page));
     let help = Command::new(lab()).arg("--help").output().expect("ftac-lab runs");
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
-    for arguments in HANDED_OVER {
+    for arguments in LAB_COMMANDS {
         assert!(help.contains(&format!("\n  {} ", arguments[0])), "{arguments:?}:\n{help}");
     }
     let listed = ftac(&["--help"]).output().expect("ftac runs");
     let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
-    for arguments in HANDED_OVER {
+    for arguments in LAB_COMMANDS {
         assert!(listed.contains(&format!("\n  {} ", arguments[0])), "{arguments:?}:\n{listed}");
     }
 }

@@ -9,14 +9,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use e2e::{root, run, stderr};
-use statistics::{Difference, Rate};
+use statistics::{PairedDifference, SuccessRate};
 use tempfile::tempdir;
 
-const SIZE: [&str; 8] = ["--combos", "40", "--trials", "1", "--seed", "1", "--conditions", "blind,reflex,touch"];
+const RUN_SIZE_ARGS: [&str; 8] =
+    ["--combos", "40", "--trials", "1", "--seed", "1", "--conditions", "blind,reflex,touch"];
 
 /// A guarded figure: a row of the data file.
 #[derive(Debug, Clone, PartialEq)]
-struct Guarded {
+struct GuardedFigure {
     name: String,
     measured: f64,
     /// 95 % interval.
@@ -26,7 +27,7 @@ struct Guarded {
 
 /// Clean success of the same trial under each condition.
 #[derive(Debug, Clone, Copy, Default)]
-struct Outcome {
+struct TrialOutcome {
     blind: bool,
     reflex: bool,
     touch: bool,
@@ -34,45 +35,50 @@ struct Outcome {
 
 /// Returns the success rate of touch with its Wilson interval, and its leads with the bootstrap intervals of paired
 /// differences.
-fn figures(outcomes: &[Outcome]) -> Vec<Guarded> {
+fn figures(outcomes: &[TrialOutcome]) -> Vec<GuardedFigure> {
     let clean = outcomes.iter().filter(|outcome| outcome.touch).count();
-    let rate = Rate::new(clean as u64, outcomes.len() as u64);
+    let rate = SuccessRate::new(clean as u64, outcomes.len() as u64);
     let share = |clean: bool| f64::from(u8::from(clean));
-    let lead = |name: &str, other: fn(&Outcome) -> bool| {
+    let lead = |name: &str, other: fn(&TrialOutcome) -> bool| {
         let pairs: Vec<(f64, f64)> = outcomes.iter().map(|one| (share(one.touch), share(other(one)))).collect();
-        let lead = Difference::of(&pairs).difference;
+        let lead = PairedDifference::from_pairs(&pairs).difference;
         let [measured, low, high] = [lead.value, lead.low, lead.high].map(|value| value.unwrap_or(0.0));
-        Guarded { name: name.to_owned(), measured, low, high }
+        GuardedFigure { name: name.to_owned(), measured, low, high }
     };
     vec![
-        Guarded { name: "touch".to_owned(), measured: rate.rate.expect("trials"), low: rate.low, high: rate.high },
+        GuardedFigure {
+            name: "touch".to_owned(),
+            measured: rate.rate.expect("trials"),
+            low: rate.low,
+            high: rate.high,
+        },
         lead("touch less blind", |outcome| outcome.blind),
         lead("touch less reflex", |outcome| outcome.reflex),
     ]
 }
 
 /// Describes the figures outside their intervals.
-fn departures(guard: &[Guarded], found: &[Guarded]) -> Vec<String> {
+fn departures(guard: &[GuardedFigure], found: &[GuardedFigure]) -> Vec<String> {
     let left = guard.iter().zip(found).filter(|(guard, found)| !(guard.low..=guard.high).contains(&found.measured));
     left.map(|(guard, found)| {
         assert_eq!(guard.name, found.name);
-        let Guarded { name, measured, low, high } = guard;
+        let GuardedFigure { name, measured, low, high } = guard;
         format!("{name}: found {:.3}, expected {low:.3} to {high:.3} (measured {measured:.3})", found.measured)
     })
     .collect()
 }
 
 /// Plays the trials and returns their outcomes.
-fn play() -> Vec<Outcome> {
+fn play() -> Vec<TrialOutcome> {
     let folder = tempdir().expect("a folder");
     let out = folder.path().to_str().expect("UTF-8");
-    let output = run(&[&["bench", "--record", "none", "--out", out], &SIZE[..]].concat());
+    let output = run(&[&["bench", "--record", "none", "--out", out], &RUN_SIZE_ARGS[..]].concat());
     assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
     outcomes(&folder.path().join("trials.csv"))
 }
 
-fn outcomes(table: &Path) -> Vec<Outcome> {
-    let mut outcomes: BTreeMap<(String, String), Outcome> = BTreeMap::new();
+fn outcomes(table: &Path) -> Vec<TrialOutcome> {
+    let mut outcomes: BTreeMap<(String, String), TrialOutcome> = BTreeMap::new();
     let mut reader = csv::Reader::from_path(table).expect("trials.csv");
     for row in reader.deserialize::<BTreeMap<String, String>>() {
         let row = row.expect("a row");
@@ -92,9 +98,9 @@ fn file() -> PathBuf {
     root().join("tests/data/headline.csv")
 }
 
-fn guard() -> Vec<Guarded> {
+fn guard() -> Vec<GuardedFigure> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(file()).expect("the data file");
-    let row = |row: (String, f64, f64, f64)| Guarded { name: row.0, measured: row.1, low: row.2, high: row.3 };
+    let row = |row: (String, f64, f64, f64)| GuardedFigure { name: row.0, measured: row.1, low: row.2, high: row.3 };
     reader.deserialize().map(|found| row(found.expect("figure,measured,low,high"))).collect()
 }
 
@@ -109,7 +115,7 @@ fn the_headline_holds() {
 fn measure() {
     let text = fs::read_to_string(file()).expect("the data file");
     let comments: String = text.lines().filter(|line| line.starts_with('#')).map(|line| format!("{line}\n")).collect();
-    let row = |one: &Guarded| format!("{},{:.4},{:.4},{:.4}\n", one.name, one.measured, one.low, one.high);
+    let row = |one: &GuardedFigure| format!("{},{:.4},{:.4},{:.4}\n", one.name, one.measured, one.low, one.high);
     let rows: String = figures(&play()).iter().map(row).collect();
     fs::write(file(), format!("{comments}figure,measured,low,high\n{rows}")).expect("written");
 }
@@ -129,8 +135,8 @@ fn no_interval_lets_a_lost_lead_pass() {
 
 /// Returns 40 made-up trials, with these numbers of successes for blind, reflex and touch. Successes are nested: if a
 /// weaker condition succeeds, so do the stronger ones.
-fn made_up([blind, reflex, touch]: [usize; 3]) -> Vec<Outcome> {
-    (0..40).map(|n| Outcome { blind: n < blind, reflex: n < reflex, touch: n < touch }).collect()
+fn made_up([blind, reflex, touch]: [usize; 3]) -> Vec<TrialOutcome> {
+    (0..40).map(|n| TrialOutcome { blind: n < blind, reflex: n < reflex, touch: n < touch }).collect()
 }
 
 /// The rule on made-up counts: single trials that end differently pass; a lost lead fails, whether touch falls or the

@@ -5,7 +5,7 @@ use e2e::root;
 use crate::crate_graph::rust_files;
 
 /// Riddles begin so: the noun that a reader would search for comes late or never.
-const RIDDLES: [&str; 4] = ["What", "Where", "Whether", "How"];
+const FORBIDDEN_FIRST_WORDS: [&str; 4] = ["What", "Where", "Whether", "How"];
 
 /// First lines of doc comments with their line numbers.
 fn openings(text: &str) -> Vec<(usize, &str)> {
@@ -28,13 +28,21 @@ fn doc_comments_name_their_subject() {
     let mut riddles = Vec::new();
     for (file, text) in rust_files(root()) {
         for (line, said) in openings(&text) {
-            if RIDDLES.iter().any(|word| said.strip_prefix(word).is_some_and(|rest| rest.starts_with(' '))) {
+            if FORBIDDEN_FIRST_WORDS
+                .iter()
+                .any(|word| said.strip_prefix(word).is_some_and(|rest| rest.starts_with(' ')))
+            {
                 let name = file.strip_prefix(root()).unwrap_or(&file);
                 riddles.push(format!("{}:{line}: {said}", name.display()));
             }
         }
     }
-    assert!(riddles.is_empty(), "{} doc comments begin with {RIDDLES:?}:\n{}", riddles.len(), riddles.join("\n"));
+    assert!(
+        riddles.is_empty(),
+        "{} doc comments begin with {FORBIDDEN_FIRST_WORDS:?}:\n{}",
+        riddles.len(),
+        riddles.join("\n")
+    );
 }
 
 /// Only the first line of a comment counts, and code does not.

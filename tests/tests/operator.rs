@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-use crate::devices::{Devices, json, text, wait_for_trial};
+use crate::devices::{EmulatedDevices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
@@ -39,7 +39,7 @@ fn replace(config: &Path, from: &str, to: &str) {
 #[test]
 fn faults_of_the_arm_are_told_apart_and_cleared() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     assert_eq!(arm_row(&config)["ok"], true);
 
@@ -93,7 +93,7 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
 #[test]
 fn an_operator_who_thinks_does_not_lose_the_arm() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     devices.happen("arm=fault");
     arm_until(&config, |row| row["ok"] == false);
@@ -117,7 +117,7 @@ fn an_operator_who_thinks_does_not_lose_the_arm() {
 #[test]
 fn servos_that_shut_down_are_restarted() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     let none = bridge(&["reboot", "--yes"], &config);
     assert_eq!((none.status.code(), json(&none.stdout)["restarted"].clone()), (Some(0), serde_json::json!([])));
@@ -164,7 +164,7 @@ fn servos_that_shut_down_are_restarted() {
 #[test]
 fn nobody_lays_out_objects_for_a_robot_that_is_not_in_order() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let (config, sessions) = (devices.config.clone(), folder.path().join("sessions"));
     let trial = ["trial", "0", "--policy", "blind", "--robot", "hardware", "--session", text(&sessions)];
     let told = |command: &[&str], config: &Path, what: &str| {
@@ -199,7 +199,7 @@ fn nobody_lays_out_objects_for_a_robot_that_is_not_in_order() {
 #[test]
 fn ctrl_c_ends_in_order() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start(folder.path(), &[]);
+    let devices = EmulatedDevices::start(folder.path(), &[]);
     let sessions = folder.path().join("sessions");
     let (config, recording) = (text(&devices.config), folder.path().join("trial.rrd"));
     let arguments = ["trial", "0", "--policy", "blind", "--robot", "hardware", "--config", config];
@@ -272,7 +272,7 @@ fn passwords_are_for_their_owner_alone() {
 #[test]
 fn a_folder_without_room_is_found_before_the_first_motion() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start(folder.path(), &[]);
+    let devices = EmulatedDevices::start(folder.path(), &[]);
     let file = folder.path().join("file");
     fs::write(&file, "x").expect("written");
     let sessions = file.join("sessions");

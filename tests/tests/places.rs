@@ -7,7 +7,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::devices::{Devices, json, text};
+use crate::devices::{EmulatedDevices, json, text};
 use e2e::{run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
@@ -134,7 +134,7 @@ fn a_script_rearranges_the_emulated_table() {
     let folder = tempdir().expect("a folder");
     let (truth, eyes) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
     let address = format!("unix:{}", eyes.display());
-    let devices = Devices::start(folder.path(), &["--truth", text(&truth), "--eyes", &address]);
+    let devices = EmulatedDevices::start(folder.path(), &["--truth", text(&truth), "--eyes", &address]);
     let dir = devices.config.parent().expect("its folder").to_owned();
     let told = |line: &str| run(&["bridge", "emulate", "--dir", text(&dir), "--tell", line, "--json"]);
     let answer = |line: &str| {
@@ -182,7 +182,7 @@ fn a_script_rearranges_the_emulated_table() {
 #[test]
 fn devices_in_the_wrong_place_are_named() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     let bridge = |arguments: &[&str]| run(&[&["bridge"], arguments, &["--config", text(&config), "--json"]].concat());
     let row = |what: &str| {

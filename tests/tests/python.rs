@@ -13,7 +13,7 @@ use e2e::{forget_package, root, stderr, target_dir};
 use tempfile::tempdir;
 
 /// Packages that the test downloads.
-const PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
+const PIP_PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
 
 /// Returns the Python blocks of a page.
 fn examples(page: &str) -> Vec<String> {
@@ -42,7 +42,9 @@ fn run(command: &mut Command) -> Result<Output, String> {
 fn environment(folder: &Path) -> Result<PathBuf, String> {
     run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
     let python = folder.join("bin/python");
-    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(PACKAGES))?;
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
+        .args(PIP_PACKAGES))?;
     Ok(python)
 }
 

@@ -2,6 +2,6 @@
 //! rendered from a calibration file written by hand, so that the truth is known.
 
 mod calibration;
-mod made_sensor;
 mod reconstruction;
 mod rendering;
+mod synthetic_sensor;

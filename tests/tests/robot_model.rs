@@ -17,7 +17,7 @@ fn shipped(name: &str) -> PathBuf {
     root().join("hand-model/data/robots").join(name)
 }
 
-const PLAIN: &str = "version = 1\nname = \"mine\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
+const PLAIN_ROBOT_TOML: &str = "version = 1\nname = \"mine\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
 
 /// Returns the error message for a robot file with this text, from a command that plays it.
 fn refused(robot: &str) -> String {
@@ -54,7 +54,7 @@ fn another_arm_is_simulated_alone() {
 fn a_wrong_robot_is_refused_by_file_and_field() {
     let pad = |link: &str, configuration: &str| {
         format!(
-            "{PLAIN}[[hand.pad]]\nname = \"more\"\nlink = \"{link}\"\nconfiguration = \"{configuration}\"\n\
+            "{PLAIN_ROBOT_TOML}[[hand.pad]]\nname = \"more\"\nlink = \"{link}\"\nconfiguration = \"{configuration}\"\n\
              center = [0.0145, -0.006, 0.0]\ny = [1.0, 0.0, 0.0]\nz = [0.0, -1.0, 0.0]\n"
         )
     };
@@ -62,17 +62,17 @@ fn a_wrong_robot_is_refused_by_file_and_field() {
     for (robot, said) in [
         (pad("ring_9", "b"), "mine.toml: hand.pad[more].link: found `ring_9`"),
         (pad("ring_2", "x"), "mine.toml: hand.pad[more].configuration: found `x`"),
-        (format!("{PLAIN}scale = 3.0\n"), "mine.toml: hand.scale: found 3, expected 0.5 to 2"),
+        (format!("{PLAIN_ROBOT_TOML}scale = 3.0\n"), "mine.toml: hand.scale: found 3, expected 0.5 to 2"),
         // Pads of another size need their own calibration.
-        (format!("{PLAIN}scale = 0.8\n"), "mine.toml: calibration: found none"),
+        (format!("{PLAIN_ROBOT_TOML}scale = 0.8\n"), "mine.toml: calibration: found none"),
         (
-            PLAIN.replace("[hand]", "calibration = \"pads.json\"\n[hand]") + "scale = 0.8\n",
+            PLAIN_ROBOT_TOML.replace("[hand]", "calibration = \"pads.json\"\n[hand]") + "scale = 0.8\n",
             "mine.toml: calibration: found no file pads.json",
         ),
-        (PLAIN.replace("\"gen3\"", "\"arm.toml\""), "arm.toml: No such file"),
-        (PLAIN.replace("\"ftac\"", "\"/nowhere/hand.toml\""), "/nowhere/hand.toml: No such file"),
-        (PLAIN.replace("version = 1", "version = 2"), "mine.toml: version: found 2, expected 1"),
-        (format!("{PLAIN}{gripper}"), "unknown field `joint`"),
+        (PLAIN_ROBOT_TOML.replace("\"gen3\"", "\"arm.toml\""), "arm.toml: No such file"),
+        (PLAIN_ROBOT_TOML.replace("\"ftac\"", "\"/nowhere/hand.toml\""), "/nowhere/hand.toml: No such file"),
+        (PLAIN_ROBOT_TOML.replace("version = 1", "version = 2"), "mine.toml: version: found 2, expected 1"),
+        (format!("{PLAIN_ROBOT_TOML}{gripper}"), "unknown field `joint`"),
     ] {
         let found = refused(&robot);
         assert!(found.contains(said), "{said}\n{found}");
@@ -86,7 +86,7 @@ fn parameter_files_of_a_robot_are_checked() {
     let data = root().join("hand-model/data");
     let robot = folder.path().join("mine.toml");
     let check = |from: &str, to: &str, said: &str| {
-        fs::write(&robot, PLAIN.replace("\"ftac\"", "\"hand.toml\"").replace("\"gen3\"", "\"arm.toml\""))
+        fs::write(&robot, PLAIN_ROBOT_TOML.replace("\"ftac\"", "\"hand.toml\"").replace("\"gen3\"", "\"arm.toml\""))
             .expect("written");
         for (name, file) in [("hand.toml", "ftac_hand.toml"), ("arm.toml", "gen3.toml")] {
             let text = fs::read_to_string(data.join(file)).expect("data");
@@ -178,8 +178,9 @@ fn two_objects_are_refused_for_a_gripper() {
     let robot = folder.path().join("gripper.toml");
     fs::copy(shipped("franka_hand.toml"), folder.path().join("franka_hand.toml")).expect("copied");
     let pads = folder.path().join("pads.json");
-    let described =
-        PLAIN.replace("[hand]", "calibration = \"pads.json\"\n[hand]").replace("\"ftac\"", "\"franka_hand.toml\"");
+    let described = PLAIN_ROBOT_TOML
+        .replace("[hand]", "calibration = \"pads.json\"\n[hand]")
+        .replace("\"ftac\"", "\"franka_hand.toml\"");
     fs::write(&robot, described).expect("written");
     let trained = run(&["touch", "train", "--robot-model", text(&robot), "--presses", "6", "--out", text(&pads)]);
     assert_eq!(trained.status.code(), Some(0), "{}", stderr(&trained));

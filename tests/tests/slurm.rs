@@ -16,7 +16,7 @@ use serde_json::Value;
 use tempfile::tempdir;
 
 /// Time limit of every wait.
-const PATIENCE: Duration = Duration::from_secs(240);
+const WAIT_TIMEOUT: Duration = Duration::from_secs(240);
 
 fn text(path: &Path) -> &str {
     path.to_str().expect("a UTF-8 path")
@@ -46,14 +46,14 @@ fn slurm_is_installed() -> Result<(), String> {
 }
 
 /// Slurm daemons, which end with the test.
-struct Daemons {
+struct SlurmDaemons {
     folder: PathBuf,
     running: Vec<(&'static str, Child)>,
     /// Mount point of the test's file system.
     mounted: Option<PathBuf>,
 }
 
-impl Daemons {
+impl SlurmDaemons {
     fn start(&mut self, name: &'static str, program: &str, arguments: &[&str]) {
         let log = fs::File::create(self.folder.join(format!("{name}.out"))).expect("a log");
         let child = Command::new(program)
@@ -84,7 +84,7 @@ impl Daemons {
     }
 
     /// Returns the state and logs, for a failing test.
-    fn story(&self, sweep: &Path) -> String {
+    fn describe_state(&self, sweep: &Path) -> String {
         let mut told = self.says("squeue", &["--all", "--states=all"]) + &self.says("sinfo", &["-N"]);
         let logs = fs::read_dir(sweep.join("slurm"))
             .into_iter()
@@ -102,13 +102,17 @@ impl Daemons {
     fn until(&self, what: &str, sweep: &Path, done: impl Fn() -> bool) {
         let begun = Instant::now();
         while !done() {
-            assert!(begun.elapsed() < PATIENCE, "not {what} after {PATIENCE:?}\n{}", self.story(sweep));
+            assert!(
+                begun.elapsed() < WAIT_TIMEOUT,
+                "not {what} after {WAIT_TIMEOUT:?}\n{}",
+                self.describe_state(sweep)
+            );
             sleep(Duration::from_millis(200));
         }
     }
 }
 
-impl Drop for Daemons {
+impl Drop for SlurmDaemons {
     fn drop(&mut self) {
         // Jobs end first, then Slurm, then the daemons that it depends on.
         let _ = Command::new("scancel")
@@ -148,12 +152,12 @@ fn configuration(folder: &Path) -> String {
 }
 
 /// Starts the two nodes. Their workers share a disk of this many megabytes.
-fn cluster(folder: &Path, megabytes: u32) -> Daemons {
+fn cluster(folder: &Path, megabytes: u32) -> SlurmDaemons {
     for name in ["state", "n1", "n2", "nfs"] {
         fs::create_dir_all(folder.join(name)).expect("a folder");
     }
     fs::write(folder.join("slurm.conf"), configuration(folder)).expect("written");
-    let mut daemons = Daemons { folder: folder.to_owned(), running: Vec::new(), mounted: None };
+    let mut daemons = SlurmDaemons { folder: folder.to_owned(), running: Vec::new(), mounted: None };
     let key = folder.join("munge.key");
     let mut random = vec![0; 128];
     std::io::Read::read_exact(&mut fs::File::open("/dev/urandom").expect("random"), &mut random).expect("random");
@@ -183,7 +187,7 @@ fn cluster(folder: &Path, megabytes: u32) -> Daemons {
     daemons
 }
 
-const SWEEP: &str = "version = 1\nname = \"two nodes\"\ncombos = 2\ntrials = 1\nunit_minutes = 0.01\n[axes]\nseed = [31, 32]\n\
+const SWEEP_TOML: &str = "version = 1\nname = \"two nodes\"\ncombos = 2\ntrials = 1\nunit_minutes = 0.01\n[axes]\nseed = [31, 32]\n\
                      policy = [\"blind\"]\nnoise_scale = [0.5, 1.0]\n";
 
 fn json(output: &std::process::Output) -> Value {
@@ -215,7 +219,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     }
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("sweep.toml");
-    fs::write(&file, SWEEP).expect("written");
+    fs::write(&file, SWEEP_TOML).expect("written");
     let here = folder.path().join("here");
     let local = run(&["sweep", "run", text(&file), "--out", text(&here), "--json"]);
     assert!(local.status.success(), "{}", stderr(&local));
@@ -275,7 +279,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     });
     let found = slurm.command(binary(), &["sweep", "merge", text(&out), "--json"]);
     assert!(found.status.success(), "{}", stderr(&found));
-    assert_eq!(json(&found)["digest"], expected, "{}", slurm.story(&out));
+    assert_eq!(json(&found)["digest"], expected, "{}", slurm.describe_state(&out));
     let nothing = slurm.command(binary(), &submit);
     assert_eq!(json(&nothing)["outcome"], "finished");
 }
@@ -303,7 +307,7 @@ fn a_sweep_of_ones_own_is_the_same_on_two_nodes() {
     let all = units(&here);
     while units(&out) < all {
         let queue = slurm.says("squeue", &["-h", "-o", "%T"]);
-        assert!(!queue.trim().is_empty() || units(&out) == all, "no job is left\n{}", slurm.story(&out));
+        assert!(!queue.trim().is_empty() || units(&out) == all, "no job is left\n{}", slurm.describe_state(&out));
         sleep(Duration::from_secs(2));
     }
     let two_nodes = begun.elapsed();
@@ -313,5 +317,5 @@ fn a_sweep_of_ones_own_is_the_same_on_two_nodes() {
     let digests = [json(&local)["merged"]["digest"].clone(), json(&found)["digest"].clone()];
     let told = format!("{all} units: {alone:.0?} here, {two_nodes:.0?} on two nodes, digests {digests:?}\n");
     std::io::stderr().write_all(told.as_bytes()).expect("stderr");
-    assert_eq!(digests[0], digests[1], "{}", slurm.story(&out));
+    assert_eq!(digests[0], digests[1], "{}", slurm.describe_state(&out));
 }

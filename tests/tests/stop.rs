@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-use crate::devices::{Devices, json, text};
+use crate::devices::{EmulatedDevices, json, text};
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
 
@@ -40,7 +40,7 @@ fn exercising(config: &Path, password: &str) -> Child {
 #[test]
 fn a_stop_needs_the_socket_alone() {
     let folder = tempdir().expect("a folder");
-    let devices = Devices::start(folder.path(), &[]);
+    let devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     let secret = config.with_file_name("arm-password");
     let password = fs::read_to_string(&secret).expect("there").trim().to_owned();
@@ -85,7 +85,7 @@ fn a_stop_needs_the_socket_alone() {
 #[test]
 fn a_release_states_what_was_read_back() {
     let folder = tempdir().expect("a folder");
-    let mut devices = Devices::start(folder.path(), &[]);
+    let mut devices = EmulatedDevices::start(folder.path(), &[]);
     let config = devices.config.clone();
     let whole = fs::read_to_string(&config).expect("there");
     fs::write(&config, whole.replace("slack = 0.5", "slack = 0.1")).expect("written");

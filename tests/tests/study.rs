@@ -11,7 +11,7 @@ use e2e::{root, run, stderr};
 use serde_json::{Value, json};
 use tempfile::tempdir;
 
-const GRASPS: &str = "tests/data/grasps";
+const GRASPS_FOLDER: &str = "tests/data/grasps";
 const CHROMIUM: &str = "/usr/bin/chromium";
 
 fn text(path: &Path) -> &str {
@@ -42,7 +42,7 @@ fn refused(arguments: &[&str], named: &[&str]) {
 
 /// Returns type and broad type of every grasp.
 fn types() -> BTreeMap<String, (String, String)> {
-    let found = answer(GRASPS, &["grasps", "classify"]);
+    let found = answer(GRASPS_FOLDER, &["grasps", "classify"]);
     let word = |value: &Value| value.as_str().expect("a word").to_owned();
     let rows = found["decisions"].as_array().expect("a list").iter();
     rows.map(|row| (word(&row["id"]), (word(&row["type"]), word(&row["category"])))).collect()
@@ -51,14 +51,14 @@ fn types() -> BTreeMap<String, (String, String)> {
 #[test]
 fn every_grasp_gets_a_type_and_reasons() {
     let folder = tempdir().expect("a folder");
-    let found = answer(GRASPS, &["grasps", "classify", "--out", text(folder.path())]);
+    let found = answer(GRASPS_FOLDER, &["grasps", "classify", "--out", text(folder.path())]);
     assert_eq!(found["grasps"], 48);
     let sum: u64 =
         found["types"].as_array().expect("a list").iter().map(|kind| kind["grasps"].as_u64().unwrap_or(0)).sum();
     assert_eq!(sum, 48);
     assert!(folder.path().join("classes.json").exists() && folder.path().join("types.svg").exists());
     let id = found["decisions"][5]["id"].as_str().expect("an id");
-    let why = answer(GRASPS, &["grasps", "classify", "--explain", id]);
+    let why = answer(GRASPS_FOLDER, &["grasps", "classify", "--explain", id]);
     assert_eq!(why["type"], found["decisions"][5]["type"]);
     let conditions = why["conditions"].as_array().expect("a list");
     let least = conditions.iter().filter_map(|check| check["margin"].as_f64()).fold(1.0, f64::min);
@@ -77,18 +77,18 @@ fn labels_are_compared() {
     let same: BTreeMap<String, String> = types().into_iter().map(|(id, (kind, _))| (id, kind)).collect();
     let wrong: BTreeMap<String, String> = same.keys().map(|id| (id.clone(), "Lateral".to_owned())).collect();
     let (same, wrong) = (write("same", &same), write("wrong", &wrong));
-    let found = answer(GRASPS, &["grasps", "classify", "--labels", text(&same), "--labels", text(&wrong)]);
+    let found = answer(GRASPS_FOLDER, &["grasps", "classify", "--labels", text(&same), "--labels", text(&wrong)]);
     let pairs = found["agreement"].as_array().expect("a list");
     assert_eq!(pairs.len(), 3, "each with the rules, and with each other: {pairs:?}");
     assert_eq!(pairs[0]["types"]["kappa"], 1.0);
     assert!(pairs[1]["types"]["kappa"].as_f64().expect("defined") < 0.05);
     let unknown = write("unknown", &BTreeMap::from([("ball/99999".to_owned(), "Ring".to_owned())]));
     refused(
-        &["grasps", "classify", "--grasps", GRASPS, "--labels", text(&unknown)],
+        &["grasps", "classify", "--grasps", GRASPS_FOLDER, "--labels", text(&unknown)],
         &["unknown", "ball/99999", "expected"],
     );
     let no_type = write("no_type", &BTreeMap::from([(types().keys().next().expect("one").clone(), "Rung".to_owned())]));
-    refused(&["grasps", "classify", "--grasps", GRASPS, "--labels", text(&no_type)], &["no_type", "Rung"]);
+    refused(&["grasps", "classify", "--grasps", GRASPS_FOLDER, "--labels", text(&no_type)], &["no_type", "Rung"]);
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn grasps_of_one_class_have_no_boundary() {
     let kinds = types();
     let folder = tempdir().expect("a folder");
     let mut kept = String::new();
-    for entry in fs::read_dir(root().join(GRASPS)).expect("the fixtures") {
+    for entry in fs::read_dir(root().join(GRASPS_FOLDER)).expect("the fixtures") {
         let all = fs::read_to_string(entry.expect("a file").path()).expect("text");
         for (n, line) in all.lines().enumerate() {
             let value: Value = serde_json::from_str(line).expect("JSON");
@@ -148,7 +148,7 @@ fn a_landscape_goes_on_where_it_was_interrupted() {
     let out = folder.path().join("landscape");
     let arguments =
         ["grasps", "landscape", "--objects", "pawn,vase", "--each", "5", "--pull", "4", "--out", text(&out)];
-    let whole = answer(GRASPS, &arguments);
+    let whole = answer(GRASPS_FOLDER, &arguments);
     assert_eq!(whole["grasps"], 10);
     let members: usize =
         whole["list"].as_array().expect("basins").iter().map(|b| b["members"].as_array().map_or(0, Vec::len)).sum();
@@ -156,7 +156,7 @@ fn a_landscape_goes_on_where_it_was_interrupted() {
     let journal = out.join("journal.jsonl");
     let full = fs::read_to_string(&journal).expect("a journal");
     fs::write(&journal, &full[..full.len() * 2 / 5]).expect("cut");
-    assert_eq!(answer(GRASPS, &arguments), whole);
+    assert_eq!(answer(GRASPS_FOLDER, &arguments), whole);
     assert_eq!(fs::read_to_string(&journal).expect("a journal"), full);
     let other = [
         "grasps",
@@ -168,13 +168,13 @@ fn a_landscape_goes_on_where_it_was_interrupted() {
         "--pull",
         "4",
         "--grasps",
-        GRASPS,
+        GRASPS_FOLDER,
         "--out",
         text(&out),
     ];
     refused(&other, &["journal.jsonl", "pawn,vase", "pawn,ball"]);
     refused(
-        &["grasps", "landscape", "--objects", "teapot", "--grasps", GRASPS, "--out", text(&out)],
+        &["grasps", "landscape", "--objects", "teapot", "--grasps", GRASPS_FOLDER, "--out", text(&out)],
         &["teapot", "pawn"],
     );
     let page = fs::read_to_string(out.join("landscape.html")).expect("a page");
@@ -210,7 +210,7 @@ fn the_annotation_page_works_in_a_browser() {
     }
     let folder = tempdir().expect("a folder");
     let (page, profile) = (folder.path().join("page.html"), folder.path().join("profile"));
-    answer(GRASPS, &["grasps", "annotate", "--out", text(&page)]);
+    answer(GRASPS_FOLDER, &["grasps", "annotate", "--out", text(&page)]);
     let script = "const key = k => dispatchEvent(new KeyboardEvent('keydown', { key: k }));
         const drawn = () => { const d = viewer.image.data; let n = [0, 0]; for (let k = 0; k < d.length; k += 4) {
             if (d[k] + 8 < d[k + 2]) n[0]++; if (d[k] > d[k + 1] + 8 && d[k] > d[k + 2]) n[1]++; } return n; };
@@ -238,7 +238,7 @@ fn the_annotation_page_works_in_a_browser() {
     assert_eq!(&kept, exported, "kept over a restart");
     let file = folder.path().join("labels.json");
     fs::write(&file, again).expect("written");
-    let found = answer(GRASPS, &["grasps", "classify", "--labels", text(&file)]);
+    let found = answer(GRASPS_FOLDER, &["grasps", "classify", "--labels", text(&file)]);
     assert_eq!(
         (&found["agreement"][0]["first"], &found["agreement"][0]["types"]["items"]),
         (&json!("tester"), &json!(2))
@@ -249,8 +249,8 @@ fn the_annotation_page_works_in_a_browser() {
 fn the_study_on_one_page() {
     let folder = tempdir().expect("a folder");
     let out = text(folder.path());
-    answer(GRASPS, &["grasps", "classify", "--out", out]);
-    let found = answer(GRASPS, &["report", "--study", out]);
+    answer(GRASPS_FOLDER, &["grasps", "classify", "--out", out]);
+    let found = answer(GRASPS_FOLDER, &["report", "--study", out]);
     assert_eq!(found["missing"], json!(["grasps map", "grasps landscape", "grasps hands"]));
     let rows = found["rows"].as_array().expect("rows");
     assert!(
@@ -320,7 +320,7 @@ fn hands_side_by_side() {
 fn the_whole_study_is_one_command() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("study");
-    let first = answer(GRASPS, &["study", "--grasps", GRASPS, "--out", text(&out)]);
+    let first = answer(GRASPS_FOLDER, &["study", "--grasps", GRASPS_FOLDER, "--out", text(&out)]);
     assert_eq!(first["missing"].as_array().map(Vec::len), Some(0), "{first}");
     for file in ["types.svg", "map.html", "landscape/landscape.html", "landscape/growth.png", "hands.png", "study.html"]
     {
@@ -330,7 +330,7 @@ fn the_whole_study_is_one_command() {
     let basins = first["rows"].as_array().expect("rows").iter().find(|row| row["what"] == "basins over six objects");
     let ours = basins.and_then(|row| row["ours"].as_str()).expect("a count");
     assert!(page.contains(ours) && page.contains("growth.png"), "{ours}");
-    let again = answer(GRASPS, &["study", "--grasps", GRASPS, "--out", text(&out)]);
+    let again = answer(GRASPS_FOLDER, &["study", "--grasps", GRASPS_FOLDER, "--out", text(&out)]);
     assert_eq!(first["rows"], again["rows"]);
     refused(&["study", "--urdf", "none.urdf", "--pulls", "none.toml", "--out", text(&out)], &["none.urdf"]);
 }

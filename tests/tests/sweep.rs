@@ -10,7 +10,7 @@ use e2e::{ftac, root, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-const SWEEP: &str = "version = 1\nname = \"noise\"\ncombos = 1\ntrials = 1\nunit_minutes = 0.01\n[axes]\nseed = [41, 42]\n\
+const SWEEP_TOML: &str = "version = 1\nname = \"noise\"\ncombos = 1\ntrials = 1\nunit_minutes = 0.01\n[axes]\nseed = [41, 42]\n\
                      policy = [\"ideal\", \"blind\"]\n\"scenario.noise.perception.xy_sigma\" = [0.0, 0.0065]\n";
 
 fn text(path: &Path) -> &str {
@@ -41,7 +41,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
 fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("noise.toml");
-    fs::write(&file, SWEEP).expect("written");
+    fs::write(&file, SWEEP_TOML).expect("written");
     let planned = json(&run(&["sweep", "plan", text(&file), "--json"]));
     assert_eq!((&planned["points"], &planned["trials"]), (&Value::from(2), &Value::from(8)));
 
@@ -68,7 +68,7 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
 
     // Another sweep in that folder is refused; nothing is lost.
     let other = folder.path().join("other.toml");
-    fs::write(&other, SWEEP.replace("[41, 42]", "[41, 43]")).expect("written");
+    fs::write(&other, SWEEP_TOML.replace("[41, 42]", "[41, 43]")).expect("written");
     refused(&["sweep", "run", text(&other), "--out", text(&out)], &["holds another sweep", "name another folder"]);
 
     // A broken file is named and kept, and its unit is played again with the same results.

@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::tempdir;
 
 /// Excitation script: every actuator once, in one posture.
-const SCRIPT: &str = r#"
+const EXCITATION_SCRIPT: &str = r#"
 version = 1
 open_current = 0.15
 open_time = 1.0
@@ -60,7 +60,7 @@ fn a_robot_is_excited_identified_and_used() {
     let folder = tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let (script, sessions, truth, found) = (at("short.toml"), at("sessions"), at("truth.json"), at("individual.toml"));
-    fs::write(&script, SCRIPT).expect("written");
+    fs::write(&script, EXCITATION_SCRIPT).expect("written");
     let excite = ["twin", "excite", text(&sessions), "--individual", "3", "--script", text(&script)];
 
     let dry = json(&run(&[&excite[..], &["--dry-run", "--json"]].concat()));
@@ -160,7 +160,7 @@ turn = [0.4, 0.5, 0.0, 0.6, 0.0, 0.0, -1.4]
 name = "forearm turned"
 turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
 "#;
-    fs::write(&script, format!("{SCRIPT}{ball}")).expect("written");
+    fs::write(&script, format!("{EXCITATION_SCRIPT}{ball}")).expect("written");
     let excite = ["twin", "excite", text(&sessions), "--individual", "2", "--script", text(&script), "--json"];
     let done = json(&run(&excite));
     assert_eq!(done["done"], 3 + 18 + 3 + 1);
@@ -205,7 +205,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
             "ball.toml: weight.object: found `multimeter`, expected an object of which grasps by ftac_gen3 are known",
         ),
     ] {
-        fs::write(&script, format!("{SCRIPT}{}", ball.replace(from, to))).expect("written");
+        fs::write(&script, format!("{EXCITATION_SCRIPT}{}", ball.replace(from, to))).expect("written");
         refused(&excite[..7], &[says]);
     }
 }
@@ -216,7 +216,7 @@ fn an_interrupted_excitation_goes_on() {
     let folder = tempdir().expect("a folder");
     let sessions = folder.path().join("sessions");
     let script = folder.path().join("short.toml");
-    fs::write(&script, SCRIPT.replace("\ntime = 1.0", "\ntime = 12.0")).expect("written");
+    fs::write(&script, EXCITATION_SCRIPT.replace("\ntime = 1.0", "\ntime = 12.0")).expect("written");
     let excite = ["twin", "excite", text(&sessions), "--script", text(&script)];
     let mut child = ftac(&excite).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     let state = || fs::read_to_string(sessions.join("excitation.json")).unwrap_or_default();

@@ -7,15 +7,15 @@ use e2e::{run, stderr};
 use tempfile::{TempDir, tempdir};
 
 /// A clamp of two jaws, each on its own hinge, that closes on an object between them.
-const CLAMP: &str = include_str!("../../twin/guide/files/clamp.urdf");
-const PULLS: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n\
+const CLAMP_URDF: &str = include_str!("../../twin/guide/files/clamp.urdf");
+const PULLS_TOML: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n\
     [[actuator]]\nname = \"close\"\narms = { turn_left = 0.01, turn_right = 0.01 }\n";
 
-struct Files {
+struct HandFiles {
     folder: TempDir,
 }
 
-impl Files {
+impl HandFiles {
     fn new(urdf: &str, pulls: &str) -> Self {
         let folder = tempdir().expect("a folder");
         fs::write(folder.path().join("clamp.urdf"), urdf).expect("written");
@@ -38,7 +38,7 @@ impl Files {
 
 #[test]
 fn a_clamp_closes_on_a_ball() {
-    let files = Files::new(CLAMP, PULLS);
+    let files = HandFiles::new(CLAMP_URDF, PULLS_TOML);
     let picture = files.at("picture/clamp.png");
     let output = files.close(&["--out", &picture]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -52,8 +52,8 @@ fn a_clamp_closes_on_a_ball() {
 /// A mesh with a hole is accepted: its convex hull replaces it, with a note to the user.
 #[test]
 fn a_mesh_with_a_hole_is_taken_as_its_hull() {
-    let urdf = CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", "<mesh filename=\"jaw.obj\"/>", 1);
-    let files = Files::new(&urdf, PULLS);
+    let urdf = CLAMP_URDF.replacen("<box size=\"0.10 0.01 0.03\"/>", "<mesh filename=\"jaw.obj\"/>", 1);
+    let files = HandFiles::new(&urdf, PULLS_TOML);
     let corners = (0..8).map(|n| {
         let side = |bit: usize, half: f64| if n >> bit & 1 == 1 { half } else { -half };
         format!("v {} {} {}\n", side(0, 0.05), side(1, 0.005), side(2, 0.015))
@@ -73,12 +73,12 @@ fn a_mesh_with_a_hole_is_taken_as_its_hull() {
 /// Sliding jaws whose limit gives neither effort nor velocity load, and each moves in by half of the gap around the ball.
 #[test]
 fn a_parallel_gripper_slides_onto_a_ball() {
-    let urdf = CLAMP
+    let urdf = CLAMP_URDF
         .replace("type=\"revolute\"", "type=\"prismatic\"")
         .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
         .replace("xyz=\"0 0 1\"", "xyz=\"0 1 0\"")
         .replace("lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"", "lower=\"0\" upper=\"0.02\"");
-    let files = Files::new(&urdf, &PULLS.replace("0.01", "1.0"));
+    let files = HandFiles::new(&urdf, &PULLS_TOML.replace("0.01", "1.0"));
     let output = files.close(&[]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
@@ -92,14 +92,14 @@ fn a_parallel_gripper_slides_onto_a_ball() {
 /// A revolute joint without `<limit>` moves, with a note; a link without a collision shape gets a note too.
 #[test]
 fn a_joint_without_limit_moves_and_a_bare_link_is_named() {
-    let urdf = CLAMP.replace("<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>", "");
-    let files = Files::new(&urdf, PULLS);
+    let urdf = CLAMP_URDF.replace("<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>", "");
+    let files = HandFiles::new(&urdf, PULLS_TOML);
     let output = files.close(&[]);
     let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
     assert!(text["joints"][0]["angle_rad"].as_f64().is_some_and(|angle| angle > 0.05), "{text}");
     assert!(stderr(&output).contains("joint[turn_left].limit: no lower and upper"), "{}", stderr(&output));
     let shape = "<collision><origin xyz=\"0.05 0 0\" rpy=\"0 0 0\"/><geometry><box size=\"0.10 0.01 0.03\"/></geometry></collision>";
-    let files = Files::new(&CLAMP.replacen(shape, "", 1), PULLS);
+    let files = HandFiles::new(&CLAMP_URDF.replacen(shape, "", 1), PULLS_TOML);
     let output = files.close(&[]);
     assert!(stderr(&output).contains("link.collision: none of left; everything passes through"), "{}", stderr(&output));
 }
@@ -135,8 +135,8 @@ fn meshes_of_any_kind_and_spelling_are_found() {
         ("meshes/left jaw.ply", "meshes\\left%20jaw.ply", &ply),
         ("parts/meshes/jaw.ply", "package://parts/meshes/jaw.ply", &ply),
     ] {
-        let urdf = CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{name}\"/>"), 1);
-        let files = Files::new(&urdf, PULLS);
+        let urdf = CLAMP_URDF.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{name}\"/>"), 1);
+        let files = HandFiles::new(&urdf, PULLS_TOML);
         let path = files.at(file);
         fs::create_dir_all(Path::new(&path).parent().expect("a folder")).expect("made");
         fs::write(&path, text).expect("written");
@@ -150,7 +150,7 @@ fn meshes_of_any_kind_and_spelling_are_found() {
 /// `hand check --urdf` reads any hand, with its pulls file and without.
 #[test]
 fn a_hand_is_checked() {
-    let files = Files::new(CLAMP, PULLS);
+    let files = HandFiles::new(CLAMP_URDF, PULLS_TOML);
     let output = run(&["hand", "check", "--urdf", &files.at("clamp.urdf"), "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
@@ -169,7 +169,7 @@ fn a_hand_is_checked() {
 /// The options of a hand have one name each; the old names still work and print a note.
 #[test]
 fn old_option_names_work_and_say_so() {
-    let files = Files::new(CLAMP, PULLS);
+    let files = HandFiles::new(CLAMP_URDF, PULLS_TOML);
     let output = files.close(&[]);
     assert!(!stderr(&output).contains("is called"), "{}", stderr(&output));
     let (urdf, pulls) = (files.at("clamp.urdf"), files.at("clamp.toml"));
@@ -180,7 +180,7 @@ fn old_option_names_work_and_say_so() {
     assert!(serde_json::from_slice::<serde_json::Value>(&old.stdout).is_ok_and(|answer| answer["touching"].is_u64()));
 }
 
-impl Files {
+impl HandFiles {
     /// Runs a grasp search for a golf ball and returns its JSON output.
     fn generate(&self, chains: &str) -> serde_json::Value {
         let (urdf, pulls) = (self.at("clamp.urdf"), self.at("clamp.toml"));
@@ -192,7 +192,7 @@ impl Files {
 
 /// Returns the URDF of a parallel gripper: jaws that slide in on both sides.
 fn gripper() -> String {
-    CLAMP
+    CLAMP_URDF
         .replace("type=\"revolute\"", "type=\"prismatic\"")
         .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
         .replace("xyz=\"0 0 1\"", "xyz=\"0 1 0\"")
@@ -203,7 +203,7 @@ fn gripper() -> String {
 /// about their normals.
 #[test]
 fn cone_program_and_physics_agree_on_a_parallel_gripper() {
-    let answer = Files::new(&gripper(), &PULLS.replace("0.01", "1.0")).generate("8");
+    let answer = HandFiles::new(&gripper(), &PULLS_TOML.replace("0.01", "1.0")).generate("8");
     let count = |field: &str| answer["verified"][field].as_u64().expect("a count");
     assert!(count("all") >= 4 && count("a") >= count("c"), "{answer}");
     assert_eq!(answer["opposed"].as_u64(), Some(count("all")), "{answer}");
@@ -215,19 +215,22 @@ fn cone_program_and_physics_agree_on_a_parallel_gripper() {
 #[test]
 fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
     let wall = "<link name=\"base\"><collision><origin xyz=\"0.05 -0.035 0\"/><geometry><box size=\"0.10 0.01 0.06\"/></geometry></collision></link>";
-    let (start, end) =
-        (CLAMP.find("<link name=\"right\"").expect("it"), CLAMP.find("<joint name=\"turn_left\"").expect("it"));
-    let right = CLAMP.find("<joint name=\"turn_right\"").expect("it");
-    let urdf = format!("{}{}</robot>", &CLAMP[..start], &CLAMP[end..right]).replace("<link name=\"base\"/>", wall);
+    let (start, end) = (
+        CLAMP_URDF.find("<link name=\"right\"").expect("it"),
+        CLAMP_URDF.find("<joint name=\"turn_left\"").expect("it"),
+    );
+    let right = CLAMP_URDF.find("<joint name=\"turn_right\"").expect("it");
+    let urdf =
+        format!("{}{}</robot>", &CLAMP_URDF[..start], &CLAMP_URDF[end..right]).replace("<link name=\"base\"/>", wall);
     let urdf = urdf
         .replace("type=\"revolute\"", "type=\"prismatic\"")
         .replace("xyz=\"0 0 -1\"", "xyz=\"0 -1 0\"")
         .replace("upper=\"1\" effort=\"1\"", "upper=\"0.04\" effort=\"40\"");
-    let pulls = PULLS.replace("turn_left = 0.01, turn_right = 0.01", "turn_left = 1.0");
-    let wall = Files::new(&urdf, &pulls).generate("6");
+    let pulls = PULLS_TOML.replace("turn_left = 0.01, turn_right = 0.01", "turn_left = 1.0");
+    let wall = HandFiles::new(&urdf, &pulls).generate("6");
     assert_eq!(wall["verified"]["all"], 0, "{wall}");
     assert!(wall["notes"].to_string().contains("a grasp that leans on a fixed part (base) is none"), "{wall}");
-    let palm = Files::new(&urdf, &format!("{pulls}[palm]\nlinks = [\"base\"]\n")).generate("6");
+    let palm = HandFiles::new(&urdf, &format!("{pulls}[palm]\nlinks = [\"base\"]\n")).generate("6");
     assert!(palm["verified"]["all"].as_u64() > Some(0), "{palm}");
     assert_eq!(palm["opposed"], 0, "{palm}");
     assert!(palm["notes"].to_string().contains("uses opposed digits"), "{palm}");
@@ -236,7 +239,7 @@ fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
 /// Tensions are limited by the efforts of the joints.
 #[test]
 fn a_tension_above_the_efforts_is_scaled_and_told() {
-    let files = Files::new(&CLAMP.replace("effort=\"1\"", "effort=\"0.06\""), PULLS);
+    let files = HandFiles::new(&CLAMP_URDF.replace("effort=\"1\"", "effort=\"0.06\""), PULLS_TOML);
     let output = files.close(&["--tensions", "60"]);
     assert!(stderr(&output).contains("close: 60 N asked for, 6.0 N taken: the effort of turn_"), "{}", stderr(&output));
     let weak: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
@@ -247,80 +250,92 @@ fn a_tension_above_the_efforts_is_scaled_and_told() {
 #[test]
 fn faults_name_file_element_and_field() {
     let mesh = |file: &str, scale: &str| {
-        CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{file}\"{scale}/>"), 1)
+        CLAMP_URDF.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{file}\"{scale}/>"), 1)
     };
     let cases: [(String, String, &[&str]); 16] = [
         (
-            CLAMP.replacen("<child link=\"left\"/>", "<child link=\"lift\"/>", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("<child link=\"left\"/>", "<child link=\"lift\"/>", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "joint[turn_left].child", "`lift`"],
         ),
         (
-            CLAMP.replacen("<child link=\"right\"/>", "<child link=\"left\"/>", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("<child link=\"right\"/>", "<child link=\"left\"/>", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "joint[turn_right].child", "without loops"],
         ),
         (
-            CLAMP.replacen("ixx=\"2e-5\"", "ixx=\"0\"", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("ixx=\"2e-5\"", "ixx=\"0\"", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "link[left].inertial.inertia", "positive definite"],
         ),
         (
-            CLAMP.replacen("<mass value=\"0.1\"/>", "<mass value=\"-1\"/>", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("<mass value=\"0.1\"/>", "<mass value=\"-1\"/>", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "link[left].inertial.mass"],
         ),
         (
             mesh("nowhere.stl", ""),
-            PULLS.into(),
+            PULLS_TOML.into(),
             &["clamp.urdf", "link[left].collision[0].mesh.filename", "nowhere.stl"],
         ),
-        (mesh("jaw.obj", ""), PULLS.into(), &["clamp.urdf", "link[left].collision[0].mesh.scale", "0.001 0.001 0.001"]),
-        (mesh("flat.obj", ""), PULLS.into(), &["clamp.urdf", "link[left].collision[0].mesh.filename", "span a volume"]),
         (
-            CLAMP.into(),
-            PULLS.replace("turn_right", "turn_up"),
+            mesh("jaw.obj", ""),
+            PULLS_TOML.into(),
+            &["clamp.urdf", "link[left].collision[0].mesh.scale", "0.001 0.001 0.001"],
+        ),
+        (
+            mesh("flat.obj", ""),
+            PULLS_TOML.into(),
+            &["clamp.urdf", "link[left].collision[0].mesh.filename", "span a volume"],
+        ),
+        (
+            CLAMP_URDF.into(),
+            PULLS_TOML.replace("turn_right", "turn_up"),
             &["clamp.toml", "actuator[close].arms.turn_up", "turn_left"],
         ),
         (
-            CLAMP.replacen("lower=\"0\"", "lower=\"2\"", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("lower=\"0\"", "lower=\"2\"", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "joint[turn_left].limit", "lower 2 and upper 1"],
         ),
-        (CLAMP.replacen("xyz=\"0 0 -1\"", "xyz=\"0 0 0\"", 1), PULLS.into(), &["clamp.urdf", "joint[turn_left].axis"]),
         (
-            CLAMP.replacen("xyz=\"0 0.03 0\"", "xyz=\"0 nan 0\"", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("xyz=\"0 0 -1\"", "xyz=\"0 0 0\"", 1),
+            PULLS_TOML.into(),
+            &["clamp.urdf", "joint[turn_left].axis"],
+        ),
+        (
+            CLAMP_URDF.replacen("xyz=\"0 0.03 0\"", "xyz=\"0 nan 0\"", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "joint[turn_left].origin.xyz", "NaN"],
         ),
         (
-            CLAMP.replacen("size=\"0.10", "size=\"-0.10", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("size=\"0.10", "size=\"-0.10", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "link[left].collision[0].box.size", "-0.1"],
         ),
         (
-            CLAMP.replacen("size=\"0.10", "size=\"nan", 1),
-            PULLS.into(),
+            CLAMP_URDF.replacen("size=\"0.10", "size=\"nan", 1),
+            PULLS_TOML.into(),
             &["clamp.urdf", "link[left].collision[0].box.size", "NaN"],
         ),
         (
-            CLAMP.into(),
-            PULLS.replace("turn_left = 0.01", "turn_left = 0.0"),
+            CLAMP_URDF.into(),
+            PULLS_TOML.replace("turn_left = 0.01", "turn_left = 0.0"),
             &["clamp.toml", "arms.turn_left: found 0"],
         ),
         (
-            CLAMP.into(),
-            PULLS.replace("turn_left = 0.01", "turn_left = nan"),
+            CLAMP_URDF.into(),
+            PULLS_TOML.replace("turn_left = 0.01", "turn_left = nan"),
             &["clamp.toml", "arms.turn_left: found NaN"],
         ),
         (
-            CLAMP.into(),
-            PULLS.replace("turn_left = 0.01, turn_right = 0.01", ""),
+            CLAMP_URDF.into(),
+            PULLS_TOML.replace("turn_left = 0.01, turn_right = 0.01", ""),
             &["clamp.toml", "actuator[close].arms: found none", "at least one joint"],
         ),
     ];
     for (urdf, pulls, named) in cases {
-        let files = Files::new(&urdf, &pulls);
+        let files = HandFiles::new(&urdf, &pulls);
         // One mesh in millimetres, and one in a single plane.
         fs::write(files.at("jaw.obj"), "v 0 0 0\nv 100 0 0\nv 0 10 0\nv 0 0 30\nf 1 2 3\n").expect("written");
         fs::write(files.at("flat.obj"), "v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nf 1 2 3 4\n").expect("written");
@@ -338,7 +353,7 @@ fn faults_name_file_element_and_field() {
 
 #[test]
 fn faults_on_the_command_line_are_named() {
-    let files = Files::new(CLAMP, PULLS);
+    let files = HandFiles::new(CLAMP_URDF, PULLS_TOML);
     for (arguments, named) in [
         (["--tensions", "1,2,3"], "--tensions: found 3 values, expected 1 or 1 (close)"),
         (["--tensions", "-4"], "--tensions: found -4"),

@@ -61,14 +61,14 @@ fn viewer_that(folder: &TempDir, body: &str) -> PathBuf {
 }
 
 /// Behaviour of the viewer without a display.
-const NO_DISPLAY: &str =
+const NO_DISPLAY_MESSAGE: &str =
     "echo 'INFO starting' >&2; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set.' >&2; exit 1";
 
 #[cfg(unix)]
 #[test]
 fn a_viewer_without_a_display_is_no_success() {
     let folder = results();
-    let viewer = viewer_that(&folder, NO_DISPLAY);
+    let viewer = viewer_that(&folder, NO_DISPLAY_MESSAGE);
     let path = folder.path().to_str().expect("UTF-8");
     let output = ftac(&["view", path]).env("RERUN_BIN", &viewer).output().expect("runs");
     let said = stderr(&output);
@@ -82,7 +82,7 @@ fn a_viewer_without_a_display_is_no_success() {
 #[test]
 fn without_a_display_the_demo_still_writes_page_and_film() {
     let folder = tempdir().expect("a folder");
-    let (viewer, out) = (viewer_that(&folder, NO_DISPLAY), folder.path().join("demo"));
+    let (viewer, out) = (viewer_that(&folder, NO_DISPLAY_MESSAGE), folder.path().join("demo"));
     let arguments = ["demo", "--quiet", "--out", out.to_str().expect("UTF-8")];
     let output = ftac(&arguments).env("RERUN_BIN", &viewer).output().expect("runs");
     let said = stderr(&output);

@@ -7,7 +7,7 @@ use std::ffi::OsStr;
 use std::process::Command;
 
 /// Words that mark a variable of ours as secret, such as `FTAC_ARM_PASSWORD`.
-const SECRET: [&str; 3] = ["PASSWORD", "SECRET", "TOKEN"];
+const SECRET_WORDS: [&str; 3] = ["PASSWORD", "SECRET", "TOKEN"];
 
 /// Returns a command that inherits this program's environment without its secrets.
 pub fn command(program: impl AsRef<OsStr>) -> Command {
@@ -22,7 +22,7 @@ pub fn command(program: impl AsRef<OsStr>) -> Command {
 
 /// True if an environment variable is ours and secret.
 fn is_secret(name: &str) -> bool {
-    name.starts_with("FTAC_") && SECRET.iter().any(|word| name.contains(word))
+    name.starts_with("FTAC_") && SECRET_WORDS.iter().any(|word| name.contains(word))
 }
 
 #[cfg(test)]

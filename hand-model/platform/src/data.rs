@@ -1,4 +1,4 @@
-//! Reading and writing of data files. Their one error type, [`DataError`], names the file, the field, what was found
+//! Reading and writing of data files. Their one error type, [`TaxonomyError`], names the file, the field, what was found
 //! and what was expected.
 
 use std::path::{Path, PathBuf};
@@ -80,12 +80,12 @@ impl DataError {
     }
 }
 
-/// Calls [`file::write_whole`]; the error names the file.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
-    file::write_whole(path, bytes).map_err(|source| DataError::Write { path: path.into(), source })
+/// Calls [`file::write_atomically`]; the error names the file.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+    file::write_atomically(path, bytes).map_err(|source| DataError::Write { path: path.into(), source })
 }
 
-/// Reads the text of a regular file of at most [`file::LARGEST`] bytes.
+/// Reads the text of a regular file of at most [`file::MAX_TEXT_SIZE`] bytes.
 pub fn read_text(path: &Path) -> Result<String, DataError> {
     file::read_text(path).map_err(|source| DataError::Io { path: path.into(), source })
 }
@@ -114,18 +114,18 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Dat
         let name = text.get(span).unwrap_or_default();
         let names = |rest: &str| rest.trim_start().starts_with('=');
         let found = if !name.is_empty() && line.strip_prefix(name).is_some_and(names) { name } else { line };
-        let message = shortened(error.message(), LONGEST_MESSAGE);
-        DataError::Syntax { path: path.into(), line: number + 1, found: shortened(found, SHOWN), message }
+        let message = truncate_text(error.message(), MAX_MESSAGE);
+        DataError::Syntax { path: path.into(), line: number + 1, found: truncate_text(found, MAX_EXCERPT), message }
     })
 }
 
 /// Longest excerpt of a file in an error, characters.
-const SHOWN: usize = 80;
+const MAX_EXCERPT: usize = 80;
 /// Longest parser message in an error, characters; a message may repeat a value.
-const LONGEST_MESSAGE: usize = 1000;
+const MAX_MESSAGE: usize = 1000;
 
 /// Returns the first `most` characters of `text`, with an ellipsis if it is longer.
-fn shortened(text: &str, most: usize) -> String {
+fn truncate_text(text: &str, most: usize) -> String {
     let mut letters = text.chars();
     let shown: String = letters.by_ref().take(most).collect();
     if letters.next().is_some() { shown + "..." } else { shown }
@@ -170,7 +170,7 @@ mod tests {
         let long = format!("radius = \"{}\"\n", "x".repeat(1000));
         let error = parse_toml::<Ball>(&long, Path::new("ball.toml")).unwrap_err();
         let DataError::Syntax { found, .. } = error else { panic!("{error}") };
-        assert_eq!(found.chars().count(), SHOWN + 3);
+        assert_eq!(found.chars().count(), MAX_EXCERPT + 3);
     }
 
     #[test]

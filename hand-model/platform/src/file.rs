@@ -13,7 +13,7 @@ use tempfile::Builder;
 /// The bytes go to a temporary file in the same folder, which is synced and then renamed. The folder must exist. A
 /// symbolic link stays a link: the file it points to is replaced. Anything that is not a regular file (`/dev/stdout`, a
 /// pipe) cannot be replaced and is written to directly. A new file has the permissions 0644.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let target = path.canonicalize();
     let path = target.as_deref().unwrap_or(path);
     if path.metadata().is_ok_and(|found| !found.is_file()) {
@@ -30,7 +30,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// Size limit of a text that is read whole, bytes: enough for a million grasps, or for a scenario with large meshes in
 /// it.
-pub const LARGEST: u64 = 1 << 30;
+pub const MAX_TEXT_SIZE: u64 = 1 << 30;
 
 /// Opens a regular file of at most `most` bytes. A pipe, a device or a folder is refused before it is opened, because
 /// reading it might never end.
@@ -44,7 +44,7 @@ pub fn open_regular(path: &Path, most: u64) -> io::Result<File> {
     };
     let about = std::fs::metadata(path)?;
     if !about.is_file() {
-        return refused(kind_of(about.file_type()).to_owned(), "a regular file".to_owned());
+        return refused(file_type_name(about.file_type()).to_owned(), "a regular file".to_owned());
     }
     if about.len() > most {
         return refused(format!("{} MB", about.len() >> 20), format!("at most {} MB", most >> 20));
@@ -60,16 +60,16 @@ pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads the text of a regular file of at most [`LARGEST`] bytes. Errors are those of [`open_regular`], and one for a
+/// Reads the text of a regular file of at most [`MAX_TEXT_SIZE`] bytes. Errors are those of [`open_regular`], and one for a
 /// file that is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    String::from_utf8(read_regular(path, LARGEST)?).map_err(|error| {
+    String::from_utf8(read_regular(path, MAX_TEXT_SIZE)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to() + 1;
         io::Error::new(io::ErrorKind::InvalidData, format!("found no UTF-8 from byte {place} on, expected text"))
     })
 }
 
-fn kind_of(kind: FileType) -> &'static str {
+fn file_type_name(kind: FileType) -> &'static str {
     match kind {
         kind if kind.is_dir() => "a folder",
         kind if kind.is_fifo() => "a pipe",
@@ -88,7 +88,7 @@ mod tests {
     fn a_new_file_is_readable_by_everyone_and_alone_in_its_folder() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("new.json");
-        write_whole(&path, b"all of it").expect("written");
+        write_atomically(&path, b"all of it").expect("written");
         assert_eq!(fs::read(&path).expect("readable"), b"all of it");
         let mode = fs::metadata(&path).expect("metadata").permissions().mode();
         assert_eq!(mode & 0o044, 0o044, "{mode:o}");
@@ -102,7 +102,7 @@ mod tests {
         let path = folder.path().join("result.csv");
         fs::write(&path, "before, and longer").expect("written");
         let mut open = fs::File::open(&path).expect("open");
-        write_whole(&path, b"after").expect("written");
+        write_atomically(&path, b"after").expect("written");
         assert_eq!(io::read_to_string(&mut open).expect("readable"), "before, and longer");
         assert_eq!(fs::read(&path).expect("readable"), b"after");
     }
@@ -113,7 +113,7 @@ mod tests {
         let (file, link) = (folder.path().join("file"), folder.path().join("link"));
         fs::write(&file, "before").expect("written");
         std::os::unix::fs::symlink(&file, &link).expect("linked");
-        write_whole(&link, b"after").expect("written");
+        write_atomically(&link, b"after").expect("written");
         assert!(fs::symlink_metadata(&link).expect("metadata").is_symlink());
         assert_eq!(fs::read(&file).expect("readable"), b"after");
     }
@@ -121,9 +121,9 @@ mod tests {
     #[test]
     fn a_missing_folder_is_an_error_and_a_failed_write_leaves_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
-        let missing = write_whole(&folder.path().join("missing/file"), b"x").expect_err("no such folder");
+        let missing = write_atomically(&folder.path().join("missing/file"), b"x").expect_err("no such folder");
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
-        write_whole(folder.path(), b"x").expect_err("a folder is not a file");
+        write_atomically(folder.path(), b"x").expect_err("a folder is not a file");
         assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 0);
     }
 
@@ -132,17 +132,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let pipe = folder.path().join("pipe");
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
-        let words = |path: &Path| read_regular(path, LARGEST).expect_err("refused").to_string();
+        let words = |path: &Path| read_regular(path, MAX_TEXT_SIZE).expect_err("refused").to_string();
         assert_eq!(words(&pipe), "found a pipe, expected a regular file");
         assert_eq!(words(Path::new("/dev/zero")), "found a device, expected a regular file");
         assert_eq!(words(folder.path()), "found a folder, expected a regular file");
         let sparse = folder.path().join("sparse");
-        fs::File::create(&sparse).and_then(|file| file.set_len(2 * LARGEST)).expect("made");
+        fs::File::create(&sparse).and_then(|file| file.set_len(2 * MAX_TEXT_SIZE)).expect("made");
         assert_eq!(words(&sparse), "found 2048 MB, expected at most 1024 MB");
         fs::write(&sparse, b"text\xff").expect("written");
         let error = read_text(&sparse).expect_err("no text").to_string();
         assert_eq!(error, "found no UTF-8 from byte 5 on, expected text");
         fs::write(&sparse, "whole").expect("written");
-        assert_eq!(read_regular(&sparse, LARGEST).expect("read"), b"whole");
+        assert_eq!(read_regular(&sparse, MAX_TEXT_SIZE).expect("read"), b"whole");
     }
 }

@@ -53,7 +53,7 @@ impl Journal {
     }
 
     /// Appends a line; returns when it is on disk.
-    pub fn add(&mut self, line: &impl Serialize) -> Result<(), DataError> {
+    pub fn append(&mut self, line: &impl Serialize) -> Result<(), DataError> {
         let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
         let written = written.and_then(|()| self.file.sync_data());
@@ -63,7 +63,7 @@ impl Journal {
 
 /// Locks a file or folder for as long as it stays open; `None` if another process holds the lock. The operating system,
 /// or the server of a network file system, releases the lock when its holder ends.
-pub fn locked(file: File) -> io::Result<Option<File>> {
+pub fn try_lock(file: File) -> io::Result<Option<File>> {
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
         Err(TryLockError::WouldBlock) => Ok(None),
@@ -75,7 +75,7 @@ pub fn locked(file: File) -> io::Result<Option<File>> {
 /// open.
 pub fn lock_folder(folder: &Path, what: &str) -> Result<File, DataError> {
     let busy = || io::Error::new(ErrorKind::WouldBlock, format!("another {what} is writing into it"));
-    let lock = File::open(folder).and_then(locked).and_then(|lock| lock.ok_or_else(busy));
+    let lock = File::open(folder).and_then(try_lock).and_then(|lock| lock.ok_or_else(busy));
     lock.map_err(|source| DataError::Io { path: folder.into(), source })
 }
 
@@ -89,9 +89,9 @@ mod tests {
         let path = folder.path().join("lines.jsonl");
         std::fs::write(&path, "[1, 0.5]\n[2, 0.1]\n[3,").expect("written");
         let mut journal = Journal::open(&path).expect("opens");
-        journal.add(&(3, 1.0 / 3.0)).expect("added");
+        journal.append(&(3, 1.0 / 3.0)).expect("added");
         assert_eq!(Journal::read::<(u32, f64)>(&path).expect("whole"), [(1, 0.5), (2, 0.1), (3, 1.0 / 3.0)]);
-        journal.add(&"four").expect("added");
+        journal.append(&"four").expect("added");
         let error = Journal::read::<(u32, f64)>(&path).expect_err("no pair").to_string();
         assert!(error.contains("lines.jsonl:4"), "{error}");
     }

@@ -28,8 +28,8 @@ use urdf_rs::Robot;
 use super::{ArmFile, ArmJointFile};
 use crate::hand::MassProperties;
 use crate::kinematics::{JointKind, Tree};
-use crate::urdf::{check_masses, fault, frames, parse_robot};
-use crate::urdf_hand::{carriers, masses};
+use crate::urdf::{check_masses, frames, parse_robot, urdf_error};
+use crate::urdf_hand::{carrying_joints, masses};
 use ftac_platform::data::{DataError, parse_toml};
 
 #[derive(Deserialize)]
@@ -62,31 +62,31 @@ struct DriveFile {
 /// Returns the name of the URDF that an arm's parameter file refers to.
 pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
     #[derive(Deserialize)]
-    struct Named {
+    struct UrdfName {
         urdf: Option<String>,
     }
-    Ok(parse_toml::<Named>(text, path)?.urdf)
+    Ok(parse_toml::<UrdfName>(text, path)?.urdf)
 }
 
-/// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf`).
-pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> Result<ArmFile, DataError> {
+/// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf_name`).
+pub fn merge_with_urdf((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> Result<ArmFile, DataError> {
     let file: UrdfArmFile = parse_toml(text, path)?;
     let (mut robot, _) = parse_robot(bytes, urdf)?;
     if !robot.links.iter().any(|link| link.name == file.flange) {
         return Err(DataError::field(path, "flange", &file.flange, format!("a link of {}", urdf.display())));
     }
-    cut_below(&mut robot, &file.flange);
+    remove_below(&mut robot, &file.flange);
     check_masses(&robot, urdf)?;
     let tree = frames(&robot, urdf, &[])?;
-    let carried = carriers(&robot, &tree);
+    let carried = carrying_joints(&robot, &tree);
     let last_from_flange = match carried.get(&file.flange) {
         Some((Some(carrier), pose)) if carrier + 1 == tree.len() => *pose,
         _ => return Err(DataError::field(path, "flange", &file.flange, "a link that the last joint moves")),
     };
     check_chain(&tree, &file, path, urdf)?;
-    let masses = masses::of(&robot, &tree, &carried, &[], urdf, &mut Vec::new())?;
+    let masses = masses::link_masses(&robot, &tree, &carried, &[], urdf, &mut Vec::new())?;
     // Joints turn about z here, so each link frame is rotated until its joint axis is z.
-    let turns: Vec<UnitQuaternion<f64>> = tree.joints.iter().map(|joint| about_z(&joint.axis)).collect();
+    let turns: Vec<UnitQuaternion<f64>> = tree.joints.iter().map(|joint| rotation_from_z(&joint.axis)).collect();
     let mut joints = Vec::new();
     for (n, (joint, drive)) in tree.joints.iter().zip(file.joint).enumerate() {
         let of_urdf = robot.joints.iter().find(|other| other.name == joint.name);
@@ -94,11 +94,17 @@ pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> R
         for (field, value) in [("velocity", of_urdf.limit.velocity), ("effort", of_urdf.limit.effort)] {
             if !(value.is_finite() && value > 0.0) {
                 let element = format!("joint[{}]", joint.name);
-                return Err(fault(urdf, element, &format!("limit.{field}"), value.to_string(), "a positive number"));
+                return Err(urdf_error(
+                    urdf,
+                    element,
+                    &format!("limit.{field}"),
+                    value.to_string(),
+                    "a positive number",
+                ));
             }
         }
         let before = n.checked_sub(1).map_or(UnitQuaternion::identity(), |parent| turns[parent]);
-        let (xyz, rpy) = numbers(&(before.inverse() * joint.origin * *own));
+        let (xyz, rpy) = xyz_rpy(&(before.inverse() * joint.origin * *own));
         let MassProperties { mass, com, inertia } = masses[n];
         let turn = own.inverse().to_rotation_matrix();
         let i = turn * inertia * turn.transpose();
@@ -124,13 +130,13 @@ pub fn complete((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> R
         });
     }
     let last = turns.last().copied().unwrap_or_default();
-    let (tool_xyz, tool_rpy) = numbers(&(last.inverse() * last_from_flange));
+    let (tool_xyz, tool_rpy) = xyz_rpy(&(last.inverse() * last_from_flange));
     let UrdfArmFile { version, name, base_mass, base_radius, armature, home, .. } = file;
     Ok(ArmFile { version, name, base_mass, base_radius, armature, home, tool_xyz, tool_rpy, joint: joints })
 }
 
 /// Removes every joint and link below `flange`.
-fn cut_below(robot: &mut Robot, flange: &str) {
+fn remove_below(robot: &mut Robot, flange: &str) {
     let mut below = BTreeSet::new();
     let mut open = vec![flange.to_owned()];
     while let Some(parent) = open.pop() {
@@ -149,11 +155,11 @@ fn check_chain(tree: &Tree, file: &UrdfArmFile, path: &Path, urdf: &Path) -> Res
     for (n, joint) in tree.joints.iter().enumerate() {
         if joint.kind != JointKind::Turn {
             let element = format!("joint[{}]", joint.name);
-            return Err(fault(urdf, element, "type", "prismatic".into(), "an arm whose joints all turn"));
+            return Err(urdf_error(urdf, element, "type", "prismatic".into(), "an arm whose joints all turn"));
         }
         if joint.parent != n.checked_sub(1) {
             let element = format!("joint[{}]", joint.name);
-            return Err(fault(
+            return Err(urdf_error(
                 urdf,
                 element,
                 "parent",
@@ -178,13 +184,13 @@ fn check_chain(tree: &Tree, file: &UrdfArmFile, path: &Path, urdf: &Path) -> Res
 }
 
 /// Returns the shortest rotation that takes z to `axis`.
-fn about_z(axis: &Vector3<f64>) -> UnitQuaternion<f64> {
+fn rotation_from_z(axis: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between(&Vector3::z(), axis)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
 }
 
 /// Converts a pose to the file's numbers: translation (m) and roll, pitch, yaw (rad).
-fn numbers(pose: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
+fn xyz_rpy(pose: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
     let (roll, pitch, yaw) = pose.rotation.euler_angles();
     (pose.translation.vector.into(), [roll, pitch, yaw])
 }
@@ -198,7 +204,7 @@ mod tests {
     use crate::urdf::{arm_urdf, parse_tree};
 
     /// Three joints about three different axes, none of them z, then a gripper, which is cut off.
-    const ODD: &str = r#"<robot name="odd">
+    const ODD_AXES_URDF: &str = r#"<robot name="odd">
   <link name="world"/>
   <link name="base"/>
   <link name="a"><inertial><origin xyz="0.01 0.02 0.1" rpy="0.3 0 0"/><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.01"/></inertial></link>
@@ -234,7 +240,7 @@ mod tests {
     }
 
     fn odd() -> Arm {
-        parse(ODD, &drives(&["one", "two", "three"], &[0.0, 0.3, -0.2], "flange")).expect("valid")
+        parse(ODD_AXES_URDF, &drives(&["one", "two", "three"], &[0.0, 0.3, -0.2], "flange")).expect("valid")
     }
 
     /// Flange and centres of mass are where the URDF places them, whatever its axes are, and every joint turns about z.
@@ -242,7 +248,8 @@ mod tests {
     fn a_urdf_with_other_axes_moves_alike() {
         let arm = odd();
         let urdf = parse_tree(
-            ODD.replace("<link name=\"finger\"/>", "")
+            ODD_AXES_URDF
+                .replace("<link name=\"finger\"/>", "")
                 .split("  <joint name=\"grip\"")
                 .next()
                 .map(|text| format!("{text}</robot>"))
@@ -293,42 +300,46 @@ mod tests {
         for (words, found) in [
             (
                 "odd.toml: flange: found nowhere, expected a link of odd.urdf",
-                said(ODD, &good.replace("\"flange\"", "\"nowhere\"")),
+                said(ODD_AXES_URDF, &good.replace("\"flange\"", "\"nowhere\"")),
             ),
             (
                 "odd.toml: flange: found base, expected a link that the last joint moves",
-                said(ODD, &good.replace("\"flange\"", "\"base\"")),
+                said(ODD_AXES_URDF, &good.replace("\"flange\"", "\"base\"")),
             ),
             (
                 "odd.toml: joint: found one, three, two, expected the joints of the URDF, one, two, three",
-                said(ODD, &drives(&["one", "three", "two"], &[0.0; 3], "flange")),
+                said(ODD_AXES_URDF, &drives(&["one", "three", "two"], &[0.0; 3], "flange")),
             ),
             (
                 "odd.toml: home: found 2 angles, expected 3, one for each joint",
-                said(ODD, &good.replace("[0.0, 0.3, -0.2]", "[0.0, 0.3]")),
+                said(ODD_AXES_URDF, &good.replace("[0.0, 0.3, -0.2]", "[0.0, 0.3]")),
             ),
             (
                 "odd.toml: home[1]: found 1.7, expected an angle within the limits of `two`, rad",
-                said(ODD, &good.replace("0.3", "1.7")),
+                said(ODD_AXES_URDF, &good.replace("0.3", "1.7")),
             ),
             (
                 "odd.urdf: joint[two].limit.effort: found 0, expected a positive number",
-                said(&ODD.replace("effort=\"40\"", "effort=\"0\""), &good),
+                said(&ODD_AXES_URDF.replace("effort=\"40\"", "effort=\"0\""), &good),
             ),
             (
                 "odd.urdf: joint[three].type: found prismatic, expected an arm whose joints all turn",
-                said(&ODD.replace("name=\"three\" type=\"revolute\"", "name=\"three\" type=\"prismatic\""), &good),
+                said(
+                    &ODD_AXES_URDF.replace("name=\"three\" type=\"revolute\"", "name=\"three\" type=\"prismatic\""),
+                    &good,
+                ),
             ),
             (
                 "odd.urdf: joint[three].parent: found a branch",
                 said(
-                    &ODD.replace("<parent link=\"b\"/><child link=\"c\"/>", "<parent link=\"a\"/><child link=\"c\"/>"),
+                    &ODD_AXES_URDF
+                        .replace("<parent link=\"b\"/><child link=\"c\"/>", "<parent link=\"a\"/><child link=\"c\"/>"),
                     &good,
                 ),
             ),
             (
                 "odd.toml: base_mass: found 0, expected a positive number",
-                said(ODD, &good.replace("base_mass = 1.0", "base_mass = 0.0")),
+                said(ODD_AXES_URDF, &good.replace("base_mass = 1.0", "base_mass = 0.0")),
             ),
         ] {
             assert!(found.contains(words), "{words}\n{found}");

@@ -28,7 +28,7 @@ pub struct SkinElement {
 }
 
 impl CoverShape {
-    pub(crate) fn of(cover: &Cover) -> Self {
+    pub(crate) fn from_parameters(cover: &Cover) -> Self {
         Self {
             link_from_cover: pose_from_xyz_rpy(cover.center, cover.rpy),
             half: Vector3::from(cover.half),
@@ -54,7 +54,7 @@ impl CoverShape {
 
     /// Divides the cover's surface into elements with sides of about `size` (m): each face's grid is wrapped around the
     /// rounding.
-    pub fn skin(&self, size: f64) -> Vec<SkinElement> {
+    pub fn skin_elements(&self, size: f64) -> Vec<SkinElement> {
         let inner = self.half.add_scalar(-self.radius);
         // Maps a point on the sharp box to the rounded surface below it.
         let wrap = |p: Vector3<f64>| {
@@ -105,7 +105,7 @@ mod tests {
         let r = cover.radius;
         let pi = std::f64::consts::PI;
         let exact = 2.0 * (a * b + b * c + c * a) + 2.0 * pi * r * (a + b + c) + 4.0 * pi * r * r;
-        let found: f64 = cover.skin(0.0005).iter().map(|element| element.area).sum();
+        let found: f64 = cover.skin_elements(0.0005).iter().map(|element| element.area).sum();
         assert!((found / exact - 1.0).abs() < 0.01, "{found} {exact}");
     }
 }

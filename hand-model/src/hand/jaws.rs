@@ -6,7 +6,7 @@ use super::{CoverShape, Hand};
 use crate::kinematics::JointKind;
 
 /// Largest cosine between the normals of two pads that count as opposed.
-const OPPOSED: f64 = -0.95;
+const MAX_OPPOSED_COSINE: f64 = -0.95;
 
 /// Two pads that slide towards each other along the palm's x axis; the jaws extend along its y axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Jaws {
     /// Distance between the pads of the open jaws, m.
     pub opening: f64,
     /// Reach of the jaws beyond the pads' midpoint, m.
-    pub tip: f64,
+    pub tip_reach: f64,
     /// Distance from the pads' midpoint back to the front of the palm, m.
     pub depth: f64,
 }
@@ -29,10 +29,10 @@ impl Hand {
         if self.digits().len() != 2 || self.tree.len() != 2 || self.pads.len() != 2 || !sliding {
             return None;
         }
-        let links = self.tree.forward(&self.open());
+        let links = self.tree.forward(&self.open_angles());
         let [one, other] = <[_; 2]>::try_from(self.pad_poses(&links)).ok()?;
         let (facing, apart) = (one * Vector3::z(), other.translation.vector - one.translation.vector);
-        if facing.dot(&(other * Vector3::z())) > OPPOSED || facing.dot(&apart) <= 0.0 {
+        if facing.dot(&(other * Vector3::z())) > MAX_OPPOSED_COSINE || facing.dot(&apart) <= 0.0 {
             return None;
         }
         let center = Point3::from(0.5 * (one.translation.vector + other.translation.vector));
@@ -43,7 +43,7 @@ impl Hand {
         };
         let tip = links.iter().zip(&self.covers).map(|(link, cover)| front(cover, link)).fold(f64::MIN, f64::max);
         let palm = front(&self.palm_cover, &Isometry3::identity());
-        Some(Jaws { center, opening: facing.dot(&apart), tip: tip - center.y, depth: center.y - palm })
+        Some(Jaws { center, opening: facing.dot(&apart), tip_reach: tip - center.y, depth: center.y - palm })
     }
 }
 
@@ -59,7 +59,7 @@ mod tests {
         let jaws = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid").jaws().expect("jaws");
         // 80 mm of stroke; pads 48 mm and tips 58.5 mm from the base of the fingers.
         assert!((jaws.opening - 0.08).abs() < 1e-12, "{jaws:?}");
-        assert!((jaws.tip - 0.0105).abs() < 1e-12 && (jaws.depth - 0.0404).abs() < 1e-12, "{jaws:?}");
+        assert!((jaws.tip_reach - 0.0105).abs() < 1e-12 && (jaws.depth - 0.0404).abs() < 1e-12, "{jaws:?}");
         assert!((jaws.center - Point3::new(0.0, -0.0008, 0.0)).norm() < 1e-12, "{jaws:?}");
         assert_eq!(Hand::ftac().jaws(), None);
     }

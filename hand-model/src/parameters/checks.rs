@@ -5,19 +5,19 @@ use std::path::Path;
 use ftac_platform::data::DataError;
 use nalgebra::{Point3, Vector3};
 
-use super::{ActuatorParameters, Configuration, HandParameters, JointParameters, PadParameters};
+use super::{ActuatorParameters, HandParameters, JointParameters, PadParameters, SensorConfiguration};
 use crate::digit::Digit;
-use crate::hand::{CoverShape, MOST_DIGITS, MOST_HAND_JOINTS};
-use crate::transmission::SPANS;
+use crate::hand::{CoverShape, MAX_DIGITS, MAX_HAND_JOINTS};
+use crate::transmission::MAX_SPANS;
 
 /// Largest distance of a pad's centre from the surface of its link's cover, m.
-const OFF_COVER: f64 = 3e-3;
+const PAD_COVER_TOLERANCE: f64 = 3e-3;
 /// Name of the link that is the root of all digits.
 const PALM: &str = "palm";
 /// Largest constant moment arm, m; for a sliding joint, largest force over tension.
-const LARGEST_ARM: [f64; 2] = [0.1, 10.0];
+const MAX_MOMENT_ARMS: [f64; 2] = [0.1, 10.0];
 /// Permitted sizes of a pad, m.
-const PAD_SIZES: std::ops::RangeInclusive<f64> = 0.005..=0.1;
+const PAD_SIZE_RANGE: std::ops::RangeInclusive<f64> = 0.005..=0.1;
 
 impl HandParameters {
     pub(crate) fn check(&self, path: &Path) -> Result<(), DataError> {
@@ -25,8 +25,8 @@ impl HandParameters {
         if self.version != 1 {
             return fault("version", self.version.to_string(), "1");
         }
-        if !(1..=MOST_HAND_JOINTS).contains(&self.joint.len()) {
-            let expected = format!("1 to {MOST_HAND_JOINTS} joints");
+        if !(1..=MAX_HAND_JOINTS).contains(&self.joint.len()) {
+            let expected = format!("1 to {MAX_HAND_JOINTS} joints");
             return fault("joint", format!("{} joints", self.joint.len()), &expected);
         }
         if self.pad.is_empty() {
@@ -49,7 +49,7 @@ impl HandParameters {
             }
             self.check_pad(pad, &links, path)?;
         }
-        self.check_reading(path)?;
+        self.check_hold_detection(path)?;
         let digits = self.actuator.iter().filter(|own| own.drives.is_none()).count();
         self.grasps.iter().try_for_each(|grasps| grasps.check(digits, path))
     }
@@ -83,7 +83,7 @@ impl HandParameters {
         self.actuator.iter().try_for_each(|own| self.check_actuator(own, path))?;
         let (pulling, driving): (Vec<_>, Vec<_>) = self.actuator.iter().partition(|own| own.drives.is_none());
         let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
-        if !(1..=MOST_DIGITS).contains(&pulling.len()) || driving.len() > 1 {
+        if !(1..=MAX_DIGITS).contains(&pulling.len()) || driving.len() > 1 {
             let found = format!("{} with a cable, {} that drive a joint", pulling.len(), driving.len());
             return fault("actuator".into(), found, "1 to 5 with a cable and at most one that drives a joint");
         }
@@ -117,7 +117,7 @@ impl HandParameters {
     /// guides or an arm.
     fn check_actuator(&self, actuator: &ActuatorParameters, path: &Path) -> Result<(), DataError> {
         let field = || format!("actuator[{}].cable", actuator.name);
-        if actuator.cable.len() > SPANS {
+        if actuator.cable.len() > MAX_SPANS {
             return Err(DataError::field(
                 path,
                 field(),
@@ -167,31 +167,31 @@ impl HandParameters {
             }
         }
         let joint = self.joint.iter().find(|joint| joint.name == pad.link);
-        let cover = CoverShape::of(joint.map_or(&self.palm.cover, |joint| &joint.cover));
+        let cover = CoverShape::from_parameters(joint.map_or(&self.palm.cover, |joint| &joint.cover));
         let (distance, _) = cover.signed_distance(&Point3::from(Vector3::from(pad.center)));
-        if distance.is_nan() || distance.abs() > OFF_COVER {
+        if distance.is_nan() || distance.abs() > PAD_COVER_TOLERANCE {
             let side = if distance > 0.0 { "outside" } else { "inside" };
             let found = format!("{:.1} mm {side} of its link's cover", 1e3 * distance.abs());
             return Err(DataError::field(
                 path,
                 format!("pad[{}].center", pad.name),
                 found,
-                format!("at most {:.0} mm from its surface", 1e3 * OFF_COVER),
+                format!("at most {:.0} mm from its surface", 1e3 * PAD_COVER_TOLERANCE),
             ));
         }
         Ok(())
     }
 }
 
-impl Configuration {
+impl SensorConfiguration {
     fn check(&self, letter: &str, path: &Path) -> Result<(), DataError> {
         let field = |name: &str| format!("configuration.{letter}{name}");
         if letter.chars().count() != 1 {
             return Err(DataError::field(path, field(""), format!("`{letter}`"), "a name of one letter"));
         }
         for (name, size) in [(".h", self.h), (".w", self.w)] {
-            if !PAD_SIZES.contains(&size) {
-                let expected = format!("{} to {} m", PAD_SIZES.start(), PAD_SIZES.end());
+            if !PAD_SIZE_RANGE.contains(&size) {
+                let expected = format!("{} to {} m", PAD_SIZE_RANGE.start(), PAD_SIZE_RANGE.end());
                 return Err(DataError::field(path, field(name), size, expected));
             }
         }
@@ -225,7 +225,7 @@ impl JointParameters {
                 return fault(field, found.to_string(), "a positive number");
             }
         }
-        let most = LARGEST_ARM[usize::from(self.slide)];
+        let most = MAX_MOMENT_ARMS[usize::from(self.slide)];
         if let Some(arm) = self.arm.filter(|arm| !(*arm > 0.0 && *arm <= most)) {
             return fault("arm", arm.to_string(), &format!("a positive number of at most {most}"));
         }

@@ -25,14 +25,14 @@ impl CableFriction {
     pub const NONE: Self = Self { coefficient: 0.0, presliding: 1.0, routing: 0.0 };
 
     /// Returns the state after the cable has moved by `way` (m; positive: pulled in).
-    pub fn slid(&self, state: f64, way: f64) -> f64 {
+    pub fn next_state(&self, state: f64, way: f64) -> f64 {
         let end = if way < 0.0 { -1.0 } else { 1.0 };
         // Closed form of Dahl's law, so that no time step is too long for it.
         end + (state - end) * (-way.abs() / self.presliding).exp()
     }
 
     /// Computes the ratio of the tension behind a guide to the tension before it, for a wrap angle `wrap` (rad).
-    pub fn ratio(&self, state: f64, wrap: f64) -> f64 {
+    pub fn tension_ratio(&self, state: f64, wrap: f64) -> f64 {
         (-self.coefficient * state * wrap).exp()
     }
 }
@@ -51,7 +51,7 @@ impl CableLosses {
     pub const NONE: Self = Self { friction: CableFriction::NONE, backlash: 0.0 };
 
     /// Builds losses with guide friction and no backlash.
-    pub fn of(friction: CableFriction) -> Self {
+    pub fn from_friction(friction: CableFriction) -> Self {
         Self { friction, ..Self::NONE }
     }
 }
@@ -67,9 +67,9 @@ mod tests {
         /// The state stays in [-1, 1] and does not depend on how a displacement is divided into steps.
         #[test]
         fn state_is_bounded_and_independent_of_steps(start in -1.0f64..1.0, way in -1e-3f64..1e-3, cuts in 1usize..20) {
-            let once = FRICTION.slid(start, way);
+            let once = FRICTION.next_state(start, way);
             prop_assert!((-1.0..=1.0).contains(&once));
-            let steps = (0..cuts).fold(start, |state, _| FRICTION.slid(state, way / cuts as f64));
+            let steps = (0..cuts).fold(start, |state, _| FRICTION.next_state(state, way / cuts as f64));
             prop_assert!((once - steps).abs() < 1e-12);
         }
     }
@@ -84,8 +84,8 @@ mod tests {
         for direction in [-1.0, 1.0] {
             for _ in 0..steps {
                 let dx = direction * way / steps as f64;
-                state = FRICTION.slid(state, dx);
-                lost += (tension - tension * FRICTION.ratio(state, wrap)) * dx;
+                state = FRICTION.next_state(state, dx);
+                lost += (tension - tension * FRICTION.tension_ratio(state, wrap)) * dx;
             }
         }
         let full = 2.0 * tension * (FRICTION.coefficient * wrap).sinh() * way;
@@ -94,6 +94,6 @@ mod tests {
 
     #[test]
     fn without_friction_tension_passes_unchanged() {
-        assert_eq!(CableFriction::NONE.ratio(CableFriction::NONE.slid(0.3, 0.01), 2.0), 1.0);
+        assert_eq!(CableFriction::NONE.tension_ratio(CableFriction::NONE.next_state(0.3, 0.01), 2.0), 1.0);
     }
 }

@@ -5,13 +5,13 @@ use std::path::Path;
 use nalgebra::Vector3;
 use urdf_rs::{Geometry, Joint, JointType, Link, Robot};
 
-use super::fault;
+use super::urdf_error;
 use ftac_platform::data::DataError;
 
 /// Largest permitted length of a hand or an arm, m.
-const LONGEST: f64 = 10.0;
+const MAX_LENGTH: f64 = 10.0;
 /// Smallest norm of an axis with a defined direction.
-const SHORTEST_AXIS: f64 = 1e-6;
+const MIN_AXIS_NORM: f64 = 1e-6;
 
 /// Refuses values from which no mechanism can be built: numbers that are not finite, axes without direction, limits in
 /// the wrong order, shapes without extent, joints that mimic themselves.
@@ -24,13 +24,13 @@ pub fn check(robot: &Robot, path: &Path) -> Result<(), DataError> {
 
 fn check_joint(robot: &Robot, joint: &Joint, path: &Path) -> Result<(), DataError> {
     let element = || format!("joint[{}]", joint.name);
-    let wrong = |field: &str, found: String, expected: &str| Err(fault(path, element(), field, found, expected));
+    let wrong = |field: &str, found: String, expected: &str| Err(urdf_error(path, element(), field, found, expected));
     check_origin(&joint.origin, &element(), path)?;
     if joint.joint_type == JointType::Fixed {
         return Ok(());
     }
     let axis = Vector3::from(joint.axis.xyz.0);
-    if !(axis.iter().all(|part| part.is_finite()) && (SHORTEST_AXIS..=1.0 / SHORTEST_AXIS).contains(&axis.norm())) {
+    if !(axis.iter().all(|part| part.is_finite()) && (MIN_AXIS_NORM..=1.0 / MIN_AXIS_NORM).contains(&axis.norm())) {
         return wrong("axis.xyz", format!("{:?}", joint.axis.xyz.0), "three finite numbers, not all zero");
     }
     let (lower, upper) = (joint.limit.lower, joint.limit.upper);
@@ -43,8 +43,8 @@ fn check_joint(robot: &Robot, joint: &Joint, path: &Path) -> Result<(), DataErro
     if !(bounded || expected.is_empty()) {
         return wrong("limit", format!("lower {lower} and upper {upper}"), expected);
     }
-    if joint.joint_type == JointType::Prismatic && lower.abs().max(upper.abs()) > LONGEST {
-        let expected = format!("lengths of at most {LONGEST} m");
+    if joint.joint_type == JointType::Prismatic && lower.abs().max(upper.abs()) > MAX_LENGTH {
+        let expected = format!("lengths of at most {MAX_LENGTH} m");
         return wrong("limit", format!("lower {lower} and upper {upper}"), &expected);
     }
     if let Some(mimic) = &joint.mimic {
@@ -69,12 +69,18 @@ fn check_link(link: &Link, path: &Path) -> Result<(), DataError> {
     check_origin(&inertial.origin, &format!("{element}.inertial"), path)?;
     let mass = inertial.mass.value;
     if !(mass.is_finite() && mass >= 0.0) {
-        return Err(fault(path, element, "inertial.mass", mass.to_string(), "a finite mass in kg, 0 or more"));
+        return Err(urdf_error(path, element, "inertial.mass", mass.to_string(), "a finite mass in kg, 0 or more"));
     }
     let i = &inertial.inertia;
     let moments = [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz];
     if moments.iter().any(|moment| !moment.is_finite()) {
-        return Err(fault(path, element, "inertial.inertia", format!("{moments:?}"), "six finite numbers in kg m2"));
+        return Err(urdf_error(
+            path,
+            element,
+            "inertial.inertia",
+            format!("{moments:?}"),
+            "six finite numbers in kg m2",
+        ));
     }
     for (n, collision) in link.collision.iter().enumerate() {
         check_shape(&collision.geometry, &collision.origin, format!("{element}.collision[{n}]"), path)?;
@@ -94,22 +100,22 @@ pub fn check_shape(geometry: &Geometry, origin: &urdf_rs::Pose, element: String,
         // The mesh reader checks its scale.
         Geometry::Mesh { .. } => return Ok(()),
     };
-    if !lengths.iter().all(|length| *length > 0.0 && *length <= LONGEST) {
-        let expected = format!("more than 0 and at most {LONGEST} m");
-        return Err(fault(path, element, field, format!("{lengths:?}"), &expected));
+    if !lengths.iter().all(|length| *length > 0.0 && *length <= MAX_LENGTH) {
+        let expected = format!("more than 0 and at most {MAX_LENGTH} m");
+        return Err(urdf_error(path, element, field, format!("{lengths:?}"), &expected));
     }
     Ok(())
 }
 
 fn check_origin(origin: &urdf_rs::Pose, element: &str, path: &Path) -> Result<(), DataError> {
-    for (field, values, most) in [("origin.xyz", origin.xyz.0, LONGEST), ("origin.rpy", origin.rpy.0, f64::MAX)] {
+    for (field, values, most) in [("origin.xyz", origin.xyz.0, MAX_LENGTH), ("origin.rpy", origin.rpy.0, f64::MAX)] {
         if !values.iter().all(|value| value.abs() <= most) {
-            let expected = if most == LONGEST {
-                format!("finite lengths, at most {LONGEST} m")
+            let expected = if most == MAX_LENGTH {
+                format!("finite lengths, at most {MAX_LENGTH} m")
             } else {
                 "finite angles in rad".into()
             };
-            return Err(fault(path, element.into(), field, format!("{values:?}"), &expected));
+            return Err(urdf_error(path, element.into(), field, format!("{values:?}"), &expected));
         }
     }
     Ok(())

@@ -11,27 +11,27 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use self::attributes::{check_attributes, filled_in};
+use self::attributes::{apply_edits, check_attributes};
 use self::tags::{Tag, Tags};
 use ftac_platform::data::DataError;
 
 /// Largest size of a URDF, bytes.
-pub const LARGEST_FILE: u64 = 16 << 20;
+pub const MAX_FILE_SIZE: u64 = 16 << 20;
 /// Deepest nesting of elements; those of the URDF format nest seven deep.
-const DEEPEST: usize = 64;
+const MAX_NESTING: usize = 64;
 /// Joint types that URDF defines.
 const JOINT_TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 /// Shapes that URDF defines.
-const SHAPES: [&str; 5] = ["box", "cylinder", "sphere", "capsule", "mesh"];
+const SHAPE_TYPES: [&str; 5] = ["box", "cylinder", "sphere", "capsule", "mesh"];
 
 /// Elements that an <inertial> requires, with zeros.
-const ZEROS: [(&str, &str); 2] = [
+const INERTIAL_DEFAULTS: [(&str, &str); 2] = [
     ("mass", "<mass value=\"0\"/>"),
     ("inertia", "<inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>"),
 ];
 
 /// A URDF that the parser accepts.
-pub struct Screened {
+pub struct ScreenedUrdf {
     /// The text, with optional parts filled in.
     pub text: String,
     /// Joints of types with limits (revolute, prismatic) for which the file gives none.
@@ -39,7 +39,7 @@ pub struct Screened {
 }
 
 /// An element that is open.
-struct Open {
+struct OpenElement {
     name: String,
     /// Namespace prefixes that it declares.
     prefixes: Vec<String>,
@@ -67,13 +67,13 @@ fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a str, DataError> {
 }
 
 /// Screens the bytes of a URDF; `path` is used in errors only.
-pub fn screen(bytes: &[u8], path: &Path) -> Result<Screened, DataError> {
-    if bytes.len() as u64 > LARGEST_FILE {
+pub fn screen(bytes: &[u8], path: &Path) -> Result<ScreenedUrdf, DataError> {
+    if bytes.len() as u64 > MAX_FILE_SIZE {
         let found = format!("{} MB", bytes.len() >> 20);
-        return Err(DataError::field(path, "size", found, format!("at most {} MB", LARGEST_FILE >> 20)));
+        return Err(DataError::field(path, "size", found, format!("at most {} MB", MAX_FILE_SIZE >> 20)));
     }
     let text = text(bytes, path)?;
-    let mut screen = Screen { path, stack: Vec::new(), edits: Vec::new(), unlimited: BTreeSet::new(), element: None };
+    let mut screen = Screener { path, stack: Vec::new(), edits: Vec::new(), unlimited: BTreeSet::new(), element: None };
     let mut seen_root = false;
     for tag in Tags::new(text, path) {
         match tag? {
@@ -100,12 +100,12 @@ pub fn screen(bytes: &[u8], path: &Path) -> Result<Screened, DataError> {
     if !seen_root {
         return Err(DataError::field(path, "robot", "no element", "a URDF, whose root element is <robot>"));
     }
-    Ok(Screened { text: filled_in(text, screen.edits), unlimited: screen.unlimited })
+    Ok(ScreenedUrdf { text: apply_edits(text, screen.edits), unlimited: screen.unlimited })
 }
 
-struct Screen<'a> {
+struct Screener<'a> {
     path: &'a Path,
-    stack: Vec<Open>,
+    stack: Vec<OpenElement>,
     /// Replacements of the text: byte range and new text.
     edits: Vec<(Range<usize>, String)>,
     unlimited: BTreeSet<String>,
@@ -113,32 +113,32 @@ struct Screen<'a> {
     element: Option<String>,
 }
 
-impl Screen<'_> {
-    fn fault(&self, field: &str, found: String, expected: &str) -> DataError {
+impl Screener<'_> {
+    fn element_error(&self, field: &str, found: String, expected: &str) -> DataError {
         let element = self.element.as_deref().unwrap_or("robot");
         DataError::field(self.path, format!("{element}.{field}"), found, expected)
     }
 
-    fn open(&mut self, start: &tags::Start<'_>) -> Result<(), DataError> {
+    fn open(&mut self, start: &tags::StartTag<'_>) -> Result<(), DataError> {
         self.check_prefixes(start)?;
         let depth = self.stack.len();
-        if depth >= DEEPEST {
+        if depth >= MAX_NESTING {
             let found = format!("<{}> in line {}, {} elements deep", start.name, start.line, depth + 1);
-            return Err(DataError::field(self.path, "nesting", found, format!("at most {DEEPEST}")));
+            return Err(DataError::field(self.path, "nesting", found, format!("at most {MAX_NESTING}")));
         }
         if depth == 1 {
             let named = start.attribute("name").unwrap_or_default();
             self.element = matches!(start.name, "link" | "joint").then(|| format!("{}[{named}]", start.name));
             if self.element.is_some() && named.is_empty() {
                 let found = format!("none in line {}", start.line);
-                return Err(self.fault("name", found, "a name"));
+                return Err(self.element_error("name", found, "a name"));
             }
         }
         let mut joint_type = String::new();
         if depth == 1 && start.name == "joint" {
             joint_type = start.attribute("type").unwrap_or_default().to_owned();
             if !JOINT_TYPES.contains(&joint_type.as_str()) {
-                return Err(self.fault(
+                return Err(self.element_error(
                     "type",
                     format!("`{joint_type}`"),
                     &format!("one of {}", JOINT_TYPES.join(", ")),
@@ -154,7 +154,7 @@ impl Screen<'_> {
                 parent.has_range = start.attribute("lower").is_some() || start.attribute("upper").is_some();
             }
         }
-        self.stack.push(Open {
+        self.stack.push(OpenElement {
             name: start.name.to_owned(),
             prefixes: start.prefixes().map(str::to_owned).collect(),
             children: Vec::new(),
@@ -162,9 +162,9 @@ impl Screen<'_> {
             joint_type,
             has_range: false,
         });
-        if start.empty {
+        if start.self_closing {
             if depth == 2 && start.name == "inertial" {
-                let zeros = format!(">{}{}</inertial>", ZEROS[0].1, ZEROS[1].1);
+                let zeros = format!(">{}{}</inertial>", INERTIAL_DEFAULTS[0].1, INERTIAL_DEFAULTS[1].1);
                 self.edits.push((start.end - 2..start.end, zeros));
             }
             self.close(start.name, start.line, None)?;
@@ -173,7 +173,7 @@ impl Screen<'_> {
     }
 
     /// Checks an element inside a link or a joint.
-    fn check_nested(&mut self, start: &tags::Start<'_>) -> Result<(), DataError> {
+    fn check_nested(&mut self, start: &tags::StartTag<'_>) -> Result<(), DataError> {
         let names: Vec<&str> = self.stack[1..].iter().map(|open| open.name.as_str()).chain([start.name]).collect();
         let field = names[1..].join(".");
         if let Some((name, value)) =
@@ -181,12 +181,17 @@ impl Screen<'_> {
         {
             let found = format!("`{value}` in line {}: this file is still xacro", start.line);
             let expected = "a URDF: `xacro FILE > hand.urdf` expands it";
-            return Err(self.fault(&format!("{field}.{name}"), found, expected));
+            return Err(self.element_error(&format!("{field}.{name}"), found, expected));
         }
-        if names[names.len() - 2] == "geometry" && !SHAPES.contains(&start.name) {
-            return Err(self.fault(&field, format!("<{}>", start.name), &format!("one of {}", SHAPES.join(", "))));
+        if names[names.len() - 2] == "geometry" && !SHAPE_TYPES.contains(&start.name) {
+            return Err(self.element_error(
+                &field,
+                format!("<{}>", start.name),
+                &format!("one of {}", SHAPE_TYPES.join(", ")),
+            ));
         }
-        let wrong = |name: &str, found: String, expected: &str| self.fault(&format!("{field}.{name}"), found, expected);
+        let wrong =
+            |name: &str, found: String, expected: &str| self.element_error(&format!("{field}.{name}"), found, expected);
         let added = check_attributes(&names, start, &wrong)?;
         if !added.is_empty() {
             self.edits.push((start.attributes_end..start.attributes_end, added));
@@ -194,7 +199,7 @@ impl Screen<'_> {
         Ok(())
     }
 
-    fn check_prefixes(&self, start: &tags::Start<'_>) -> Result<(), DataError> {
+    fn check_prefixes(&self, start: &tags::StartTag<'_>) -> Result<(), DataError> {
         let own: Vec<&str> = start.prefixes().collect();
         let names = std::iter::once(start.name).chain(start.attributes.iter().map(|(name, _)| *name));
         for (prefix, name) in names.filter_map(|name| Some((name.split_once(':')?.0, name))) {
@@ -226,7 +231,7 @@ impl Screen<'_> {
             return Ok(());
         }
         let has = |child: &str| open.children.iter().any(|known| known == child);
-        let none = |field: &str, expected: &str| Err(self.fault(field, "none".into(), expected));
+        let none = |field: &str, expected: &str| Err(self.element_error(field, "none".into(), expected));
         match (depth, name) {
             (1, "joint") => {
                 for child in ["parent", "child"] {
@@ -245,10 +250,10 @@ impl Screen<'_> {
                 return none(&format!("{name}.geometry"), "one with a shape in it");
             }
             (3, "geometry") if open.children.is_empty() => {
-                return none("geometry", &format!("one of {}", SHAPES.join(", ")));
+                return none("geometry", &format!("one of {}", SHAPE_TYPES.join(", ")));
             }
             (2, "inertial") => {
-                let missing = ZEROS.iter().filter(|(child, _)| !has(child));
+                let missing = INERTIAL_DEFAULTS.iter().filter(|(child, _)| !has(child));
                 self.edits.extend(
                     at.into_iter().flat_map(|at| missing.clone().map(move |(_, zero)| (at..at, (*zero).into()))),
                 );

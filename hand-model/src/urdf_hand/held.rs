@@ -7,10 +7,10 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{JointType, Robot};
 
 use crate::kinematics::pose_from_xyz_rpy;
-use crate::urdf::fault;
+use crate::urdf::urdf_error;
 use ftac_platform::data::DataError;
 
-/// Fixes every joint that neither is `pulled` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
+/// Fixes every joint that neither is `actuated_joints` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
 /// rest. Returns their names and coordinates.
 pub fn fix(
     robot: &mut Robot,
@@ -22,7 +22,7 @@ pub fn fix(
     let moving = |joint: &urdf_rs::Joint| joint.joint_type != JointType::Fixed;
     let held: Vec<(usize, f64)> = (0..robot.joints.len())
         .filter(|n| moving(&robot.joints[*n]) && !pulled.contains(leader(robot, *n).0))
-        .map(|n| (n, angle(robot, n, given)))
+        .map(|n| (n, held_coordinate(robot, n, given)))
         .collect();
     for (n, angle) in &held {
         let joint = &mut robot.joints[*n];
@@ -59,15 +59,15 @@ fn leader(robot: &Robot, n: usize) -> (&str, f64, f64) {
     (name, multiplier, offset)
 }
 
-fn angle(robot: &Robot, n: usize, given: &BTreeMap<String, f64>) -> f64 {
+fn held_coordinate(robot: &Robot, n: usize, given: &BTreeMap<String, f64>) -> f64 {
     let (name, multiplier, offset) = leader(robot, n);
     let leads = robot.joints.iter().find(|other| other.name == name);
-    let rest = leads.map_or(0.0, |joint| within(joint, 0.0));
+    let rest = leads.map_or(0.0, |joint| clamp_to_limits(joint, 0.0));
     let led = given.get(name).copied().unwrap_or(rest);
-    within(&robot.joints[n], multiplier * led + offset)
+    clamp_to_limits(&robot.joints[n], multiplier * led + offset)
 }
 
-fn within(joint: &urdf_rs::Joint, angle: f64) -> f64 {
+fn clamp_to_limits(joint: &urdf_rs::Joint, angle: f64) -> f64 {
     match joint.joint_type {
         JointType::Revolute | JointType::Prismatic => angle.clamp(joint.limit.lower, joint.limit.upper),
         _ => angle,
@@ -76,14 +76,14 @@ fn within(joint: &urdf_rs::Joint, angle: f64) -> f64 {
 
 fn check(robot: &Robot, pulled: &BTreeSet<&str>, given: &BTreeMap<String, f64>, path: &Path) -> Result<(), DataError> {
     for (name, angle) in given {
-        let wrong = |found: &str, expected: &str| Err(fault(path, "held".into(), name, found.into(), expected));
+        let wrong = |found: &str, expected: &str| Err(urdf_error(path, "held".into(), name, found.into(), expected));
         let Some(joint) = robot.joints.iter().find(|joint| joint.name == *name) else {
             return wrong("no such joint", "a joint of the URDF");
         };
         if joint.joint_type == JointType::Fixed || joint.mimic.is_some() || pulled.contains(name.as_str()) {
             return wrong("a joint that is fixed, mimics another or is pulled", "a joint that nothing moves");
         }
-        if !angle.is_finite() || within(joint, *angle) != *angle {
+        if !angle.is_finite() || clamp_to_limits(joint, *angle) != *angle {
             let (lower, upper) = (joint.limit.lower, joint.limit.upper);
             return wrong(
                 &angle.to_string(),

@@ -7,27 +7,27 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::hand_mechanism::Triangles;
-use crate::urdf::fault;
+use crate::urdf::urdf_error;
 use ftac_platform::data::DataError;
 
 /// Largest reach of a link's mesh, m; a larger one is probably in millimetres.
-const LARGEST: f64 = 2.0;
+const MAX_MESH_REACH: f64 = 2.0;
 
 /// Thickness below which points span no volume, m.
-const FLAT: f64 = 1e-6;
+const MIN_THICKNESS: f64 = 1e-6;
 
 /// Smallest and largest number of directions in which the hull of a fine mesh is sampled.
-const DIRECTIONS: (usize, usize) = (256, 4096);
+const DIRECTION_COUNTS: (usize, usize) = (256, 4096);
 /// Tolerance of the sampled hull, m.
-const THINNED: f64 = 1e-4;
+const HULL_TOLERANCE: f64 = 1e-4;
 
 /// A surface decomposed into convex parts.
 #[derive(Debug, Clone, Default)]
-pub struct Cut {
+pub struct ConvexDecomposition {
     /// Vertices of each part.
     pub parts: Vec<Vec<Point3<f64>>>,
     /// Largest distance by which the parts protrude from the surface, m.
-    pub excess: f64,
+    pub protrusion: f64,
 }
 
 /// Functions that read and decompose mesh files, supplied by a crate that knows their formats.
@@ -36,7 +36,7 @@ pub struct MeshTools {
     /// Reads a file, in the file's own unit.
     pub read: fn(&Path) -> Result<Triangles, DataError>,
     /// Decomposes a surface (m), closed or not, into convex parts.
-    pub cut: fn(&Triangles) -> Cut,
+    pub decompose: fn(&Triangles) -> ConvexDecomposition,
 }
 
 /// A mesh of a link.
@@ -47,23 +47,23 @@ pub struct LinkMesh {
     /// Vertices of its convex parts. For fine meshes, only those that span the hull to within 0.1 mm.
     pub parts: Vec<Vec<Point3<f64>>>,
     /// Largest distance by which the parts protrude from the mesh, m.
-    pub excess: f64,
+    pub protrusion: f64,
     /// Number of edges that do not have exactly two faces: 0 if the mesh is watertight.
     pub open_edges: usize,
 }
 
 /// Cache of meshes already read: fingers share theirs.
-pub struct Known {
+pub struct MeshCache {
     tools: MeshTools,
     meshes: BTreeMap<(PathBuf, [u64; 3]), Arc<LinkMesh>>,
 }
 
-impl Known {
+impl MeshCache {
     pub fn new(tools: MeshTools) -> Self {
         Self { tools, meshes: BTreeMap::new() }
     }
 
-    /// Reads the mesh `filename` that `element` of the URDF at `urdf` names.
+    /// Reads the mesh `filename` that `element` of the URDF at `urdf_name` names.
     pub fn read(
         &mut self,
         filename: &str,
@@ -71,8 +71,9 @@ impl Known {
         urdf: &Path,
         element: &str,
     ) -> Result<Arc<LinkMesh>, DataError> {
-        let wrong =
-            |field: &str, found: String, expected: &str| fault(urdf, format!("{element}.mesh"), field, found, expected);
+        let wrong = |field: &str, found: String, expected: &str| {
+            urdf_error(urdf, format!("{element}.mesh"), field, found, expected)
+        };
         if scale.iter().any(|part| !part.is_finite() || *part == 0.0) {
             return Err(wrong("scale", format!("{:?}", scale.as_slice()), "three finite numbers, none of them zero"));
         }
@@ -110,7 +111,7 @@ fn scaled(
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
     let reach = vertices.iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max);
-    if reach > LARGEST {
+    if reach > MAX_MESH_REACH {
         let expected = "metres: a mesh in millimetres needs scale=\"0.001 0.001 0.001\"";
         return Err(wrong("scale", format!("vertices up to {reach:.1} m from the origin"), expected));
     }
@@ -119,14 +120,14 @@ fn scaled(
     let spread: Matrix3<f64> =
         vertices.iter().map(|vertex| (vertex.coords - middle) * (vertex.coords - middle).transpose()).sum();
     let thinnest = (spread.symmetric_eigenvalues().min().max(0.0) / vertices.len() as f64).sqrt();
-    if thinnest < FLAT {
+    if thinnest < MIN_THICKNESS {
         return Err(wrong("filename", "points in one plane".into(), "points that span a volume"));
     }
     let open_edges = open_edges(&vertices, &triangles);
     let triangles = (vertices, triangles);
-    let Cut { parts, excess } = (tools.cut)(&triangles);
-    let parts = parts.into_iter().map(thinned).collect();
-    Ok(LinkMesh { triangles, parts, excess, open_edges })
+    let ConvexDecomposition { parts, protrusion: excess } = (tools.decompose)(&triangles);
+    let parts = parts.into_iter().map(thin_points).collect();
+    Ok(LinkMesh { triangles, parts, protrusion: excess, open_edges })
 }
 
 /// Generates directions spread evenly over the sphere (Fibonacci).
@@ -147,17 +148,17 @@ fn farthest(points: &[Point3<f64>], way: &Vector3<f64>) -> Option<usize> {
 }
 
 /// Keeps only points that are farthest in one of many directions. Their convex hull equals that of all points to within
-/// [`THINNED`], which is checked along four times as many directions. Returns all points if that fails or if there are
+/// [`HULL_TOLERANCE`], which is checked along four times as many directions. Returns all points if that fails or if there are
 /// few.
-fn thinned(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
-    let mut count = DIRECTIONS.0;
-    while count <= DIRECTIONS.1 && count < points.len() {
+fn thin_points(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
+    let mut count = DIRECTION_COUNTS.0;
+    while count <= DIRECTION_COUNTS.1 && count < points.len() {
         let kept: BTreeSet<usize> = directions(count).filter_map(|way| farthest(&points, &way)).collect();
         let kept: Vec<Point3<f64>> = kept.into_iter().map(|n| points[n]).collect();
         let reach = |points: &[Point3<f64>], way: &Vector3<f64>| {
             farthest(points, way).map_or(0.0, |n| points[n].coords.dot(way))
         };
-        if directions(4 * count + 1).all(|way| reach(&points, &way) - reach(&kept, &way) <= THINNED) {
+        if directions(4 * count + 1).all(|way| reach(&points, &way) - reach(&kept, &way) <= HULL_TOLERANCE) {
             return kept;
         }
         count *= 2;
@@ -189,7 +190,7 @@ fn open_edges(vertices: &[Point3<f64>], faces: &[[u32; 3]]) -> usize {
     edges.values().filter(|count| **count != 2).count()
 }
 
-/// Locates the mesh file that `filename` of the URDF at `urdf` names. The error is what was found and what was
+/// Locates the mesh file that `filename` of the URDF at `urdf_name` names. The error is what was found and what was
 /// expected.
 ///
 /// A name is a path relative to the URDF's folder. `file://` names a path on this machine, `package://` and `model://`
@@ -224,7 +225,7 @@ fn locate(filename: &str, urdf: &Path) -> Result<PathBuf, (String, String)> {
         }
     }
     // The folders far above are of no interest.
-    let shown = places.len().min(MOST_SHOWN);
+    let shown = places.len().min(MAX_PATHS_SHOWN);
     let expected = format!(
         "a mesh file; looked for {}{}",
         places[..shown].join(", "),
@@ -234,18 +235,18 @@ fn locate(filename: &str, urdf: &Path) -> Result<PathBuf, (String, String)> {
 }
 
 /// Largest number of paths in an error message.
-const MOST_SHOWN: usize = 6;
+const MAX_PATHS_SHOWN: usize = 6;
 
 /// Returns the possible spellings of a file name: as given, with slashes for backslashes, and percent-decoded.
 fn spellings(filename: &str) -> Vec<String> {
     let slashes = filename.replace('\\', "/");
-    let mut names = vec![filename.to_owned(), slashes.clone(), decoded(&slashes)];
+    let mut names = vec![filename.to_owned(), slashes.clone(), percent_decode(&slashes)];
     names.dedup();
     names
 }
 
 /// Decodes percent-encoded bytes (`%` and two hexadecimal digits).
-fn decoded(text: &str) -> String {
+fn percent_decode(text: &str) -> String {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let [first, after @ ..] = rest {
         let code = after.get(..2).and_then(|two| std::str::from_utf8(two).ok());
@@ -310,19 +311,19 @@ mod tests {
     #[test]
     fn fine_meshes_are_thinned() {
         let ball: Vec<Point3<f64>> = directions(5000).map(|way| Point3::from(way * 0.012)).collect();
-        let kept = thinned(ball.clone());
+        let kept = thin_points(ball.clone());
         assert!((100..1000).contains(&kept.len()), "{}", kept.len());
         let worst = directions(777).map(|way| {
             let reach = |points: &[Point3<f64>]| points.iter().map(|p| p.coords.dot(&way)).fold(0.0, f64::max);
             reach(&ball) - reach(&kept)
         });
-        assert!(worst.fold(0.0, f64::max) <= THINNED);
+        assert!(worst.fold(0.0, f64::max) <= HULL_TOLERANCE);
         let side: Vec<f64> = (0..20).map(|n| 0.001 * f64::from(n)).collect();
         let grid: Vec<Point3<f64>> = side
             .iter()
             .flat_map(|x| side.iter().flat_map(move |y| [0.0, 0.01].map(|z| Point3::new(*x, *y, z))))
             .collect();
-        let corners = thinned(grid);
+        let corners = thin_points(grid);
         for (x, y, z) in [(0.0, 0.0, 0.0), (0.019, 0.0, 0.01), (0.019, 0.019, 0.0), (0.0, 0.019, 0.01)] {
             assert!(corners.iter().any(|p| (p - Point3::new(x, y, z)).norm() < 1e-9), "{x} {y} {z}");
         }

@@ -7,20 +7,20 @@ use nalgebra::{Isometry3, Vector3};
 use urdf_rs::{Geometry, Link, Pose, Robot};
 
 use super::meshes::{self, MeshTools};
-use crate::hand_mechanism::{MeshSurface, Solid, SolidShape};
+use crate::hand_mechanism::{CollisionSolid, MeshSurface, SolidShape};
 use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::numbers::check_shape;
 use ftac_platform::data::DataError;
 
 /// Distance between a mesh and its convex parts above which it is reported, m.
-const TOLD_EXCESS: f64 = 1e-3;
+const REPORTED_PROTRUSION: f64 = 1e-3;
 
 /// All shapes of a hand.
 #[derive(Default)]
-pub struct Shapes {
-    pub solids: Vec<Solid>,
+pub struct HandShapes {
+    pub solids: Vec<CollisionSolid>,
     pub surfaces: Vec<MeshSurface>,
-    pub bare: Vec<String>,
+    pub links_without_collision: Vec<String>,
 }
 
 /// A shape with its pose and its name in the URDF.
@@ -31,7 +31,7 @@ struct Shape<'a> {
 }
 
 /// Returns the collision shapes of a link, or its visual ones.
-fn shapes_of(link: &Link, visual: bool) -> Vec<Shape<'_>> {
+fn link_shapes(link: &Link, visual: bool) -> Vec<Shape<'_>> {
     let name = &link.name;
     if visual {
         let shapes = link.visual.iter().enumerate();
@@ -53,9 +53,9 @@ pub fn read(
     visuals: bool,
     tools: MeshTools,
     notes: &mut Vec<String>,
-) -> Result<Shapes, DataError> {
-    let mut known = meshes::Known::new(tools);
-    let mut shapes = Shapes::default();
+) -> Result<HandShapes, DataError> {
+    let mut known = meshes::MeshCache::new(tools);
+    let mut shapes = HandShapes::default();
     let none = robot.links.iter().all(|link| link.collision.is_empty());
     let mut shown = Vec::new();
     for link in &robot.links {
@@ -64,12 +64,13 @@ pub fn read(
         if visual {
             shown.push(link.name.as_str());
         } else if link.collision.is_empty() && (!link.visual.is_empty() || link.inertial.mass.value > 0.0) {
-            shapes.bare.push(link.name.clone());
+            shapes.links_without_collision.push(link.name.clone());
         }
-        for Shape { geometry, origin, element } in shapes_of(link, visual) {
+        for Shape { geometry, origin, element } in link_shapes(link, visual) {
             check_shape(geometry, origin, element.clone(), path)?;
             let place = pose * pose_from_xyz_rpy(origin.xyz.0, origin.rpy.0);
-            let solid = |shape| Solid { link: *carrier, owner: link.name.clone(), link_from_solid: place, shape };
+            let solid =
+                |shape| CollisionSolid { link: *carrier, link_name: link.name.clone(), link_from_solid: place, shape };
             let shape = match geometry {
                 Geometry::Box { size } => SolidShape::Cuboid(0.5 * Vector3::from(size.0)),
                 Geometry::Sphere { radius } => SolidShape::Sphere(*radius),
@@ -86,21 +87,21 @@ pub fn read(
                             if mesh.parts.len() > 1 { "convex parts stand" } else { "its convex hull stands" }
                         ));
                     }
-                    if mesh.excess > TOLD_EXCESS {
+                    if mesh.protrusion > REPORTED_PROTRUSION {
                         notes.push(format!(
                             "{file}: {element}.mesh: the {} convex part{} of `{filename}` stand out of its surface by up to {:.1} mm",
                             mesh.parts.len(),
                             if mesh.parts.len() == 1 { "" } else { "s" },
-                            1e3 * mesh.excess
+                            1e3 * mesh.protrusion
                         ));
                     }
                     shapes.solids.extend(mesh.parts.iter().map(|part| solid(SolidShape::Hull(part.clone()))));
                     shapes.surfaces.push(MeshSurface {
                         link: *carrier,
-                        owner: link.name.clone(),
+                        link_name: link.name.clone(),
                         link_from_mesh: place,
                         triangles: mesh.triangles.clone(),
-                        excess: mesh.excess,
+                        protrusion: mesh.protrusion,
                     });
                     continue;
                 }
@@ -108,12 +109,12 @@ pub fn read(
             shapes.solids.push(solid(shape));
         }
     }
-    tell(&shapes.bare, &shown, robot, path, notes);
+    add_notes(&shapes.links_without_collision, &shown, robot, path, notes);
     Ok(shapes)
 }
 
 /// Adds notes on links that collide with nothing, and on links whose visual shapes are used for collision.
-fn tell(bare: &[String], shown: &[&str], robot: &Robot, path: &Path, notes: &mut Vec<String>) {
+fn add_notes(bare: &[String], shown: &[&str], robot: &Robot, path: &Path, notes: &mut Vec<String>) {
     let file = path.display();
     if !shown.is_empty() {
         notes.push(format!(

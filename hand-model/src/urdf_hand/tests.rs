@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use nalgebra::Vector3;
 
 use super::*;
-use crate::hand_mechanism::{Feel, SolidShape};
+use crate::hand_mechanism::{JointDynamics, SolidShape};
 
 const URDF: &str = r#"<robot name="clamp">
   <link name="base"/>
@@ -27,7 +27,7 @@ const PULLS: &str = "version = 1\ndamping = 0.01\narmature = 1e-4\nspring = 0.02
 /// Mesh tools that fail: the tests read no mesh file.
 const NO_MESHES: MeshTools = MeshTools {
     read: |path| Err(DataError::field(path, "name", "a mesh", "none")),
-    cut: |_| Cut { parts: Vec::new(), excess: 0.0 },
+    decompose: |_| ConvexDecomposition { parts: Vec::new(), protrusion: 0.0 },
 };
 
 fn parse(urdf: &str, pulls: &str) -> Result<HandMechanism, String> {
@@ -68,16 +68,20 @@ fn a_joint_that_slides_needs_its_limits() {
     // The jaw translates along its axis and does not turn; it is driven by a pinion of 10 mm.
     let pose = hand.tree.forward(&[0.02, 0.0])[0];
     assert!((pose.translation.vector - Vector3::new(0.0, 0.02, 0.0)).norm() < 1e-12 && pose.rotation.angle() < 1e-12);
-    assert!((hand.feel[0].damping - 100.0).abs() < 1e-9 && hand.feel[1].damping == 0.01, "{:?}", hand.feel[0]);
+    assert!(
+        (hand.joint_dynamics[0].damping - 100.0).abs() < 1e-9 && hand.joint_dynamics[1].damping == 0.01,
+        "{:?}",
+        hand.joint_dynamics[0]
+    );
     let given = format!("{PULLS}[slide]\ndamping = 5.0\narmature = 0.1\nspring = 3.0\n");
-    let feel = parse(&slide.replacen("upper=\"1\"", "upper=\"0.03\"", 1), &given).expect("valid").feel[0];
-    assert_eq!(feel, Feel { spring: 3.0, damping: 5.0, armature: 0.1 });
+    let feel = parse(&slide.replacen("upper=\"1\"", "upper=\"0.03\"", 1), &given).expect("valid").joint_dynamics[0];
+    assert_eq!(feel, JointDynamics { spring: 3.0, damping: 5.0, armature: 0.1 });
 }
 
 #[test]
 fn a_limit_without_velocity_and_effort_loads() {
     let hand = parse(&URDF.replacen(LIMIT, "<limit lower=\"0\" upper=\"1\"/>", 1), PULLS).expect("valid");
-    assert_eq!((hand.tree.joints[0].upper, hand.efforts[0]), (1.0, None));
+    assert_eq!((hand.tree.joints[0].upper, hand.effort_limits[0]), (1.0, None));
     assert!(hand.notes.iter().any(|line| line.contains("joint.limit.effort: none of hinge")), "{:?}", hand.notes);
 }
 
@@ -108,7 +112,7 @@ fn a_moving_link_without_mass_gets_one() {
 #[test]
 fn links_without_collision_shape_are_named() {
     let hand = parse(URDF, PULLS).expect("valid");
-    assert_eq!(hand.bare, ["tip", "other"], "not the base, which has neither mass nor shape");
+    assert_eq!(hand.links_without_collision, ["tip", "other"], "not the base, which has neither mass nor shape");
     assert!(
         hand.notes
             .iter()
@@ -124,13 +128,16 @@ fn links_without_collision_shape_are_named() {
     );
     assert_eq!(offered.solids.len(), 1);
     let taken = parse(&urdf, &format!("visuals = true\n{PULLS}")).expect("valid");
-    assert_eq!((taken.solids.len(), &taken.bare[..]), (2, &["other".to_owned()][..]));
+    assert_eq!((taken.solids.len(), &taken.links_without_collision[..]), (2, &["other".to_owned()][..]));
 }
 
 #[test]
 fn a_hand_with_visuals_only_is_taken_by_them_and_says_so() {
     let hand = parse(&URDF.replace("collision>", "visual>"), PULLS).expect("valid");
-    assert_eq!((hand.solids.len(), &hand.bare[..]), (1, &["tip".to_owned(), "other".to_owned()][..]));
+    assert_eq!(
+        (hand.solids.len(), &hand.links_without_collision[..]),
+        (1, &["tip".to_owned(), "other".to_owned()][..])
+    );
     let note = "clamp.urdf: link.collision: none of jaw; their visual shapes are taken for it";
     assert!(hand.notes.iter().any(|line| line == note), "{:?}", hand.notes);
 }
@@ -147,14 +154,14 @@ fn capsules_are_read() {
 #[test]
 fn tensions_keep_the_efforts() {
     let hand = parse(URDF, PULLS).expect("valid");
-    let (most, by) = hand.pulls[0].most.clone().expect("bounded");
+    let (most, by) = hand.actuators[0].max_tension.clone().expect("bounded");
     assert!((most - 100.0).abs() < 1e-9 && by == "the effort of hinge, 1 N m", "{most} {by}");
-    assert_eq!(hand.within_efforts(&[120.0]), (vec![100.0], vec![0]));
-    assert_eq!(hand.within_efforts(&[80.0]), (vec![80.0], vec![]));
+    assert_eq!(hand.limit_tensions(&[120.0]), (vec![100.0], vec![0]));
+    assert_eq!(hand.limit_tensions(&[80.0]), (vec![80.0], vec![]));
     let own = parse(URDF, &format!("{PULLS}max_tension = 30\n")).expect("valid");
-    assert_eq!(own.pulls[0].most, Some((30.0, "max_tension".to_owned())));
+    assert_eq!(own.actuators[0].max_tension, Some((30.0, "max_tension".to_owned())));
     let silent = parse(&URDF.replacen("effort=\"1\"", "effort=\"0\"", 1), PULLS).expect("valid");
-    assert_eq!(silent.pulls[0].most, None, "an effort of 0 says nothing");
+    assert_eq!(silent.actuators[0].max_tension, None, "an effort of 0 says nothing");
 }
 
 /// A gripper that is closed at coordinate zero opens to the coordinate of `[open]`, where its springs rest.
@@ -162,7 +169,7 @@ fn tensions_keep_the_efforts() {
 fn a_hand_that_is_closed_at_zero_has_its_open_coordinates() {
     let closing = PULLS.replace("hinge = 0.01", "hinge = -0.01");
     let hand = parse(URDF, &format!("{closing}[open]\nhinge = 0.9\n")).expect("valid");
-    assert_eq!(hand.rest(), [0.9, 0.0]);
+    assert_eq!(hand.rest_coordinates(), [0.9, 0.0]);
     assert!(hand.torques(&[0.9, 0.0], &[0.0])[0].abs() < 1e-12);
     for (open, expected) in [
         ("hinge = 1.5", "clamp.toml: open.hinge: found 1.5, expected within the joint's limits, 0 to 1 rad"),
@@ -266,7 +273,7 @@ fn joints_that_nothing_pulls_are_held() {
     let tip =
         |hand: &HandMechanism| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
     let rest = parse(&spread, PULLS).expect("valid");
-    assert_eq!((rest.tree.len(), &rest.held[..]), (2, &[("spread".to_owned(), 0.2)][..]));
+    assert_eq!((rest.tree.len(), &rest.held_joints[..]), (2, &[("spread".to_owned(), 0.2)][..]));
     let (link, at) = tip(&rest).expect("a tip");
     assert!(link == Some(0) && (at.x - 0.04 - 0.01 * 0.2f64.cos()).abs() < 1e-9, "{at}");
     let given = format!("{PULLS}[held]\nspread = 1.5\n");
@@ -281,9 +288,9 @@ fn joints_that_nothing_pulls_are_held() {
         assert!(error.starts_with(expected), "{error}\n{expected}");
     }
     let shifted = spread.replace("multiplier=\"-2\"", "multiplier=\"-2\" offset=\"0.3\"");
-    assert_eq!(parse(&shifted, PULLS).expect("valid").rest(), [0.0, 0.3]);
+    assert_eq!(parse(&shifted, PULLS).expect("valid").rest_coordinates(), [0.0, 0.3]);
     let only = PULLS.replace("hinge = 0.01", "spread = 0.01");
-    let held = parse(&shifted, &only).expect("valid").held;
+    let held = parse(&shifted, &only).expect("valid").held_joints;
     assert_eq!(held, [("hinge".to_owned(), 0.0), ("second".to_owned(), 0.3)]);
 }
 

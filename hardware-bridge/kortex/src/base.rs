@@ -43,7 +43,7 @@ pub enum Notification {
         /// Identifier of the action; 0 for one that the arm does not store.
         id: u32,
         event: ActionEvent,
-        /// For an abort, the arm's number for the reason ([`crate::refusal::Refusal::sub_code`]).
+        /// For an abort, the arm's number for the reason ([`crate::refusal::RefusalReason::sub_code`]).
         why: u32,
     },
 }

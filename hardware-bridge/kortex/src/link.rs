@@ -29,14 +29,14 @@ pub trait Link {
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`LinkError`].
+    /// [`TactileLinkError`].
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// Returns the next frame, waiting for it until `deadline`; `None` if there was none. A deadline in the past asks
     /// for a frame that has already arrived.
     ///
     /// # Errors
-    /// [`LinkError`].
+    /// [`TactileLinkError`].
     fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, LinkError>;
 
     /// Returns the number of frames dropped because they were damaged.
@@ -78,7 +78,7 @@ impl TcpLink {
     /// Connects to `address`.
     ///
     /// # Errors
-    /// [`LinkError::Io`].
+    /// [`TactileLinkError::Io`].
     pub fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, LinkError> {
         Ok(Self::new(TcpStream::connect_timeout(&address, timeout)?)?)
     }
@@ -146,7 +146,7 @@ impl UdpLink {
     /// Binds a port of our own and takes datagrams from `address` only.
     ///
     /// # Errors
-    /// [`LinkError::Io`].
+    /// [`TactileLinkError::Io`].
     pub fn connect(address: SocketAddr) -> Result<Self, LinkError> {
         let any: SocketAddr = if address.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0; 16], 0).into() };
         let socket = UdpSocket::bind(any)?;

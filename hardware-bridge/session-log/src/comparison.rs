@@ -8,23 +8,23 @@
 use hand_model::robot::{ArmState, Readings, ServoState};
 
 use crate::error::SessionLogError;
-use crate::message::bits;
-use crate::reader::{Event, Reader};
+use crate::message::command_bits;
+use crate::reader::{SessionEvent, SessionReader};
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Comparison {
+pub struct SessionComparison {
     /// Number of whole ticks that are equal in both.
     pub ticks: u64,
     /// Number of values that are equal in both.
     pub values: u64,
     pub images: u64,
     /// First difference, if any.
-    pub difference: Option<Difference>,
+    pub difference: Option<SessionDifference>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("tick {tick}, {field}: found {found}, expected {expected}")]
-pub struct Difference {
+pub struct SessionDifference {
     /// Number of the tick, from 0.
     pub tick: u64,
     pub field: String,
@@ -38,11 +38,11 @@ pub struct Difference {
 ///
 /// # Errors
 /// A damaged file.
-pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, SessionLogError> {
-    let mut comparison = Comparison::default();
+pub fn compare(expected: &mut SessionReader, found: &mut SessionReader) -> Result<SessionComparison, SessionLogError> {
+    let mut comparison = SessionComparison::default();
     loop {
-        let (first, second) = (next(expected)?, next(found)?);
-        let differ = |field: &str, found: &str, expected: &str| Difference {
+        let (first, second) = (next_compared_event(expected)?, next_compared_event(found)?);
+        let differ = |field: &str, found: &str, expected: &str| SessionDifference {
             tick: comparison.ticks,
             field: field.to_owned(),
             found: found.to_owned(),
@@ -52,84 +52,86 @@ pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, 
             (None, None) => return Ok(comparison),
             (Some(first), Some(second)) => (first, second),
             (first, second) => {
-                let word = |event: &Option<Event>| event.as_ref().map_or("the end", name).to_owned();
+                let word = |event: &Option<SessionEvent>| event.as_ref().map_or("the end", event_name).to_owned();
                 comparison.difference = Some(differ("session", &word(&second), &word(&first)));
                 return Ok(comparison);
             }
         };
-        if name(&first) != name(&second) {
-            comparison.difference = Some(differ("event", name(&second), name(&first)));
+        if event_name(&first) != event_name(&second) {
+            comparison.difference = Some(differ("event", event_name(&second), event_name(&first)));
             return Ok(comparison);
         }
-        let (ours, theirs) = (values(&first), values(&second));
+        let (ours, theirs) = (event_values(&first), event_values(&second));
         let unlike = ours.iter().zip(&theirs).find(|(a, b)| a != b);
         if let Some(((field, a), (other, b))) = unlike {
             let show = |field: &str, bits: &u64| format!("{field} = {:?}", f64::from_bits(*bits));
             comparison.difference =
-                Some(differ(&format!("{} {field}", name(&first)), &show(other, b), &show(field, a)));
+                Some(differ(&format!("{} {field}", event_name(&first)), &show(other, b), &show(field, a)));
             return Ok(comparison);
         }
-        if let (Event::Observation(a), Event::Observation(b)) = (&first, &second)
-            && let Some((field, found, expected)) = unlike_images(a, b)
+        if let (SessionEvent::Observation(a), SessionEvent::Observation(b)) = (&first, &second)
+            && let Some((field, found, expected)) = differing_image(a, b)
         {
             comparison.difference = Some(differ(&field, &found, &expected));
             return Ok(comparison);
         }
         comparison.values += ours.len() as u64;
         match first {
-            Event::Observation(readings) => comparison.images += readings.tactile.len() as u64,
-            Event::Tick(_) => comparison.ticks += 1,
+            SessionEvent::Observation(readings) => comparison.images += readings.tactile.len() as u64,
+            SessionEvent::Tick(_) => comparison.ticks += 1,
             _ => {}
         }
     }
 }
 
 /// Returns the next event that is compared.
-fn next(reader: &mut Reader) -> Result<Option<Event>, SessionLogError> {
+fn next_compared_event(reader: &mut SessionReader) -> Result<Option<SessionEvent>, SessionLogError> {
     while let Some((_, event)) = reader.next_event()? {
-        if !matches!(event, Event::Raw { .. } | Event::Outcome(_)) {
+        if !matches!(event, SessionEvent::Raw { .. } | SessionEvent::Outcome(_)) {
             return Ok(Some(event));
         }
     }
     Ok(None)
 }
 
-fn name(event: &Event) -> &'static str {
+fn event_name(event: &SessionEvent) -> &'static str {
     match event {
-        Event::Observation(_) => "observation",
-        Event::Unobserved(_) => "failed observation",
-        Event::Asked(_) => "command asked",
-        Event::Sent(_) => "command sent",
-        Event::Unsent(_) => "command not sent",
-        Event::Tick(_) => "tick",
-        Event::Seen(..) => "seen",
-        Event::Unseen(_) => "failed look",
-        Event::Outcome(_) => "outcome",
-        Event::Raw { .. } => "raw",
+        SessionEvent::Observation(_) => "observation",
+        SessionEvent::ObservationFailed(_) => "failed observation",
+        SessionEvent::RequestedCommand(_) => "command asked",
+        SessionEvent::SentCommand(_) => "command sent",
+        SessionEvent::SendFailed(_) => "command not sent",
+        SessionEvent::Tick(_) => "tick",
+        SessionEvent::Detection(..) => "seen",
+        SessionEvent::DetectionFailed(_) => "failed look",
+        SessionEvent::Outcome(_) => "outcome",
+        SessionEvent::Raw { .. } => "raw",
     }
 }
 
 /// Returns all numbers of an event as their bits, with their names.
-fn values(event: &Event) -> Vec<(String, u64)> {
+fn event_values(event: &SessionEvent) -> Vec<(String, u64)> {
     match event {
-        Event::Observation(readings) => numbers(readings),
-        Event::Asked(command) | Event::Sent(command) => bits(command),
-        Event::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
-        Event::Seen(object, pose) => {
+        SessionEvent::Observation(readings) => reading_values(readings),
+        SessionEvent::RequestedCommand(command) | SessionEvent::SentCommand(command) => command_bits(command),
+        SessionEvent::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
+        SessionEvent::Detection(object, pose) => {
             let seen = [("object".to_owned(), *object as u64), ("seen".to_owned(), u64::from(pose.is_some()))];
             let numbers = pose.iter().flat_map(|(pose, _)| pose).map(|value| ("pose".to_owned(), value.to_bits()));
             let sigma = pose.and_then(|(_, sigma)| sigma).map(|sigma| ("sigma".to_owned(), sigma.to_bits()));
             seen.into_iter().chain(numbers).chain(sigma).collect()
         }
-        Event::Unobserved(_) | Event::Unsent(_) | Event::Unseen(_) | Event::Outcome(_) | Event::Raw { .. } => {
-            Vec::new()
-        }
+        SessionEvent::ObservationFailed(_)
+        | SessionEvent::SendFailed(_)
+        | SessionEvent::DetectionFailed(_)
+        | SessionEvent::Outcome(_)
+        | SessionEvent::Raw { .. } => Vec::new(),
     }
 }
 
 /// Returns all numbers of the readings, without the times at which the parts were read: these differ from robot to
 /// robot.
-fn numbers(readings: &Readings) -> Vec<(String, u64)> {
+fn reading_values(readings: &Readings) -> Vec<(String, u64)> {
     let Readings { time, sequence, servos, arm, tactile } = readings;
     let joints = arm.iter().flat_map(|arm| {
         let ArmState { position, velocity, torque } = arm.value;
@@ -148,7 +150,7 @@ fn numbers(readings: &Readings) -> Vec<(String, u64)> {
 }
 
 /// Returns the first image that differs: name, found, expected.
-fn unlike_images(expected: &Readings, found: &Readings) -> Option<(String, String, String)> {
+fn differing_image(expected: &Readings, found: &Readings) -> Option<(String, String, String)> {
     expected.tactile.iter().zip(&found.tactile).find_map(|(a, b)| {
         if a.camera != b.camera {
             return Some(("camera".to_owned(), b.camera.to_string(), a.camera.to_string()));
@@ -173,37 +175,37 @@ fn unlike_images(expected: &Readings, found: &Readings) -> Option<(String, Strin
 mod tests {
     use std::path::Path;
 
-    use hand_model::robot::{Command, Observation, Tick};
+    use hand_model::robot::{Observation, RobotCommand, Tick};
 
     use super::*;
-    use crate::message::Sizes;
-    use crate::writer::{Session, Writer};
+    use crate::message::RobotSizes;
+    use crate::writer::{SessionHeader, SessionWriter};
 
     /// Records a session of `ticks` ticks, with this angle in the second.
-    fn session(path: &Path, angle: f64, ticks: u64) -> Reader {
-        let mut writer = Writer::create(path, &Session::default()).expect("a file");
+    fn session(path: &Path, angle: f64, ticks: u64) -> SessionReader {
+        let mut writer = SessionWriter::create(path, &SessionHeader::default()).expect("a file");
         for n in 0..ticks {
             let mut observation = Observation {
                 time: n as f64,
                 sequence: n,
-                arm: ArmState::still([0.0; 7].into()),
+                arm: ArmState::at_rest([0.0; 7].into()),
                 ..Observation::default()
             };
             if n == 1 {
                 observation.arm.position[3] = angle;
             }
             writer.observation(&observation.into()).expect("written");
-            let command = Command {
+            let command = RobotCommand {
                 arm: [0.0; 7].into(),
                 servos: [hand_model::robot::ServoGoal::Current(0.1); 6].into(),
                 capture: false,
             };
-            writer.asked(&command).expect("written");
-            writer.sent(&command).expect("written");
+            writer.requested_command(&command).expect("written");
+            writer.sent_command(&command).expect("written");
             writer.tick(Tick { time: n as f64 + 1.0, lateness: 0.0 }).expect("written");
         }
         writer.finish().expect("finished");
-        Reader::open(path, Sizes::Any).expect("readable")
+        SessionReader::open(path, RobotSizes::Any).expect("readable")
     }
 
     #[test]

@@ -1,25 +1,25 @@
 //! A session resampled for learning: every n-th tick, the measurements and the command sent in answer.
 
 use hand_model::ActuatorVector;
-use hand_model::robot::{ArmState, Command, ServoGoal, ServoState, TactileFrame};
+use hand_model::robot::{ArmState, RobotCommand, ServoGoal, ServoState, TactileFrame};
 
 use crate::error::SessionLogError;
-use crate::reader::{Event, Reader};
+use crate::reader::{SessionEvent, SessionReader};
 
 /// One frame: a measurement and the command sent in answer.
 #[derive(Debug, Clone)]
-pub struct Frame {
+pub struct SessionFrame {
     /// Time since the robot was started, s.
     pub time: f64,
     pub servos: ActuatorVector<ServoState>,
     pub arm: ArmState,
     /// Command sent in answer to the measurement.
-    pub sent: Command,
+    pub sent: RobotCommand,
     /// Images that have arrived since the previous frame.
     pub tactile: Vec<TactileFrame>,
 }
 
-impl Frame {
+impl SessionFrame {
     /// Returns the goal of each servo as one number: the output angle (rad) in position mode, the current (A) in
     /// current mode.
     pub fn servo_goals(&self) -> ActuatorVector {
@@ -33,25 +33,28 @@ impl Frame {
 
 /// Reads a frame every `ticks` ticks, and the outcome, if there is one. If the session breaks off, its last frame is
 /// one that was answered.
-pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<Vec<u8>>), SessionLogError> {
+pub fn read_frames(
+    reader: &mut SessionReader,
+    ticks: usize,
+) -> Result<(Vec<SessionFrame>, Option<Vec<u8>>), SessionLogError> {
     let (mut frames, mut outcome, mut count) = (Vec::new(), None, 0);
     let (mut latest, mut tactile) = (None, Vec::new());
     while let Some((_, event)) = reader.next_event()? {
         match event {
-            Event::Observation(mut readings) => {
+            SessionEvent::Observation(mut readings) => {
                 tactile.append(&mut readings.tactile);
                 // Incomplete readings are of no use for learning.
-                latest = readings.complete().ok();
+                latest = readings.into_observation().ok();
             }
-            Event::Sent(sent) => {
+            SessionEvent::SentCommand(sent) => {
                 let Some(observation) = latest.take() else { continue };
                 if count % ticks.max(1) == 0 {
                     let (time, servos, arm) = (observation.time, observation.servos, observation.arm);
-                    frames.push(Frame { time, servos, arm, sent, tactile: std::mem::take(&mut tactile) });
+                    frames.push(SessionFrame { time, servos, arm, sent, tactile: std::mem::take(&mut tactile) });
                 }
                 count += 1;
             }
-            Event::Outcome(text) => outcome = Some(text),
+            SessionEvent::Outcome(text) => outcome = Some(text),
             _ => {}
         }
     }
@@ -63,17 +66,17 @@ mod tests {
     use hand_model::robot::{Observation, Readings, RobotBackend, RobotError, Tick};
 
     use super::*;
-    use crate::{Recorder, Session, Sizes, Writer};
+    use crate::{RobotSizes, SessionHeader, SessionRecorder, SessionWriter};
 
     /// A robot of which only the clock moves.
     struct Clock(f64);
 
     impl RobotBackend for Clock {
         fn observe(&mut self) -> Result<Readings, RobotError> {
-            Ok(Observation { time: self.0, arm: ArmState::still([0.0; 7].into()), ..Observation::default() }.into())
+            Ok(Observation { time: self.0, arm: ArmState::at_rest([0.0; 7].into()), ..Observation::default() }.into())
         }
 
-        fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+        fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
             Ok(*command)
         }
 
@@ -91,18 +94,19 @@ mod tests {
     fn every_few_ticks_what_was_measured_and_what_was_sent_then() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("session.mcap");
-        let writer = Writer::create(&path, &Session { tick_length: 0.01, ..Session::default() }).unwrap();
-        let mut recorder = Recorder::new(Clock(0.0), writer);
+        let writer =
+            SessionWriter::create(&path, &SessionHeader { tick_length: 0.01, ..SessionHeader::default() }).unwrap();
+        let mut recorder = SessionRecorder::new(Clock(0.0), writer);
         let mut servos = ActuatorVector::from([ServoGoal::Current(0.25); 6]);
         servos[5] = ServoGoal::Position { angle: 0.5, current_limit: 0.1 };
         for n in 0..20 {
             recorder.observe().unwrap();
-            recorder.send(&Command { arm: [f64::from(n); 7].into(), servos, capture: false }).unwrap();
+            recorder.send(&RobotCommand { arm: [f64::from(n); 7].into(), servos, capture: false }).unwrap();
             recorder.wait_for_tick();
         }
         recorder.outcome(b"{}");
         recorder.finish().1.unwrap();
-        let (frames, outcome) = frames(&mut Reader::open(&path, Sizes::Any).unwrap(), 6).unwrap();
+        let (frames, outcome) = read_frames(&mut SessionReader::open(&path, RobotSizes::Any).unwrap(), 6).unwrap();
         assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
         assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
         assert!((frames[3].time - 0.18).abs() < 1e-9);

@@ -7,8 +7,8 @@
 //! | `observation` | readings from [`RobotBackend::observe`](hand_model::robot::RobotBackend::observe), each with its time, images included |
 //! | `command/asked`, `command/sent` | the command requested by the controller, and the one sent after limits |
 //! | `observation/failed`, `command/failed` | the reason why an observation or a command failed |
-//! | `seen` | the pose of an object from prior perception, an input of the controller besides the robot's measurements |
-//! | `unseen` | the reason why prior perception failed, if that ended the trial |
+//! | `detection` | the pose of an object from prior perception, an input of the controller besides the robot's measurements |
+//! | `detection_failed` | the reason why prior perception failed, if that ended the trial |
 //! | `tick` | the end of a control tick |
 //! | `outcome` | the result, in the controller's format |
 //! | `statistics` | the robot's own statistics, as JSON |
@@ -25,9 +25,9 @@
 //! handed to the operating system at once. A killed program therefore leaves everything up to its last whole tick, and
 //! [`reader`] reads such a file.
 //!
-//! [`recorder::Recorder`] wraps a robot and writes its session; [`tap::Tap`] adds the bytes of a link.
+//! [`recorder::SessionRecorder`] wraps a robot and writes its session; [`tap::LinkTap`] adds the bytes of a link.
 //! [`replay::Replay`] is a robot that plays a session back and compares every command with the recorded one, bit by
-//! bit. [`comparison`] compares two sessions, [`frames`] resamples one for learning, and [`ros2`] exports one as a ROS
+//! bit. [`comparison`] compares two sessions, [`read_frames`] resamples one for learning, and [`ros2`] exports one as a ROS
 //! 2 bag.
 
 pub mod comparison;
@@ -44,9 +44,9 @@ pub mod tap;
 pub mod writer;
 
 pub use error::SessionLogError;
-pub use message::Sizes;
-pub use reader::{Event, Reader};
-pub use recorder::Recorder;
+pub use message::RobotSizes;
+pub use reader::{SessionEvent, SessionReader};
+pub use recorder::SessionRecorder;
 pub use replay::Replay;
-pub use tap::{Direction, Packet, Tap};
-pub use writer::{Session, Writer};
+pub use tap::{Direction, LinkPacket, LinkTap};
+pub use writer::{SessionHeader, SessionWriter};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
 
-pub use crate::sizes::{Sizes, Wrong};
+pub use crate::sizes::{InvalidField, RobotSizes};
 
 /// Message for [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -72,7 +72,7 @@ pub struct TactileFrame {
     pub rgb: Option<Vec<u8>>,
 }
 
-/// Message for [`robot::Command`].
+/// Message for [`robot::RobotCommand`].
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Command {
     /// Set-points of the arm's joints, rad.
@@ -106,7 +106,7 @@ pub struct Tick {
 /// Result of prior perception (a camera over the table, or the operator) for one object: an input of the controller
 /// besides the robot's measurements.
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct Seen {
+pub struct DetectedObject {
     /// Index of the object.
     #[prost(uint32, optional, tag = "1")]
     pub object: Option<u32>,
@@ -119,11 +119,11 @@ pub struct Seen {
 }
 
 /// A pose (x, y, z in m, then the quaternion's i, j, k, w) and its stated standard deviation, m.
-pub type SeenPose = ([f64; 7], Option<f64>);
+pub type DetectedPose = ([f64; 7], Option<f64>);
 
-impl Seen {
+impl DetectedObject {
     /// Builds the message for the file.
-    pub fn new(object: usize, seen: Option<&SeenPose>) -> Self {
+    pub fn new(object: usize, seen: Option<&DetectedPose>) -> Self {
         Self {
             object: Some(object as u32),
             pose: seen.map_or_else(Vec::new, |(pose, _)| pose.to_vec()),
@@ -135,23 +135,23 @@ impl Seen {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(&self) -> Result<(usize, Option<SeenPose>), Wrong> {
+    pub fn read(&self) -> Result<(usize, Option<DetectedPose>), InvalidField> {
         let pose = if self.pose.is_empty() { None } else { Some(list::<7, _>("pose", &self.pose)?) };
-        Ok((given("object", self.object)? as usize, pose.map(|pose| (pose, self.sigma))))
+        Ok((required("object", self.object)? as usize, pose.map(|pose| (pose, self.sigma))))
     }
 }
 
 /// Number of pixels in an image of a tactile camera.
-const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
+const PIXEL_COUNT: usize = IMAGE_SIZE * IMAGE_SIZE;
 
 /// Last image of every camera, to which a frame without pixels refers.
 pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 
-fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], Wrong> {
+fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], InvalidField> {
     values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
 }
 
-fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
+fn required<T>(field: &'static str, value: Option<T>) -> Result<T, InvalidField> {
     value.ok_or_else(|| (field, "missing".to_owned(), "a value".to_owned()))
 }
 
@@ -183,8 +183,8 @@ impl Observation {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::Readings, Wrong> {
-        let time = given("time", self.time)?;
+    pub fn read(self, last: &mut LastImages, sizes: RobotSizes) -> Result<robot::Readings, InvalidField> {
+        let time = required("time", self.time)?;
         let servos = sizes.servos(self.servo_position.len());
         let position = servos.list("servo_position", &self.servo_position)?;
         let velocity = servos.list("servo_velocity", &self.servo_velocity)?;
@@ -210,7 +210,7 @@ impl Observation {
         };
         Ok(robot::Readings {
             time,
-            sequence: given("sequence", self.sequence)?,
+            sequence: required("sequence", self.sequence)?,
             servos: (0..position.len()).map(servo).collect(),
             arm,
             tactile: self.tactile.into_iter().map(|frame| frame.read(last, sizes)).collect::<Result<_, _>>()?,
@@ -231,14 +231,14 @@ impl TactileFrame {
         }
     }
 
-    fn read(self, last: &mut LastImages, sizes: Sizes) -> Result<robot::TactileFrame, Wrong> {
-        let camera = given("tactile.camera", self.camera)? as usize;
-        if let Sizes::Of { cameras, .. } = sizes {
+    fn read(self, last: &mut LastImages, sizes: RobotSizes) -> Result<robot::TactileFrame, InvalidField> {
+        let camera = required("tactile.camera", self.camera)? as usize;
+        if let RobotSizes::Of { cameras, .. } = sizes {
             if camera >= cameras {
                 return Err(("tactile.camera", camera.to_string(), format!("0 to {}", cameras.saturating_sub(1))));
             }
-            if let Some(rgb) = self.rgb.as_ref().filter(|rgb| rgb.len() != PIXELS * 3) {
-                return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXELS * 3)));
+            if let Some(rgb) = self.rgb.as_ref().filter(|rgb| rgb.len() != PIXEL_COUNT * 3) {
+                return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXEL_COUNT * 3)));
             }
         }
         let image =
@@ -249,13 +249,13 @@ impl TactileFrame {
                 })?),
             };
         last.insert(camera, Arc::clone(&image));
-        let (time, sequence) = (given("tactile.time", self.time)?, given("tactile.sequence", self.sequence)?);
+        let (time, sequence) = (required("tactile.time", self.time)?, required("tactile.sequence", self.sequence)?);
         Ok(robot::TactileFrame { camera, time, sequence, image })
     }
 }
 
-impl From<&robot::Command> for Command {
-    fn from(command: &robot::Command) -> Self {
+impl From<&robot::RobotCommand> for Command {
+    fn from(command: &robot::RobotCommand) -> Self {
         let goal = |goal: &ServoGoal| match *goal {
             ServoGoal::Current(current) => (0, 0.0, current),
             ServoGoal::Position { angle, current_limit } => (1, angle, current_limit),
@@ -276,7 +276,7 @@ impl Command {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(&self, sizes: Sizes) -> Result<robot::Command, Wrong> {
+    pub fn read(&self, sizes: RobotSizes) -> Result<robot::RobotCommand, InvalidField> {
         let servos = sizes.servos(self.servo_mode.len());
         let mode = servos.list("servo_mode", &self.servo_mode)?;
         let angle = servos.list("servo_angle", &self.servo_angle)?;
@@ -288,7 +288,7 @@ impl Command {
         };
         let servos = (0..mode.len()).map(goal).collect::<Result<_, _>>()?;
         let arm = sizes.arm("arm", &self.arm)?;
-        Ok(robot::Command { arm, servos, capture: given("capture", self.capture)? })
+        Ok(robot::RobotCommand { arm, servos, capture: required("capture", self.capture)? })
     }
 }
 
@@ -303,13 +303,13 @@ impl Tick {
     ///
     /// # Errors
     /// The missing field.
-    pub fn read(self) -> Result<robot::Tick, Wrong> {
-        Ok(robot::Tick { time: given("time", self.time)?, lateness: given("lateness", self.lateness)? })
+    pub fn read(self) -> Result<robot::Tick, InvalidField> {
+        Ok(robot::Tick { time: required("time", self.time)?, lateness: required("lateness", self.lateness)? })
     }
 }
 
 /// Returns every number of `command` as its bits, with its name. Equal lists mean equal commands, NaN and -0 included.
-pub fn bits(command: &robot::Command) -> Vec<(String, u64)> {
+pub fn command_bits(command: &robot::RobotCommand) -> Vec<(String, u64)> {
     let arm = (1..).zip(&command.arm).map(|(n, angle)| (format!("arm joint {n}"), angle.to_bits()));
     let servos = (1..).zip(&command.servos).flat_map(|(n, goal)| match *goal {
         ServoGoal::Current(current) => vec![(format!("servo {n} current"), current.to_bits())],
@@ -336,21 +336,21 @@ pub(super) mod tests {
         ]
     }
 
-    pub(crate) fn command() -> impl Strategy<Value = robot::Command> {
+    pub(crate) fn command() -> impl Strategy<Value = robot::RobotCommand> {
         let goal = prop_oneof![
             any_bits().prop_map(ServoGoal::Current),
             (any_bits(), any_bits()).prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
         ];
         (prop::array::uniform7(any_bits()), prop::array::uniform6(goal), any::<bool>())
-            .prop_map(|(arm, servos, capture)| robot::Command { arm: arm.into(), servos: servos.into(), capture })
+            .prop_map(|(arm, servos, capture)| robot::RobotCommand { arm: arm.into(), servos: servos.into(), capture })
     }
 
     proptest! {
         #[test]
         fn commands_keep_every_bit(command in command()) {
             let bytes = Command::from(&command).encode_to_vec();
-            let back = Command::decode(bytes.as_slice())?.read(Sizes::Any).expect("readable");
-            prop_assert_eq!(bits(&back), bits(&command));
+            let back = Command::decode(bytes.as_slice())?.read(RobotSizes::Any).expect("readable");
+            prop_assert_eq!(command_bits(&back), command_bits(&command));
         }
 
         #[test]
@@ -373,7 +373,7 @@ pub(super) mod tests {
             let observation = robot::Readings { time: next(), sequence, servos: servos.into(), arm, tactile: vec![] };
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
-            let back = back.read(&mut LastImages::new(), Sizes::Any).expect("readable");
+            let back = back.read(&mut LastImages::new(), RobotSizes::Any).expect("readable");
             // Written again, equal numbers give equal bytes.
             let again = Observation::new(&back, &mut LastImages::new());
             prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
@@ -393,12 +393,12 @@ pub(super) mod tests {
         let whole = robot::Readings::from(robot::Observation {
             time: 2.5,
             servos: [ServoState::default(); 6].into(),
-            arm: ArmState::still([0.0; 7].into()),
+            arm: ArmState::at_rest([0.0; 7].into()),
             ..Default::default()
         });
         let written = Observation::new(&whole, &mut LastImages::new());
         let former = Observation { servo_time: vec![], arm_time: None, ..written };
-        let back = former.read(&mut LastImages::new(), Sizes::Any).expect("readable");
+        let back = former.read(&mut LastImages::new(), RobotSizes::Any).expect("readable");
         assert!(back.servos.iter().all(|servo| servo.map(|servo| servo.time) == Some(2.5)));
         assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
@@ -426,7 +426,7 @@ pub(super) mod tests {
         let written = Observation::new(&observation, &mut LastImages::new());
         let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
         assert_eq!(has_pixels, [true, true, false, false, true, false]);
-        let back = written.read(&mut LastImages::new(), Sizes::Any).expect("readable");
+        let back = written.read(&mut LastImages::new(), RobotSizes::Any).expect("readable");
         for (found, expected) in back.tactile.iter().zip(&observation.tactile) {
             assert_eq!((found.camera, found.sequence), (expected.camera, expected.sequence));
             assert_eq!(found.image, expected.image);
@@ -436,13 +436,14 @@ pub(super) mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let full = robot::Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
+        let full =
+            robot::RobotCommand { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
         let command = Command { servo_angle: vec![0.0; 5], ..Command::from(&full) };
-        assert_eq!(command.read(Sizes::Any), Err(("servo_angle", "5 numbers".to_owned(), "6 numbers".to_owned())));
+        assert_eq!(command.read(RobotSizes::Any), Err(("servo_angle", "5 numbers".to_owned(), "6 numbers".to_owned())));
         let frame = TactileFrame { camera: Some(3), ..Default::default() };
         let observation =
             Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-        let wrong = observation.read(&mut LastImages::new(), Sizes::Any).expect_err("no image yet");
+        let wrong = observation.read(&mut LastImages::new(), RobotSizes::Any).expect_err("no image yet");
         assert_eq!(wrong.0, "tactile.rgb");
     }
 
@@ -455,7 +456,7 @@ pub(super) mod tests {
             let readings = robot::Readings::from(robot::Observation { servos, ..Default::default() });
             let observation =
                 Observation { tactile: vec![frame], ..Observation::new(&readings, &mut LastImages::new()) };
-            observation.read(&mut LastImages::new(), Sizes::of(&RobotModel::ftac_gen3())).map(|_| ())
+            observation.read(&mut LastImages::new(), RobotSizes::from_robot(&RobotModel::ftac_gen3())).map(|_| ())
         };
         assert_eq!(read(17, 172_800), Ok(()));
         assert_eq!(read(18, 172_800), Err(("tactile.camera", "18".to_owned(), "0 to 17".to_owned())));

@@ -16,47 +16,48 @@ use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Sizes, Tick, Wrong};
+use crate::message::{Command, DetectedObject, DetectedPose, InvalidField, LastImages, Observation, RobotSizes, Tick};
 use crate::tap::Direction;
 use crate::writer::{
-    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK,
-    UNOBSERVED, UNSEEN, UNSENT,
+    CALIBRATION_TOPIC, COMMAND_FAILED_TOPIC, CONFIGURATION_TOPIC, DETECTION_FAILED_TOPIC, DETECTION_TOPIC,
+    FORMAT_VERSION, METADATA_NAME, OBSERVATION_FAILED_TOPIC, OBSERVATION_TOPIC, OUTCOME_TOPIC, REQUESTED_COMMAND_TOPIC,
+    SENT_COMMAND_TOPIC, SessionHeader, TASK_TOPIC, TICK_TOPIC,
 };
 
 /// Longest record accepted, bytes. An observation with an image of every camera has 3.2 MB; the limit guards against a
 /// damaged length.
-const LONGEST: usize = 1 << 28;
+const MAX_RECORD_LENGTH: usize = 1 << 28;
 
 /// Longest tick accepted, s.
-const LONGEST_TICK: f64 = 1.0;
+const MAX_TICK_LENGTH: f64 = 1.0;
 
 /// Largest number of bytes read at once.
-const PIECE: usize = 1 << 16;
+const READ_SIZE: usize = 1 << 16;
 
 /// Types of records that are read.
-const KNOWN: [u8; 3] = [op::METADATA, op::CHUNK, op::DATA_END];
+const RECORD_TYPES: [u8; 3] = [op::METADATA, op::CHUNK, op::DATA_END];
 /// Types of records that are read within a chunk.
-const IN_CHUNK: [u8; 2] = [op::CHANNEL, op::MESSAGE];
+const CHUNK_RECORD_TYPES: [u8; 2] = [op::CHANNEL, op::MESSAGE];
 
 /// An event in a session.
 #[derive(Debug, Clone)]
-pub enum Event {
+pub enum SessionEvent {
     /// An observation.
     Observation(Box<robot::Readings>),
     /// The reason why an observation failed.
-    Unobserved(String),
+    ObservationFailed(String),
     /// A command as the controller requested it.
-    Asked(robot::Command),
+    RequestedCommand(robot::RobotCommand),
     /// A command as it was sent, after limits.
-    Sent(robot::Command),
+    SentCommand(robot::RobotCommand),
     /// The reason why a command was not sent.
-    Unsent(String),
+    SendFailed(String),
     /// The end of a tick.
     Tick(robot::Tick),
     /// The result of prior perception: index of the object, and its pose if it was visible ([`Seen`]).
-    Seen(usize, Option<SeenPose>),
+    Detection(usize, Option<DetectedPose>),
     /// The reason why prior perception (a look) failed.
-    Unseen(String),
+    DetectionFailed(String),
     /// The outcome, in the controller's own format.
     Outcome(Vec<u8>),
     /// Bytes on a link.
@@ -70,7 +71,7 @@ pub enum Event {
 
 /// Times of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Times {
+pub struct EventTimes {
     /// Time on the host's clock since the session began.
     pub host: Duration,
     /// Time on the clock of the device or robot.
@@ -78,37 +79,37 @@ pub struct Times {
 }
 
 /// Reader of a session file, from its beginning.
-pub struct Reader {
+pub struct SessionReader {
     path: PathBuf,
     file: BufReader<File>,
     mcap: LinearReader,
     /// Remaining records of the last chunk.
     chunk: VecDeque<Record<'static>>,
     topics: BTreeMap<u16, String>,
-    sizes: Sizes,
+    sizes: RobotSizes,
     last_images: LastImages,
-    session: Session,
+    session: SessionHeader,
     /// Wall-clock time at which the session began, since 1970.
-    begun: Duration,
-    whole: bool,
-    over: bool,
+    start_time: Duration,
+    finished: bool,
+    ended: bool,
 }
 
-impl Reader {
+impl SessionReader {
     /// Opens a file and reads the description of its session. Messages that do not have these `sizes` are errors when
     /// they are read.
     ///
     /// # Errors
     /// [`SessionLogError`] if the file is not an existing regular file, not MCAP, not a session, or of another format
     /// version, or if its configuration, calibration or task does not match the recorded hash.
-    pub fn open(path: &Path, sizes: Sizes) -> Result<Self, SessionLogError> {
+    pub fn open(path: &Path, sizes: RobotSizes) -> Result<Self, SessionLogError> {
         let file = BufReader::new(open_regular(path, u64::MAX).map_err(SessionLogError::io(path))?);
         // The checksum follows the data: a damaged file is detected there; one cut short has none.
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_emit_chunks(true)
             .with_validate_data_section_crc(true)
-            .with_record_length_limit(LONGEST);
+            .with_record_length_limit(MAX_RECORD_LENGTH);
         let mut reader = Self {
             path: path.to_owned(),
             file,
@@ -117,10 +118,10 @@ impl Reader {
             topics: BTreeMap::new(),
             sizes,
             last_images: LastImages::new(),
-            session: Session::default(),
-            begun: Duration::ZERO,
-            whole: false,
-            over: false,
+            session: SessionHeader::default(),
+            start_time: Duration::ZERO,
+            finished: false,
+            ended: false,
         };
         reader.read_head()?;
         Ok(reader)
@@ -128,22 +129,22 @@ impl Reader {
 
     /// Replaces the `sizes` that messages must have.
     #[must_use]
-    pub fn of(self, sizes: Sizes) -> Self {
+    pub fn with_sizes(self, sizes: RobotSizes) -> Self {
         Self { sizes, ..self }
     }
 
-    pub fn session(&self) -> &Session {
+    pub fn session(&self) -> &SessionHeader {
         &self.session
     }
 
     /// Returns the host's wall-clock time at which the session began, since 1970.
-    pub fn begun(&self) -> Duration {
-        self.begun
+    pub fn start_time(&self) -> Duration {
+        self.start_time
     }
 
     /// True if the file was finished; known only once it has been read to its end.
-    pub fn is_whole(&self) -> bool {
-        self.whole
+    pub fn is_finished(&self) -> bool {
+        self.finished
     }
 
     fn field(&self, field: &str, found: &str, expected: &str) -> SessionLogError {
@@ -156,34 +157,34 @@ impl Reader {
         let mut files: [Option<Vec<u8>>; 3] = [None, None, None];
         while files.iter().any(Option::is_none) {
             match self.next_record()? {
-                Some(Record::Metadata(metadata)) if metadata.name == METADATA => {
+                Some(Record::Metadata(metadata)) if metadata.name == METADATA_NAME => {
                     let get = |name: &str| metadata.metadata.get(name).cloned().unwrap_or_default();
                     let format = get("format");
-                    if format != FORMAT {
+                    if format != FORMAT_VERSION {
                         let found = format!("{format} (written by {})", get("program"));
-                        return Err(self.field("format", &found, FORMAT));
+                        return Err(self.field("format", &found, FORMAT_VERSION));
                     }
                     let begun = get("begun_unix_ns");
                     let unix = begun.parse().map_err(|_| self.field("begun_unix_ns", &begun, "a whole number"))?;
-                    self.begun = Duration::from_nanos(unix);
+                    self.start_time = Duration::from_nanos(unix);
                     let (seed, tick) = (get("seed"), get("tick_length_s"));
-                    self.session = Session {
+                    self.session = SessionHeader {
                         robot: get("robot"),
                         program: get("program"),
                         seed: seed.parse().map_err(|_| self.field("seed", &seed, "a whole number"))?,
                         tick_length: (tick.parse().ok())
-                            .filter(|tick| (0.0..=LONGEST_TICK).contains(tick))
+                            .filter(|tick| (0.0..=MAX_TICK_LENGTH).contains(tick))
                             .ok_or_else(|| self.field("tick_length_s", &tick, "a number from 0 to 1"))?,
-                        ..Session::default()
+                        ..SessionHeader::default()
                     };
                     hashes = Some([get("configuration_sha256"), get("calibration_sha256"), get("task_sha256")]);
                 }
-                Some(Record::Channel(channel)) => self.announce(channel),
+                Some(Record::Channel(channel)) => self.add_channel(channel),
                 Some(Record::Message { header, data }) => match self.topics.get(&header.channel_id).map(String::as_str)
                 {
-                    Some(CONFIGURATION) => files[0] = Some(data.into_owned()),
-                    Some(CALIBRATION) => files[1] = Some(data.into_owned()),
-                    Some(TASK) => files[2] = Some(data.into_owned()),
+                    Some(CONFIGURATION_TOPIC) => files[0] = Some(data.into_owned()),
+                    Some(CALIBRATION_TOPIC) => files[1] = Some(data.into_owned()),
+                    Some(TASK_TOPIC) => files[2] = Some(data.into_owned()),
                     _ => return Err(self.field("beginning", "something else", "configuration, calibration and task")),
                 },
                 Some(_) => {}
@@ -195,9 +196,9 @@ impl Reader {
         };
         let [configuration, calibration, task] = files.map(Option::unwrap_or_default);
         for (name, data, expected) in [
-            (CONFIGURATION, &configuration, &hashes[0]),
-            (CALIBRATION, &calibration, &hashes[1]),
-            (TASK, &task, &hashes[2]),
+            (CONFIGURATION_TOPIC, &configuration, &hashes[0]),
+            (CALIBRATION_TOPIC, &calibration, &hashes[1]),
+            (TASK_TOPIC, &task, &hashes[2]),
         ] {
             let found = sha256(data);
             if found != *expected {
@@ -208,7 +209,7 @@ impl Reader {
         Ok(())
     }
 
-    fn announce(&mut self, channel: mcap::records::Channel) {
+    fn add_channel(&mut self, channel: mcap::records::Channel) {
         self.topics.insert(channel.id, channel.topic);
     }
 
@@ -218,24 +219,24 @@ impl Reader {
             if let Some(record) = self.chunk.pop_front() {
                 return Ok(Some(record));
             }
-            if self.over {
+            if self.ended {
                 return Ok(None);
             }
             match self.mcap.next_event() {
-                None | Some(Err(McapError::UnexpectedEof)) => self.over = true,
+                None | Some(Err(McapError::UnexpectedEof)) => self.ended = true,
                 Some(Err(error)) => return Err(SessionLogError::mcap(&self.path)(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                     // Read in pieces: a damaged length may ask for more than there is.
-                    let piece = self.mcap.insert(wanted.min(PIECE));
+                    let piece = self.mcap.insert(wanted.min(READ_SIZE));
                     let read = self.file.read(piece).map_err(SessionLogError::io(&self.path))?;
                     self.mcap.notify_read(read);
                 }
                 // Other records are skipped. (mcap 0.25 panics on some damaged attachments.)
-                Some(Ok(LinearReadEvent::Record { opcode, data })) if KNOWN.contains(&opcode) => {
+                Some(Ok(LinearReadEvent::Record { opcode, data })) if RECORD_TYPES.contains(&opcode) => {
                     let record = mcap::parse_record(opcode, data).map_err(SessionLogError::mcap(&self.path))?;
                     match record.into_owned() {
                         Record::Chunk { header, data } => {
-                            self.chunk = in_chunk(&header, &data).map_err(SessionLogError::mcap(&self.path))?;
+                            self.chunk = chunk_records(&header, &data).map_err(SessionLogError::mcap(&self.path))?;
                         }
                         record => return Ok(Some(record)),
                     }
@@ -248,19 +249,19 @@ impl Reader {
     /// Returns the next event and its times; `None` at the end.
     ///
     /// # Errors
-    /// [`SessionLogError`]. A file that is cut short is not an error; see [`Reader::is_whole`].
-    pub fn next_event(&mut self) -> Result<Option<(Times, Event)>, SessionLogError> {
+    /// [`SessionLogError`]. A file that is cut short is not an error; see [`SessionReader::is_finished`].
+    pub fn next_event(&mut self) -> Result<Option<(EventTimes, SessionEvent)>, SessionLogError> {
         while let Some(record) = self.next_record()? {
             match record {
-                Record::Channel(channel) => self.announce(channel),
-                Record::DataEnd(_) => self.whole = true,
+                Record::Channel(channel) => self.add_channel(channel),
+                Record::DataEnd(_) => self.finished = true,
                 Record::Message { header, data } => {
                     let Some(topic) = self.topics.get(&header.channel_id).cloned() else {
                         let found = header.channel_id.to_string();
                         return Err(self.field("channel of a message", &found, "one announced before"));
                     };
-                    let times = Times {
-                        host: Duration::from_nanos(header.log_time).saturating_sub(self.begun),
+                    let times = EventTimes {
+                        host: Duration::from_nanos(header.log_time).saturating_sub(self.start_time),
                         device: Duration::from_nanos(header.publish_time),
                     };
                     if let Some(event) = self.event(&topic, header.sequence, &data)? {
@@ -274,25 +275,31 @@ impl Reader {
     }
 
     /// Decodes a message on `topic`; `None` for a foreign topic.
-    fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
+    fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<SessionEvent>, SessionLogError> {
         let (last, sizes) = (&mut self.last_images, self.sizes);
         let text = || String::from_utf8_lossy(data).into_owned();
         let event = match topic {
-            OBSERVATION => decode(data)
+            OBSERVATION_TOPIC => decode(data)
                 .and_then(|message: Observation| message.read(last, sizes))
-                .map(|readings| Event::Observation(Box::new(readings))),
-            ASKED => decode(data).and_then(|message: Command| message.read(sizes)).map(Event::Asked),
-            SENT => decode(data).and_then(|message: Command| message.read(sizes)).map(Event::Sent),
-            SEEN => {
-                decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
+                .map(|readings| SessionEvent::Observation(Box::new(readings))),
+            REQUESTED_COMMAND_TOPIC => {
+                decode(data).and_then(|message: Command| message.read(sizes)).map(SessionEvent::RequestedCommand)
             }
-            UNSEEN => Ok(Event::Unseen(text())),
-            UNOBSERVED => Ok(Event::Unobserved(text())),
-            UNSENT => Ok(Event::Unsent(text())),
-            OUTCOME => Ok(Event::Outcome(data.to_owned())),
-            TICK => decode(data).and_then(Tick::read).map(Event::Tick),
+            SENT_COMMAND_TOPIC => {
+                decode(data).and_then(|message: Command| message.read(sizes)).map(SessionEvent::SentCommand)
+            }
+            DETECTION_TOPIC => decode(data)
+                .and_then(|message: DetectedObject| message.read())
+                .map(|(object, pose)| SessionEvent::Detection(object, pose)),
+            DETECTION_FAILED_TOPIC => Ok(SessionEvent::DetectionFailed(text())),
+            OBSERVATION_FAILED_TOPIC => Ok(SessionEvent::ObservationFailed(text())),
+            COMMAND_FAILED_TOPIC => Ok(SessionEvent::SendFailed(text())),
+            OUTCOME_TOPIC => Ok(SessionEvent::Outcome(data.to_owned())),
+            TICK_TOPIC => decode(data).and_then(Tick::read).map(SessionEvent::Tick),
             _ => match raw_topic(topic) {
-                Some((link, direction)) => Ok(Event::Raw { link: link.to_owned(), direction, bytes: data.to_owned() }),
+                Some((link, direction)) => {
+                    Ok(SessionEvent::Raw { link: link.to_owned(), direction, bytes: data.to_owned() })
+                }
                 None => return Ok(None),
             },
         };
@@ -303,7 +310,7 @@ impl Reader {
 }
 
 /// Verifies a chunk's checksum and returns its records of interest.
-fn in_chunk(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
+fn chunk_records(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
     if !header.compression.is_empty() {
         return Err(McapError::UnsupportedCompression(header.compression.clone()));
     }
@@ -319,7 +326,7 @@ fn in_chunk(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record
     }) {
         let length = usize::try_from(length).map_err(|_| McapError::UnexpectedEoc)?;
         let (content, rest) = rest.split_at_checked(length).ok_or(McapError::UnexpectedEoc)?;
-        if IN_CHUNK.contains(&kind) {
+        if CHUNK_RECORD_TYPES.contains(&kind) {
             records.push_back(mcap::parse_record(kind, content)?.into_owned());
         }
         data = rest;
@@ -327,7 +334,7 @@ fn in_chunk(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record
     Ok(records)
 }
 
-fn decode<M: Message + Default>(data: &[u8]) -> Result<M, Wrong> {
+fn decode<M: Message + Default>(data: &[u8]) -> Result<M, InvalidField> {
     M::decode(data).map_err(|error| ("message", format!("{} bytes ({error})", data.len()), "its fields".to_owned()))
 }
 

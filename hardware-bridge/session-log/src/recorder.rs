@@ -2,30 +2,30 @@
 
 use std::sync::mpsc::Receiver;
 
-use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, Tick};
 
 use crate::error::SessionLogError;
-use crate::message::SeenPose;
-use crate::tap::Packet;
-use crate::writer::Writer;
+use crate::message::DetectedPose;
+use crate::tap::LinkPacket;
+use crate::writer::SessionWriter;
 
 /// Records the session of `R` while it is driven. A write error does not stop the robot: the first one is kept and
-/// returned by [`Recorder::finish`].
-pub struct Recorder<R> {
+/// returned by [`SessionRecorder::finish`].
+pub struct SessionRecorder<R> {
     robot: R,
-    writer: Writer,
-    packets: Option<Receiver<Packet>>,
+    writer: SessionWriter,
+    packets: Option<Receiver<LinkPacket>>,
     error: Option<SessionLogError>,
 }
 
-impl<R: RobotBackend> Recorder<R> {
+impl<R: RobotBackend> SessionRecorder<R> {
     /// Wraps `robot` and records into `writer`.
-    pub fn new(robot: R, writer: Writer) -> Self {
+    pub fn new(robot: R, writer: SessionWriter) -> Self {
         Self { robot, writer, packets: None, error: None }
     }
 
     /// Also records the packets of tapped links.
-    pub fn with_packets(self, packets: Receiver<Packet>) -> Self {
+    pub fn with_packets(self, packets: Receiver<LinkPacket>) -> Self {
         Self { packets: Some(packets), ..self }
     }
 
@@ -35,13 +35,13 @@ impl<R: RobotBackend> Recorder<R> {
     }
 
     /// Records an object's perceived pose; `None` if it was not visible.
-    pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) {
-        self.write(|writer| writer.seen(object, seen));
+    pub fn detection(&mut self, object: usize, seen: Option<&DetectedPose>) {
+        self.write(|writer| writer.detection(object, seen));
     }
 
     /// Records the reason why prior perception (a look) failed.
-    pub fn unseen(&mut self, why: &str) {
-        self.write(|writer| writer.unseen(why));
+    pub fn detection_failed(&mut self, why: &str) {
+        self.write(|writer| writer.detection_failed(why));
     }
 
     /// Records the robot's own statistics, as JSON.
@@ -77,29 +77,29 @@ impl<R: RobotBackend> Recorder<R> {
         }
     }
 
-    fn write(&mut self, write: impl FnOnce(&mut Writer) -> Result<(), SessionLogError>) {
+    fn write(&mut self, write: impl FnOnce(&mut SessionWriter) -> Result<(), SessionLogError>) {
         if self.error.is_none() {
             self.error = write(&mut self.writer).err();
         }
     }
 }
 
-impl<R: RobotBackend> RobotBackend for Recorder<R> {
+impl<R: RobotBackend> RobotBackend for SessionRecorder<R> {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         let readings = self.robot.observe();
         self.write(|writer| match &readings {
             Ok(readings) => writer.observation(readings),
-            Err(error) => writer.unobserved(&error.to_string()),
+            Err(error) => writer.observation_failed(&error.to_string()),
         });
         readings
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
-        self.write(|writer| writer.asked(command));
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
+        self.write(|writer| writer.requested_command(command));
         let sent = self.robot.send(command);
         self.write(|writer| match &sent {
-            Ok(sent) => writer.sent(sent),
-            Err(error) => writer.unsent(&error.to_string()),
+            Ok(sent) => writer.sent_command(sent),
+            Err(error) => writer.command_failed(&error.to_string()),
         });
         sent
     }

@@ -5,15 +5,15 @@
 //! recording, it repeats the last observation while time advances, so that a waiting controller gives up by its own
 //! rules.
 
-use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, Tick};
 
 use crate::error::SessionLogError;
-use crate::message::{SeenPose, bits};
-use crate::reader::{Event, Reader};
+use crate::message::{DetectedPose, command_bits};
+use crate::reader::{SessionEvent, SessionReader};
 
 /// The first difference between controller and recording.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Divergence {
+pub enum ReplayDifference {
     /// The controller called another function.
     #[error("tick {tick}: the recording goes on with {recorded}, the controller with {found}")]
     Order {
@@ -39,7 +39,7 @@ pub enum Divergence {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Progress {
+pub struct ReplayProgress {
     pub ticks: u64,
     /// Commands found identical.
     pub commands: u64,
@@ -47,14 +47,14 @@ pub struct Progress {
 
 /// A recorded session as a robot.
 pub struct Replay {
-    reader: Reader,
-    next: Option<Event>,
+    reader: SessionReader,
+    next: Option<SessionEvent>,
     readings: Readings,
     tick: Tick,
-    progress: Progress,
-    divergence: Option<Divergence>,
+    progress: ReplayProgress,
+    difference: Option<ReplayDifference>,
     /// True if the controller went on after a divergence or after the end of the recording.
-    outlasted: bool,
+    ran_past_end: bool,
     error: Option<SessionLogError>,
 }
 
@@ -63,15 +63,15 @@ impl Replay {
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn new(reader: Reader) -> Result<Self, SessionLogError> {
+    pub fn new(reader: SessionReader) -> Result<Self, SessionLogError> {
         let mut replay = Self {
             reader,
             next: None,
             readings: Readings::default(),
             tick: Tick::default(),
-            progress: Progress::default(),
-            divergence: None,
-            outlasted: false,
+            progress: ReplayProgress::default(),
+            difference: None,
+            ran_past_end: false,
             error: None,
         };
         replay.read_next();
@@ -82,37 +82,37 @@ impl Replay {
     }
 
     /// Returns the reader of the recorded session.
-    pub fn reader(&self) -> &Reader {
+    pub fn reader(&self) -> &SessionReader {
         &self.reader
     }
 
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> ReplayProgress {
         self.progress
     }
 
     /// True if the recording has ended or the controller has diverged from it.
-    pub fn is_over(&self) -> bool {
-        self.next.is_none() || self.divergence.is_some()
+    pub fn has_ended(&self) -> bool {
+        self.next.is_none() || self.difference.is_some()
     }
 
     /// True if the controller has diverged from the recording, or went on after its end.
-    pub fn is_left(&self) -> bool {
-        self.divergence.is_some() || self.outlasted
+    pub fn has_left_recording(&self) -> bool {
+        self.difference.is_some() || self.ran_past_end
     }
 
     /// Returns the first divergence, if any.
-    pub fn divergence(&self) -> Option<&Divergence> {
-        self.divergence.as_ref()
+    pub fn difference(&self) -> Option<&ReplayDifference> {
+        self.difference.as_ref()
     }
 
     /// Returns the final progress, and the first divergence, if any.
     ///
     /// # Errors
-    /// The file could not be read to its end. (A file that was cut short is not an error: see [`Reader::is_whole`].)
-    pub fn finish(self) -> Result<(Progress, Option<Divergence>), SessionLogError> {
+    /// The file could not be read to its end. (A file that was cut short is not an error: see [`SessionReader::is_finished`].)
+    pub fn finish(self) -> Result<(ReplayProgress, Option<ReplayDifference>), SessionLogError> {
         match self.error {
             Some(error) => Err(error),
-            None => Ok((self.progress, self.divergence)),
+            None => Ok((self.progress, self.difference)),
         }
     }
 
@@ -120,7 +120,7 @@ impl Replay {
     fn read_next(&mut self) {
         self.next = loop {
             match self.reader.next_event() {
-                Ok(Some((_, Event::Raw { .. } | Event::Outcome(_)))) => {}
+                Ok(Some((_, SessionEvent::Raw { .. } | SessionEvent::Outcome(_)))) => {}
                 Ok(event) => break event.map(|(_, event)| event),
                 Err(error) => {
                     self.error = Some(error);
@@ -131,9 +131,9 @@ impl Replay {
     }
 
     /// Takes the next event if `pick` accepts it. Otherwise the controller, whose call is `found`, has diverged.
-    fn take<T>(&mut self, found: &'static str, pick: fn(&Event) -> Option<T>) -> Option<T> {
-        if self.is_over() {
-            self.outlasted = true;
+    fn take_event<T>(&mut self, found: &'static str, pick: fn(&SessionEvent) -> Option<T>) -> Option<T> {
+        if self.has_ended() {
+            self.ran_past_end = true;
             return None;
         }
         let event = self.next.as_ref()?;
@@ -142,14 +142,16 @@ impl Replay {
             self.read_next();
         } else {
             let recorded = match event {
-                Event::Observation(_) | Event::Unobserved(_) => "an observation",
-                Event::Asked(_) | Event::Sent(_) | Event::Unsent(_) => "a command",
-                Event::Tick(_) => "a tick",
-                Event::Seen(..) | Event::Unseen(_) => "a look at an object",
-                Event::Raw { .. } => "bytes",
-                Event::Outcome(_) => "the outcome",
+                SessionEvent::Observation(_) | SessionEvent::ObservationFailed(_) => "an observation",
+                SessionEvent::RequestedCommand(_) | SessionEvent::SentCommand(_) | SessionEvent::SendFailed(_) => {
+                    "a command"
+                }
+                SessionEvent::Tick(_) => "a tick",
+                SessionEvent::Detection(..) | SessionEvent::DetectionFailed(_) => "a look at an object",
+                SessionEvent::Raw { .. } => "bytes",
+                SessionEvent::Outcome(_) => "the outcome",
             };
-            self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
+            self.difference = Some(ReplayDifference::Order { tick: self.progress.ticks, recorded, found });
         }
         taken
     }
@@ -157,10 +159,10 @@ impl Replay {
     /// Returns the recorded result of prior perception for `object`: its pose, `None` if the object was not visible, or
     /// the reason why prior perception failed. The outer `None` means that the controller has diverged or the recording
     /// has ended.
-    pub fn seen(&mut self, object: usize) -> Option<Result<Option<SeenPose>, String>> {
-        let taken = self.take("a look at an object", |event| match event {
-            Event::Seen(object, pose) => Some(Ok((*object, *pose))),
-            Event::Unseen(why) => Some(Err(why.clone())),
+    pub fn detection(&mut self, object: usize) -> Option<Result<Option<DetectedPose>, String>> {
+        let taken = self.take_event("a look at an object", |event| match event {
+            SessionEvent::Detection(object, pose) => Some(Ok((*object, *pose))),
+            SessionEvent::DetectionFailed(why) => Some(Err(why.clone())),
             _ => None,
         })?;
         let (recorded, pose) = match taken {
@@ -170,33 +172,33 @@ impl Replay {
         if recorded != object {
             let (recorded, found) =
                 (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
-            self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
+            self.difference = Some(ReplayDifference::Order { tick: self.progress.ticks, recorded, found });
             return None;
         }
         Some(Ok(pose))
     }
 
-    fn compare(&mut self, recorded: &Command, found: &Command) {
-        let (recorded, found) = (bits(recorded), bits(found));
+    fn compare(&mut self, recorded: &RobotCommand, found: &RobotCommand) {
+        let (recorded, found) = (command_bits(recorded), command_bits(found));
         let show = |field: &str, bits: u64| match field {
             "capture" => (bits != 0).to_string(),
             _ => format!("{:?} ({bits:016x})", f64::from_bits(bits)),
         };
         let tick = self.progress.ticks;
         let differs = recorded.iter().zip(&found).find(|(a, b)| a != b);
-        self.divergence = match differs {
+        self.difference = match differs {
             None => {
                 self.progress.commands += 1;
                 return;
             }
-            Some(((field, a), (same, b))) if field == same => Some(Divergence::Command {
+            Some(((field, a), (same, b))) if field == same => Some(ReplayDifference::Command {
                 tick,
                 field: field.clone(),
                 recorded: show(field, *a),
                 found: show(field, *b),
             }),
             // Another mode of a servo has other fields.
-            Some(((recorded, _), (found, _))) => Some(Divergence::Command {
+            Some(((recorded, _), (found, _))) => Some(ReplayDifference::Command {
                 tick,
                 field: "kind of goal".to_owned(),
                 recorded: recorded.clone(),
@@ -208,9 +210,9 @@ impl Replay {
 
 impl RobotBackend for Replay {
     fn observe(&mut self) -> Result<Readings, RobotError> {
-        let recorded = self.take("an observation", |event| match event {
-            Event::Observation(readings) => Some(Ok((**readings).clone())),
-            Event::Unobserved(why) => Some(Err(RobotError::Lost(why.clone()))),
+        let recorded = self.take_event("an observation", |event| match event {
+            SessionEvent::Observation(readings) => Some(Ok((**readings).clone())),
+            SessionEvent::ObservationFailed(why) => Some(Err(RobotError::ConnectionLost(why.clone()))),
             _ => None,
         });
         match recorded {
@@ -223,17 +225,17 @@ impl RobotBackend for Replay {
         Ok(self.readings.clone())
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
-        let asked = self.take("a command", |event| match event {
-            Event::Asked(asked) => Some(*asked),
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
+        let asked = self.take_event("a command", |event| match event {
+            SessionEvent::RequestedCommand(asked) => Some(*asked),
             _ => None,
         });
         let Some(asked) = asked else { return Ok(*command) };
         self.compare(&asked, command);
         // A recording may end between the requested command and the one sent.
         let sent = match &self.next {
-            Some(Event::Sent(sent)) => Ok(*sent),
-            Some(Event::Unsent(why)) => Err(RobotError::Lost(why.clone())),
+            Some(SessionEvent::SentCommand(sent)) => Ok(*sent),
+            Some(SessionEvent::SendFailed(why)) => Err(RobotError::ConnectionLost(why.clone())),
             _ => return Ok(*command),
         };
         self.read_next();
@@ -241,8 +243,8 @@ impl RobotBackend for Replay {
     }
 
     fn wait_for_tick(&mut self) -> Tick {
-        let recorded = self.take("a tick", |event| match event {
-            Event::Tick(tick) => Some(*tick),
+        let recorded = self.take_event("a tick", |event| match event {
+            SessionEvent::Tick(tick) => Some(*tick),
             _ => None,
         });
         self.tick = match recorded {

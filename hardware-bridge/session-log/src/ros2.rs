@@ -24,11 +24,11 @@ use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 
 use crate::error::SessionLogError;
-use crate::reader::{Event, Reader};
+use crate::reader::{SessionEvent, SessionReader};
 
 /// Names of joints, actuators and cameras, and the servos' torque constant.
 #[derive(Debug, Clone)]
-pub struct Names {
+pub struct RobotNames {
     pub arm: Vec<String>,
     /// Names of the actuators, in their order.
     pub servos: Vec<String>,
@@ -38,16 +38,16 @@ pub struct Names {
     pub torque_constant: f64,
 }
 
-const HEADER: &str = "std_msgs/Header header\n";
+const HEADER_FIELD: &str = "std_msgs/Header header\n";
 const JOINT_STATE: &str = "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
 const IMAGE: &str = "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n";
 /// Definitions of the nested types of a message with a header, in the format of a bag.
-const PARTS: &str = "================================================================================\nMSG: std_msgs/Header\n\
+const NESTED_DEFINITIONS: &str = "================================================================================\nMSG: std_msgs/Header\n\
                      builtin_interfaces/Time stamp\nstring frame_id\n\
                      ================================================================================\nMSG: builtin_interfaces/Time\n\
                      int32 sec\nuint32 nanosec\n";
 /// Bytes per pixel.
-const PIXEL: u32 = 3;
+const BYTES_PER_PIXEL: u32 = 3;
 
 /// A CDR message being encoded.
 struct Cdr(Vec<u8>);
@@ -115,7 +115,7 @@ fn image(at: Duration, frame: &str, rgb: &[u8]) -> Vec<u8> {
     let side = IMAGE_SIZE as u32;
     cdr.header(at, frame).u32(side).u32(side).string("rgb8");
     cdr.0.push(0);
-    cdr.u32(side * PIXEL).bytes(rgb);
+    cdr.u32(side * BYTES_PER_PIXEL).bytes(rgb);
     cdr.0
 }
 
@@ -148,7 +148,13 @@ impl Bag<'_> {
     }
 
     fn joints(&mut self, topic: &str, at: Duration, data: &[u8]) -> Result<(), SessionLogError> {
-        self.add(topic, "sensor_msgs/msg/JointState", &format!("{HEADER}{JOINT_STATE}{PARTS}"), at, data)
+        self.add(
+            topic,
+            "sensor_msgs/msg/JointState",
+            &format!("{HEADER_FIELD}{JOINT_STATE}{NESTED_DEFINITIONS}"),
+            at,
+            data,
+        )
     }
 }
 
@@ -156,17 +162,17 @@ impl Bag<'_> {
 ///
 /// # Errors
 /// [`SessionLogError`] of the session or of the bag.
-pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, SessionLogError> {
+pub fn export(mut reader: SessionReader, names: &RobotNames, out: &Path) -> Result<u64, SessionLogError> {
     let file = File::create_new(out).map_err(SessionLogError::io(out))?;
     let options = WriteOptions::new().compression(None).profile("ros2").library("ftac session-log");
     let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(out))?;
     let mut bag = Bag { mcap, path: out, channels: BTreeMap::new(), messages: 0 };
     while let Some((times, event)) = reader.next_event()? {
-        let at = reader.begun() + times.host;
+        let at = reader.start_time() + times.host;
         match event {
-            Event::Observation(readings) => observed(&mut bag, names, at, &readings)?,
-            Event::Sent(command) => sent(&mut bag, names, at, &command)?,
-            Event::Outcome(words) => {
+            SessionEvent::Observation(readings) => write_observation(&mut bag, names, at, &readings)?,
+            SessionEvent::SentCommand(command) => write_command(&mut bag, names, at, &command)?,
+            SessionEvent::Outcome(words) => {
                 let mut cdr = Cdr::new();
                 cdr.string(&String::from_utf8_lossy(&words));
                 bag.add("/outcome", "std_msgs/msg/String", "string data\n", at, &cdr.0)?;
@@ -178,7 +184,12 @@ pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, Sess
     Ok(bag.messages)
 }
 
-fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Readings) -> Result<(), SessionLogError> {
+fn write_observation(
+    bag: &mut Bag<'_>,
+    names: &RobotNames,
+    at: Duration,
+    readings: &robot::Readings,
+) -> Result<(), SessionLogError> {
     if let Some(arm) = readings.arm.map(|arm| arm.value) {
         bag.joints("/arm/joint_states", at, &joint_state(at, &names.arm, &arm.position, &arm.velocity, &arm.torque))?;
     }
@@ -193,14 +204,19 @@ fn observed(bag: &mut Bag<'_>, names: &Names, at: Duration, readings: &robot::Re
     bag.joints("/hand/servo_states", at, &state)?;
     for frame in &readings.tactile {
         let camera = names.cameras.get(frame.camera).cloned().unwrap_or_else(|| format!("camera_{}", frame.camera));
-        let body = format!("{HEADER}{IMAGE}{PARTS}");
+        let body = format!("{HEADER_FIELD}{IMAGE}{NESTED_DEFINITIONS}");
         let data = image(at, &camera, &frame.image.rgb);
         bag.add(&format!("/tactile/{camera}/image_raw"), "sensor_msgs/msg/Image", &body, at, &data)?;
     }
     Ok(())
 }
 
-fn sent(bag: &mut Bag<'_>, names: &Names, at: Duration, command: &robot::Command) -> Result<(), SessionLogError> {
+fn write_command(
+    bag: &mut Bag<'_>,
+    names: &RobotNames,
+    at: Duration,
+    command: &robot::RobotCommand,
+) -> Result<(), SessionLogError> {
     bag.joints("/arm/joint_commands", at, &joint_state(at, &names.arm, &command.arm, &[], &[]))?;
     let angle = |goal: &ServoGoal| match *goal {
         ServoGoal::Position { angle, .. } => angle,

@@ -14,15 +14,15 @@ pub fn message_name(message: &str) -> String {
     format!("{PACKAGE}.{message}")
 }
 
-enum Shape {
+enum FieldType {
     One(Type),
     List(Type),
     Messages(&'static str),
 }
 
-use Shape::{List, Messages, One};
+use FieldType::{List, Messages, One};
 
-type Fields = &'static [(&'static str, Shape)];
+type Fields = &'static [(&'static str, FieldType)];
 
 /// Fields in the order of their numbers, from 1.
 const MESSAGES: &[(&str, Fields)] = &[
@@ -83,7 +83,7 @@ pub fn descriptor_set() -> Vec<u8> {
     FileDescriptorSet { file: vec![file] }.encode_to_vec()
 }
 
-fn field(number: i32, name: &str, shape: &Shape) -> FieldDescriptorProto {
+fn field(number: i32, name: &str, shape: &FieldType) -> FieldDescriptorProto {
     let (label, kind, type_name) = match shape {
         One(kind) => (Label::Optional, *kind, None),
         List(kind) => (Label::Repeated, *kind, None),
@@ -104,7 +104,7 @@ fn field(number: i32, name: &str, shape: &Shape) -> FieldDescriptorProto {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{Command, LastImages, Observation, Seen, Tick};
+    use crate::message::{Command, DetectedObject, LastImages, Observation, Tick};
     use hand_model::robot;
     use prost_reflect::{DescriptorPool, DynamicMessage, Value};
 
@@ -145,13 +145,13 @@ mod tests {
         assert_eq!(message.encode_to_vec(), bytes);
 
         let goal = robot::ServoGoal::Position { angle: 0.25, current_limit: 0.6 };
-        let command = robot::Command { arm: [0.5; 7].into(), servos: [goal; 6].into(), capture: true };
+        let command = robot::RobotCommand { arm: [0.5; 7].into(), servos: [goal; 6].into(), capture: true };
         let message = read("Command", &Command::from(&command).encode_to_vec());
         assert_eq!(numbers(&message, "servo_angle"), [0.25; 6]);
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));
         assert_eq!(message.unknown_fields().count(), 0);
 
-        let message = read("Seen", &Seen::new(1, Some(&([0.5; 7], Some(0.003)))).encode_to_vec());
+        let message = read("Seen", &DetectedObject::new(1, Some(&([0.5; 7], Some(0.003)))).encode_to_vec());
         assert_eq!(numbers(&message, "pose"), [0.5; 7]);
         assert_eq!(message.unknown_fields().count(), 0);
 

@@ -1,40 +1,40 @@
 //! Sizes of a session's robot, and checks of messages against them.
 
-use hand_model::arm::MOST_ARM_JOINTS;
-use hand_model::hand::MOST_ACTUATORS;
+use hand_model::arm::MAX_ARM_JOINTS;
+use hand_model::hand::MAX_ACTUATORS;
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
 /// An invalid field: its name, the value found, the value expected.
-pub type Wrong = (&'static str, String, String);
+pub type InvalidField = (&'static str, String, String);
 
 /// Sizes that messages must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sizes {
+pub enum RobotSizes {
     /// A robot with these numbers of cameras (whose images all have one size), arm joints and servos.
     Of { cameras: usize, arm_joints: usize, servos: usize },
     /// Any robot; images are not checked.
     Any,
 }
 
-impl Sizes {
+impl RobotSizes {
     /// Returns the sizes of `robot`.
-    pub fn of(robot: &RobotModel) -> Self {
+    pub fn from_robot(robot: &RobotModel) -> Self {
         let (cameras, arm_joints) = (robot.hand.cameras.len(), robot.arm.joints());
         Self::Of { cameras, arm_joints, servos: robot.hand.servos.len() }
     }
 
     /// Returns the robot's number of servos, or `found` in a session of any robot.
-    pub(crate) fn servos(self, found: usize) -> Servos {
+    pub(crate) fn servos(self, found: usize) -> ServoCount {
         match self {
-            Self::Of { servos, .. } => Servos(servos),
-            Self::Any => Servos(found.min(MOST_ACTUATORS)),
+            Self::Of { servos, .. } => ServoCount(servos),
+            Self::Any => ServoCount(found.min(MAX_ACTUATORS)),
         }
     }
 
-    pub(crate) fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, Wrong> {
+    pub(crate) fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, InvalidField> {
         let (fits, expected) = match self {
             Self::Of { arm_joints, .. } => (values.len() == arm_joints, arm_joints.to_string()),
-            Self::Any => ((1..=MOST_ARM_JOINTS).contains(&values.len()), format!("1 to {MOST_ARM_JOINTS}")),
+            Self::Any => ((1..=MAX_ARM_JOINTS).contains(&values.len()), format!("1 to {MAX_ARM_JOINTS}")),
         };
         if !fits {
             return Err((field, format!("{} numbers", values.len()), format!("{expected} numbers")));
@@ -45,10 +45,14 @@ impl Sizes {
 
 /// Length of every list of servos in an observation or a command.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Servos(usize);
+pub(crate) struct ServoCount(usize);
 
-impl Servos {
-    pub(crate) fn list<T: Copy + Default>(self, field: &'static str, values: &[T]) -> Result<ActuatorVector<T>, Wrong> {
+impl ServoCount {
+    pub(crate) fn list<T: Copy + Default>(
+        self,
+        field: &'static str,
+        values: &[T],
+    ) -> Result<ActuatorVector<T>, InvalidField> {
         if values.len() != self.0 {
             return Err((field, format!("{} numbers", values.len()), format!("{} numbers", self.0)));
         }

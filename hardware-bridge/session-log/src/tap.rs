@@ -17,31 +17,31 @@ pub enum Direction {
 
 /// A packet on a link.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Packet {
+pub struct LinkPacket {
     /// Name of the link, as in the topic.
     pub link: &'static str,
     pub direction: Direction,
     /// Time at which the host sent or received it.
-    pub at: Instant,
+    pub time: Instant,
     pub bytes: Vec<u8>,
 }
 
 /// Tap: a sink for copies of a link's packets.
 #[derive(Debug, Clone)]
-pub struct Tap {
+pub struct LinkTap {
     link: &'static str,
-    sender: mpsc::Sender<Packet>,
+    sender: mpsc::Sender<LinkPacket>,
 }
 
-impl Tap {
+impl LinkTap {
     /// Creates a tap for the link of this name that copies packets into the channel of `sender`.
-    pub fn new(link: &'static str, sender: mpsc::Sender<Packet>) -> Self {
+    pub fn new(link: &'static str, sender: mpsc::Sender<LinkPacket>) -> Self {
         Self { link, sender }
     }
 
     /// Copies a packet, stamped with the present time.
-    pub fn packet(&self, direction: Direction, bytes: &[u8]) {
-        let packet = Packet { link: self.link, direction, at: Instant::now(), bytes: bytes.to_vec() };
+    pub fn copy_packet(&self, direction: Direction, bytes: &[u8]) {
+        let packet = LinkPacket { link: self.link, direction, time: Instant::now(), bytes: bytes.to_vec() };
         // A failure means that nobody records any more: the robot goes on.
         drop(self.sender.send(packet));
     }

@@ -13,43 +13,43 @@ use mcap::records::{MessageHeader, Metadata};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick};
+use crate::message::{Command, DetectedObject, DetectedPose, LastImages, Observation, Tick};
 use crate::schema;
-use crate::tap::{Direction, Packet};
+use crate::tap::{Direction, LinkPacket};
 
 /// Version of the layout described in [`super`].
-pub const FORMAT: &str = "3";
+pub const FORMAT_VERSION: &str = "3";
 /// Topic of observations.
-pub const OBSERVATION: &str = "observation";
+pub const OBSERVATION_TOPIC: &str = "observation";
 /// Topic of commands as the controller requested them.
-pub const ASKED: &str = "command/asked";
+pub const REQUESTED_COMMAND_TOPIC: &str = "command/asked";
 /// Topic of commands as they were sent.
-pub const SENT: &str = "command/sent";
+pub const SENT_COMMAND_TOPIC: &str = "command/sent";
 /// Topic of ticks.
-pub const TICK: &str = "tick";
+pub const TICK_TOPIC: &str = "tick";
 /// Name of the metadata record.
-pub const METADATA: &str = "session";
+pub const METADATA_NAME: &str = "session";
 /// Topic of the configuration file.
-pub const CONFIGURATION: &str = "configuration";
+pub const CONFIGURATION_TOPIC: &str = "configuration";
 /// Topic of the calibration file.
-pub const CALIBRATION: &str = "calibration";
+pub const CALIBRATION_TOPIC: &str = "calibration";
 /// Topic of the task.
-pub const TASK: &str = "task";
+pub const TASK_TOPIC: &str = "task";
 /// Topic of poses from prior perception.
-pub const SEEN: &str = "seen";
+pub const DETECTION_TOPIC: &str = "seen";
 /// Topic of failures of prior perception.
-pub const UNSEEN: &str = "unseen";
+pub const DETECTION_FAILED_TOPIC: &str = "unseen";
 /// Topic of observations that failed.
-pub const UNOBSERVED: &str = "observation/failed";
+pub const OBSERVATION_FAILED_TOPIC: &str = "observation/failed";
 /// Topic of commands that could not be sent.
-pub const UNSENT: &str = "command/failed";
+pub const COMMAND_FAILED_TOPIC: &str = "command/failed";
 /// Topic of the robot's own statistics.
-pub const STATISTICS: &str = "statistics";
+pub const STATISTICS_TOPIC: &str = "statistics";
 /// Topic of the outcome.
-pub const OUTCOME: &str = "outcome";
+pub const OUTCOME_TOPIC: &str = "outcome";
 
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Session {
+pub struct SessionHeader {
     /// Kind of robot: `sim`, `emulated` or `hardware`.
     pub robot: String,
     /// Program and version that wrote the session.
@@ -71,17 +71,17 @@ fn nanoseconds(duration: Duration) -> u64 {
 }
 
 /// Converts a robot's time (s) to the file's nanoseconds, which are not negative.
-fn body_time(seconds: f64) -> u64 {
+fn robot_time(seconds: f64) -> u64 {
     (seconds * 1e9) as u64
 }
 
 /// Writer of a session. Dropping it finishes the file too, but an error is then lost.
-pub struct Writer {
+pub struct SessionWriter {
     mcap: mcap::Writer<BufWriter<File>>,
     path: PathBuf,
     start: Instant,
     /// Wall-clock time of `start`, since 1970.
-    begun: Duration,
+    start_time: Duration,
     channels: BTreeMap<String, (u16, u32)>,
     schemas: BTreeMap<&'static str, u16>,
     last_images: LastImages,
@@ -89,12 +89,12 @@ pub struct Writer {
     time: f64,
 }
 
-impl Writer {
+impl SessionWriter {
     /// Creates the file at `path`, which must not exist.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn create(path: &Path, session: &Session) -> Result<Self, SessionLogError> {
+    pub fn create(path: &Path, session: &SessionHeader) -> Result<Self, SessionLogError> {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
         // Only a complete chunk is readable, so each tick is one, built in memory and written at once. Viewers need
         // chunks.
@@ -104,20 +104,20 @@ impl Writer {
             mcap,
             path: path.to_owned(),
             start: Instant::now(),
-            begun: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default(),
+            start_time: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default(),
             channels: BTreeMap::new(),
             schemas: BTreeMap::new(),
             last_images: LastImages::new(),
             time: 0.0,
         };
-        writer.head(session).map_err(SessionLogError::mcap(path))?;
+        writer.write_header(session).map_err(SessionLogError::mcap(path))?;
         writer.flush()?;
         Ok(writer)
     }
 
-    fn head(&mut self, session: &Session) -> mcap::McapResult<()> {
+    fn write_header(&mut self, session: &SessionHeader) -> mcap::McapResult<()> {
         let entries = [
-            ("format", FORMAT.to_owned()),
+            ("format", FORMAT_VERSION.to_owned()),
             ("robot", session.robot.clone()),
             ("program", session.program.clone()),
             ("seed", session.seed.to_string()),
@@ -126,13 +126,13 @@ impl Writer {
             ("configuration_sha256", sha256(&session.configuration)),
             ("calibration_sha256", sha256(&session.calibration)),
             ("task_sha256", sha256(&session.task)),
-            ("begun_unix_ns", nanoseconds(self.begun).to_string()),
+            ("begun_unix_ns", nanoseconds(self.start_time).to_string()),
         ];
         let metadata = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
-        self.mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
-        self.append(CONFIGURATION, None, Duration::ZERO, 0, &session.configuration)?;
-        self.append(CALIBRATION, None, Duration::ZERO, 0, &session.calibration)?;
-        self.append(TASK, None, Duration::ZERO, 0, &session.task)
+        self.mcap.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata })?;
+        self.append(CONFIGURATION_TOPIC, None, Duration::ZERO, 0, &session.configuration)?;
+        self.append(CALIBRATION_TOPIC, None, Duration::ZERO, 0, &session.calibration)?;
+        self.append(TASK_TOPIC, None, Duration::ZERO, 0, &session.task)
     }
 
     /// Returns the time since the session began on the host's clock, as written to the file.
@@ -140,7 +140,7 @@ impl Writer {
         self.start.elapsed()
     }
 
-    /// Writes bytes that crossed `link` at `host` time (see [`Writer::host_time`]). `device` is the time on the
+    /// Writes bytes that crossed `link` at `host` time (see [`SessionWriter::host_time`]). `device` is the time on the
     /// device's own clock, or `host` again if it has none.
     ///
     /// # Errors
@@ -164,8 +164,8 @@ impl Writer {
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn packet(&mut self, packet: &Packet) -> Result<(), SessionLogError> {
-        let host = packet.at.saturating_duration_since(self.start);
+    pub fn packet(&mut self, packet: &LinkPacket) -> Result<(), SessionLogError> {
+        let host = packet.time.saturating_duration_since(self.start);
         self.raw(packet.link, packet.direction, host, host, &packet.bytes)
     }
 
@@ -176,55 +176,55 @@ impl Writer {
     pub fn observation(&mut self, readings: &robot::Readings) -> Result<(), SessionLogError> {
         self.time = readings.time;
         let message = Observation::new(readings, &mut self.last_images);
-        self.message(OBSERVATION, "Observation", &message)
+        self.message(OBSERVATION_TOPIC, "Observation", &message)
     }
 
     /// Writes the reason why an observation failed.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn unobserved(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.plain(UNOBSERVED, why.as_bytes())
+    pub fn observation_failed(&mut self, why: &str) -> Result<(), SessionLogError> {
+        self.write_without_schema(OBSERVATION_FAILED_TOPIC, why.as_bytes())
     }
 
     /// Writes the reason why a command was not sent.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn unsent(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.plain(UNSENT, why.as_bytes())
+    pub fn command_failed(&mut self, why: &str) -> Result<(), SessionLogError> {
+        self.write_without_schema(COMMAND_FAILED_TOPIC, why.as_bytes())
     }
 
     /// Writes a command as requested, before it is passed on.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn asked(&mut self, command: &robot::Command) -> Result<(), SessionLogError> {
-        self.message(ASKED, "Command", &Command::from(command))
+    pub fn requested_command(&mut self, command: &robot::RobotCommand) -> Result<(), SessionLogError> {
+        self.message(REQUESTED_COMMAND_TOPIC, "Command", &Command::from(command))
     }
 
     /// Writes a command as it was sent.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn sent(&mut self, command: &robot::Command) -> Result<(), SessionLogError> {
-        self.message(SENT, "Command", &Command::from(command))
+    pub fn sent_command(&mut self, command: &robot::RobotCommand) -> Result<(), SessionLogError> {
+        self.message(SENT_COMMAND_TOPIC, "Command", &Command::from(command))
     }
 
-    /// Writes the result of prior perception for an object: see [`Seen`].
+    /// Writes the result of prior perception for an object: see [`DetectedObject`].
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) -> Result<(), SessionLogError> {
-        self.message(SEEN, "Seen", &Seen::new(object, seen))
+    pub fn detection(&mut self, object: usize, seen: Option<&DetectedPose>) -> Result<(), SessionLogError> {
+        self.message(DETECTION_TOPIC, "Seen", &DetectedObject::new(object, seen))
     }
 
     /// Writes the reason why prior perception (a look) failed; the trial ends with it.
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn unseen(&mut self, why: &str) -> Result<(), SessionLogError> {
-        self.plain(UNSEEN, why.as_bytes())
+    pub fn detection_failed(&mut self, why: &str) -> Result<(), SessionLogError> {
+        self.write_without_schema(DETECTION_FAILED_TOPIC, why.as_bytes())
     }
 
     /// Writes the outcome, in the controller's own format.
@@ -232,7 +232,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn outcome(&mut self, text: &[u8]) -> Result<(), SessionLogError> {
-        self.plain(OUTCOME, text)
+        self.write_without_schema(OUTCOME_TOPIC, text)
     }
 
     /// Writes the robot's own statistics, as JSON.
@@ -240,7 +240,7 @@ impl Writer {
     /// # Errors
     /// [`SessionLogError`].
     pub fn statistics(&mut self, json: &[u8]) -> Result<(), SessionLogError> {
-        self.plain(STATISTICS, json)
+        self.write_without_schema(STATISTICS_TOPIC, json)
     }
 
     /// Writes the end of a tick. Everything up to here survives the death of the program, though not a loss of power.
@@ -249,7 +249,7 @@ impl Writer {
     /// [`SessionLogError`].
     pub fn tick(&mut self, tick: robot::Tick) -> Result<(), SessionLogError> {
         self.time = tick.time;
-        self.message(TICK, "Tick", &Tick::from(tick))?;
+        self.message(TICK_TOPIC, "Tick", &Tick::from(tick))?;
         self.flush()
     }
 
@@ -268,13 +268,13 @@ impl Writer {
     }
 
     /// Writes bytes that no schema describes.
-    fn plain(&mut self, topic: &str, bytes: &[u8]) -> Result<(), SessionLogError> {
-        let (host, body) = (self.host_time(), body_time(self.time));
+    fn write_without_schema(&mut self, topic: &str, bytes: &[u8]) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), robot_time(self.time));
         self.write(topic, None, host, body, bytes)
     }
 
     fn message(&mut self, topic: &str, name: &'static str, message: &impl Message) -> Result<(), SessionLogError> {
-        let (host, body) = (self.host_time(), body_time(self.time));
+        let (host, body) = (self.host_time(), robot_time(self.time));
         self.write(topic, Some(name), host, body, &message.encode_to_vec())
     }
 
@@ -310,7 +310,7 @@ impl Writer {
         let header = MessageHeader {
             channel_id: *channel_id,
             sequence: *sequence,
-            log_time: nanoseconds(self.begun + host),
+            log_time: nanoseconds(self.start_time + host),
             publish_time: device,
         };
         self.mcap.write_to_known_channel(&header, data)

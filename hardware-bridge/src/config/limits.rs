@@ -4,11 +4,11 @@ use hand_model::{Arm, ArmVector};
 use kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
-use crate::driven::SERVOS;
-use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
-use crate::safety::pressing::PressLimits;
-use crate::safety::set_points::Motion;
-use crate::safety::space::SpaceLimits;
+use crate::safety::limits::{ArmLimits, SafetyLimits, ServoLimits, WatchdogTimeouts};
+use crate::safety::set_points::MotionLimits;
+use crate::safety::torque_monitor::TorqueLimits;
+use crate::safety::workspace::WorkspaceLimits;
+use crate::supported_robot::SERVOS;
 
 /// Limits of the robot; those of the servos are the same for every servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub struct LimitConfig {
     /// Duration of a release, over which the current fades, s.
     pub release_time: f64,
     pub arm: ArmLimitConfig,
-    pub space: SpaceConfig,
+    pub space: WorkspaceConfig,
 }
 
 /// Limits on the arm's motion and joint torques.
@@ -63,7 +63,7 @@ pub struct ArmLimitConfig {
 /// Workspace limits of arm and hand, in the frame of the arm's base, m.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct SpaceConfig {
+pub struct WorkspaceConfig {
     /// Height of the table.
     pub table: f64,
     /// Tolerance: depth below the table to which set-points may send a part.
@@ -90,14 +90,14 @@ impl Default for LimitConfig {
             pause: 5.0,
             release_time: 1.0,
             arm: ArmLimitConfig::default(),
-            space: SpaceConfig::default(),
+            space: WorkspaceConfig::default(),
         }
     }
 }
 
 impl ArmLimitConfig {
     /// Returns the limits that have a number for each joint, by name.
-    pub(super) fn lists(&self) -> [(String, ArmVector); 4] {
+    pub(super) fn joint_limits(&self) -> [(String, ArmVector); 4] {
         let own = self;
         [("acceleration", own.acceleration), ("jerk", own.jerk), ("torque", own.torque), ("residual", own.residual)]
             .map(|(name, values)| (format!("limits.arm.{name}"), values))
@@ -118,7 +118,7 @@ impl Default for ArmLimitConfig {
     }
 }
 
-impl Default for SpaceConfig {
+impl Default for WorkspaceConfig {
     fn default() -> Self {
         Self { table: 0.0, tolerance: 0.04, low: [-0.6, -1.1, -0.1], high: [1.15, 1.1, 1.5], clearance: 0.0 }
     }
@@ -126,9 +126,9 @@ impl Default for SpaceConfig {
 
 impl LimitConfig {
     /// Returns all limits, for servos with this travel (rad) and for this arm.
-    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> Limits {
+    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> SafetyLimits {
         let own = self;
-        let motion = arm.each(|joint| Motion {
+        let motion = arm.each(|joint| MotionLimits {
             speed: arm.velocity_limits[joint],
             acceleration: own.arm.acceleration[joint],
             jerk: own.arm.jerk[joint],
@@ -140,21 +140,25 @@ impl LimitConfig {
             hold_current: own.hold_current,
             temperature: own.temperature,
         });
-        Limits {
+        SafetyLimits {
             servos,
-            arm: ArmLimits { motion: Some(motion), ..ArmLimits::of(arm) },
+            arm: ArmLimits { motion: Some(motion), ..ArmLimits::from_model(arm) },
             voltage: (own.voltage[0], own.voltage[1]),
             staleness: own.staleness,
-            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
+            watchdogs: WatchdogTimeouts {
+                servo_bus: own.servo_watchdog,
+                arm: own.arm_watchdog,
+                host: own.host_watchdog,
+            },
             release_time: own.release_time,
-            press: Some(PressLimits {
+            torque: Some(TorqueLimits {
                 torque: own.arm.torque,
                 residual: own.arm.residual,
                 payload: own.arm.payload,
-                jolt: own.arm.jolt,
+                jolt_time: own.arm.jolt,
                 torque_time: own.arm.torque_time,
             }),
-            space: Some(SpaceLimits {
+            workspace: Some(WorkspaceLimits {
                 table: own.space.table,
                 tolerance: own.space.tolerance,
                 low: own.space.low,
@@ -190,7 +194,7 @@ impl LimitConfig {
         ];
         let single = single.into_iter().map(|(name, value, low, high)| (format!("limits.{name}"), value, low, high));
         let bounds = [(0.1, 1000.0), (1.0, 1e6), (0.1, 60.0), (0.1, 60.0)];
-        let joints = own.arm.lists().into_iter().zip(bounds).flat_map(|((name, values), (low, high))| {
+        let joints = own.arm.joint_limits().into_iter().zip(bounds).flat_map(|((name, values), (low, high))| {
             values.into_iter().enumerate().map(move |(n, value)| (format!("{name}[{n}]"), value, low, high))
         });
         let sides = (0..3).flat_map(|axis| {

@@ -11,7 +11,7 @@ use super::{ArmConfig, BridgeConfig, ConfigError};
 /// Environment variable with the arm's password; it takes precedence over all files.
 pub const PASSWORD_VARIABLE: &str = "FTAC_ARM_PASSWORD";
 /// Text that replaces a password in a recording.
-const REMOVED: &str = "(not recorded)";
+const REDACTED: &str = "(not recorded)";
 
 /// Password that is neither printed nor written.
 #[derive(Clone, PartialEq, Eq, Deserialize)]
@@ -92,7 +92,7 @@ pub fn without_secrets(text: &str) -> String {
     let Ok(mut table) = text.parse::<toml::Table>() else { return String::new() };
     let arm = table.get_mut("arm").and_then(toml::Value::as_table_mut);
     match arm.and_then(|arm| arm.get_mut("password")) {
-        Some(password) => *password = toml::Value::String(REMOVED.to_owned()),
+        Some(password) => *password = toml::Value::String(REDACTED.to_owned()),
         None => return text.to_owned(),
     }
     table.to_string()
@@ -116,7 +116,7 @@ mod tests {
     fn a_password_stays_out_of_what_is_kept_or_said() {
         let text = "version = 1 # first\n[arm]\nuser = \"ftac\"\npassword = \"hunter2\"\n";
         let kept = without_secrets(text);
-        assert!(!kept.contains("hunter2") && kept.contains("user = \"ftac\"") && kept.contains(REMOVED), "{kept}");
+        assert!(!kept.contains("hunter2") && kept.contains("user = \"ftac\"") && kept.contains(REDACTED), "{kept}");
         let without = "version = 1 # first\n[arm]\nuser = \"ftac\"\n";
         assert_eq!(without_secrets(without), without);
         let inline = "arm = { user = \"a\", password = 'hunter2' }";

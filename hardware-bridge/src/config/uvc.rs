@@ -43,7 +43,7 @@ pub struct UvcSquare {
 
 /// Returns the first error in the squares of UVC devices as (field, found, expected). The squares must lie within their
 /// pictures and show every camera, up to the last one that is shown, exactly once.
-pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, String)> {
+pub(super) fn find_square_error(devices: &[UvcConfig]) -> Option<(String, String, String)> {
     if devices.is_empty() {
         return None;
     }

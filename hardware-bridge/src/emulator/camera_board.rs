@@ -9,9 +9,9 @@ use hand_model::robot::TactileFrame;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::faults::Event;
+use super::faults::FaultEvent;
 use crate::tactile_link::deframer::Deframer;
-use crate::tactile_link::message::{CameraFault, Encoding, Image, Message, VERSION};
+use crate::tactile_link::message::{CameraFault, LinkImage, LinkMessage, PixelEncoding, VERSION};
 use crate::tactile_link::{frame, image_data};
 
 /// Settings of the board.
@@ -24,7 +24,7 @@ pub struct BoardSettings {
     /// Clock drift: share by which the board's clock is fast, dimensionless.
     pub clock_drift: f64,
     /// Encoding of the images.
-    pub encoding: Encoding,
+    pub encoding: PixelEncoding,
     /// JPEG quality, 1 to 100.
     pub quality: u8,
 }
@@ -32,13 +32,13 @@ pub struct BoardSettings {
 impl Default for BoardSettings {
     /// JPEG at quality 70, a clock 1234 s ahead and 40 ppm fast.
     fn default() -> Self {
-        Self { serial: 1, clock_offset: 1234.5, clock_drift: 40e-6, encoding: Encoding::Jpeg, quality: 70 }
+        Self { serial: 1, clock_offset: 1234.5, clock_drift: 40e-6, encoding: PixelEncoding::Jpeg, quality: 70 }
     }
 }
 
 /// Reaction of the board to bytes from the host.
 #[derive(Debug, Default)]
-pub struct Reaction {
+pub struct BoardReply {
     /// Bytes of the answer.
     pub bytes: Vec<u8>,
     /// True if the board takes an image with every camera now.
@@ -50,7 +50,7 @@ pub struct CameraBoard {
     settings: BoardSettings,
     /// Number of cameras.
     cameras: usize,
-    jpeg_chance: f64,
+    jpeg_cut_probability: f64,
     deframer: Deframer,
     sequence: u32,
     /// Frozen cameras, and the data that they keep sending, once they have any.
@@ -61,12 +61,12 @@ pub struct CameraBoard {
 }
 
 impl CameraBoard {
-    /// Creates a board with `cameras` cameras, which cuts a JPEG in half with probability `jpeg_chance`.
+    /// Creates a board with `camera_counters` cameras, which cuts a JPEG in half with probability `jpeg_cut_probability`.
     pub fn new(settings: BoardSettings, cameras: usize, jpeg_chance: f64, seed: u64) -> Self {
         Self {
             settings,
             cameras,
-            jpeg_chance,
+            jpeg_cut_probability: jpeg_chance,
             deframer: Deframer::default(),
             sequence: 0,
             frozen: BTreeMap::new(),
@@ -76,21 +76,21 @@ impl CameraBoard {
     }
 
     /// Sets the probability that a JPEG is cut in half.
-    pub fn set_jpeg_chance(&mut self, chance: f64) {
-        self.jpeg_chance = chance;
+    pub fn set_jpeg_cut_probability(&mut self, chance: f64) {
+        self.jpeg_cut_probability = chance;
     }
 
     /// Applies a fault of a camera.
-    pub fn happen(&mut self, event: Event) {
+    pub fn apply_fault(&mut self, event: FaultEvent) {
         match event {
-            Event::Freeze(camera) => drop(self.frozen.entry(camera).or_default()),
-            Event::Swap(camera) => self.swapped = Some(camera),
+            FaultEvent::FreezeCamera(camera) => drop(self.frozen.entry(camera).or_default()),
+            FaultEvent::SwapCameras(camera) => self.swapped = Some(camera),
             _ => {}
         }
     }
 
     /// Returns the index under which a camera's images are sent.
-    fn plug(&self, camera: u8) -> u8 {
+    fn reported_index(&self, camera: u8) -> u8 {
         match self.swapped {
             Some(swapped) if camera == swapped => swapped + 1,
             Some(swapped) if camera == swapped + 1 => swapped,
@@ -99,17 +99,17 @@ impl CameraBoard {
     }
 
     /// Takes bytes from the host at `now` (s).
-    pub fn receive(&mut self, bytes: &[u8], now: f64) -> Reaction {
-        let mut reaction = Reaction::default();
+    pub fn receive(&mut self, bytes: &[u8], now: f64) -> BoardReply {
+        let mut reaction = BoardReply::default();
         for message in self.deframer.push(bytes).into_iter().flatten() {
             let answer = match message {
-                Message::Hello => {
+                LinkMessage::Hello => {
                     // The protocol has no room for a larger number.
                     let cameras = u8::try_from(self.cameras).unwrap_or(u8::MAX);
-                    Message::Welcome { version: VERSION, serial: self.settings.serial, cameras }
+                    LinkMessage::Welcome { version: VERSION, serial: self.settings.serial, cameras }
                 }
-                Message::WhatTime { host_us } => Message::Time { host_us, board_us: self.clock_us(now) },
-                Message::Capture => {
+                LinkMessage::WhatTime { host_us } => LinkMessage::Time { host_us, board_us: self.clock_us(now) },
+                LinkMessage::Capture => {
                     reaction.capture = true;
                     continue;
                 }
@@ -120,7 +120,7 @@ impl CameraBoard {
         reaction
     }
 
-    /// Encodes images taken at `taken` (s) as packets.
+    /// Encodes images taken at `port_in_use` (s) as packets.
     pub fn send_images(&mut self, frames: &[TactileFrame], taken: f64) -> Vec<u8> {
         self.sequence += 1;
         frames.iter().flat_map(|picture| frame::encode(&self.image(picture, taken))).collect()
@@ -130,16 +130,16 @@ impl CameraBoard {
         ((self.settings.clock_offset + now * (1.0 + self.settings.clock_drift)) * 1e6) as u64
     }
 
-    fn image(&mut self, picture: &TactileFrame, taken: f64) -> Message {
+    fn image(&mut self, picture: &TactileFrame, taken: f64) -> LinkMessage {
         let camera = picture.camera as u8;
-        let Some(mut data) = self.coded(camera, &picture.image.rgb) else {
-            return Message::CameraFault { camera: self.plug(camera), fault: CameraFault::Overrun };
+        let Some(mut data) = self.encode_pixels(camera, &picture.image.rgb) else {
+            return LinkMessage::CameraFault { camera: self.reported_index(camera), fault: CameraFault::Overrun };
         };
-        if self.jpeg_chance > 0.0 && self.rng.random_bool(self.jpeg_chance) {
+        if self.jpeg_cut_probability > 0.0 && self.rng.random_bool(self.jpeg_cut_probability) {
             data.truncate(data.len() / 2);
         }
-        Message::Image(Image {
-            camera: self.plug(camera),
+        LinkMessage::Image(LinkImage {
+            camera: self.reported_index(camera),
             sequence: self.sequence,
             captured_us: self.clock_us(taken),
             width: 240,
@@ -150,7 +150,7 @@ impl CameraBoard {
     }
 
     /// Returns the encoded picture, or the data that a frozen camera sends instead.
-    fn coded(&mut self, camera: u8, rgb: &[u8]) -> Option<Vec<u8>> {
+    fn encode_pixels(&mut self, camera: u8, rgb: &[u8]) -> Option<Vec<u8>> {
         if let Some(Some(data)) = self.frozen.get(&camera) {
             return Some(data.clone());
         }
@@ -160,8 +160,8 @@ impl CameraBoard {
             *value = pixel ^ (*value & 1);
         }
         let data = match self.settings.encoding {
-            Encoding::Jpeg => image_data::encode_jpeg(&noisy, self.settings.quality).ok()?,
-            Encoding::Rgb565 => image_data::encode_rgb565(rgb),
+            PixelEncoding::Jpeg => image_data::encode_jpeg(&noisy, self.settings.quality).ok()?,
+            PixelEncoding::Rgb565 => image_data::encode_rgb565(rgb),
         };
         if let Some(kept) = self.frozen.get_mut(&camera) {
             *kept = Some(data.clone());

@@ -9,23 +9,23 @@
 use std::sync::Arc;
 
 use hand_model::RobotModel;
-use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, TactileFrame, Tick};
+use hand_model::robot::{Observation, Plant, Readings, RobotBackend, RobotCommand, RobotError, TactileFrame, Tick};
 
 use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;
-use super::lockstep::{LockstepSettings, calibrated};
+use super::lockstep::{LockstepSettings, emulated_calibration};
 use super::servo::EmulatedServo;
-use crate::driven::SERVOS;
-use crate::hand_bus::reading;
-use crate::hardware_robot::sent_as;
-use crate::kortex_link::of_gen3;
-use crate::safety::checks::{ArmReading, Measured};
+use crate::hand_bus::decode_reading;
+use crate::hardware_robot::sent_command;
+use crate::kortex_link::to_gen3;
+use crate::safety::checks::{ArmReading, Measurements};
 use crate::safety::limits::SafeGoal;
-use crate::safety::state::State;
-use crate::safety::supervisor::{Asked, CheckFailed, SafeCommand, Step, Supervisor};
+use crate::safety::state::SupervisorState;
+use crate::safety::supervisor::{CheckFailed, ControllerCommand, SafeCommand, Supervisor, SupervisorStep};
+use crate::supported_robot::SERVOS;
 use crate::tactile_link::deframer::Deframer;
 use crate::tactile_link::image_data;
-use crate::tactile_link::message::Message;
+use crate::tactile_link::message::LinkMessage;
 use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
 pub struct DirectRobot {
@@ -38,12 +38,12 @@ pub struct DirectRobot {
     arm: DirectArm,
     supervisor: Supervisor,
     sent: SafeCommand,
-    measured: Measured,
+    measured: Measurements,
     capture: bool,
     time: f64,
     sequence: u64,
     /// Number of commands so far.
-    asked: u64,
+    command_count: u64,
 }
 
 impl DirectRobot {
@@ -58,25 +58,25 @@ impl DirectRobot {
     ) -> Result<Self, CheckFailed> {
         let devices = settings.devices;
         let observation = plant.observe();
-        let calibration = calibrated(robot, &devices.servos, &settings.travel);
+        let calibration = emulated_calibration(robot, &devices.servos, &settings.travel);
         let limits = settings.limits.limits(&settings.travel, &robot.arm);
-        let mut supervisor = Supervisor::new(limits).watching(robot);
+        let mut supervisor = Supervisor::new(limits).with_monitors(robot);
         supervisor.connect()?;
         let cameras = robot.hand.cameras.len();
         let mut started = Self {
             plant,
             servos: devices.servos,
             forget: [None; SERVOS],
-            board: CameraBoard::new(devices.board, cameras, devices.faults.chances.jpeg, devices.seed),
+            board: CameraBoard::new(devices.board, cameras, devices.faults.probabilities.jpeg, devices.seed),
             images: Vec::new(),
             arm: DirectArm::new(&robot.arm, observation.arm),
             supervisor,
             sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: observation.arm.position },
-            measured: Measured { servos: [None; SERVOS], arm: None, cameras: true },
+            measured: Measurements { servos: [None; SERVOS], arm: None, cameras: true },
             capture: false,
             time: 0.0,
             sequence: 0,
-            asked: 0,
+            command_count: 0,
         };
         for (n, servo) in started.servos.iter_mut().enumerate() {
             servo.advance(0.0, 0.0, observation.servos[n]);
@@ -93,7 +93,7 @@ impl DirectRobot {
     }
 
     /// Returns the supervisor's state.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> SupervisorState {
         self.supervisor.state()
     }
 
@@ -115,23 +115,23 @@ impl DirectRobot {
         self.write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0));
     }
 
-    /// Measures as the bridge does, with the plant in the state `seen`.
+    /// Measures as the bridge does, with the plant in the state `measured_state`.
     fn measure(&mut self, seen: &Observation) {
         let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
         for (n, servo) in self.servos.iter_mut().enumerate() {
             servo.feed_watchdog(self.time);
             let block = servo.read(start, length).unwrap_or_default();
-            self.measured.servos[n] = reading(&block, servo.alert(), &mut self.forget[n], self.time);
+            self.measured.servos[n] = decode_reading(&block, servo.alert(), &mut self.forget[n], self.time);
         }
-        let state = self.arm.look(seen.arm);
-        self.measured.arm = Some(ArmReading { at: self.time, state, fault: self.arm.fault });
+        let state = self.arm.measure(seen.arm);
+        self.measured.arm = Some(ArmReading { received_at: self.time, state, fault: self.arm.fault });
     }
 
-    /// Passes images taken at `taken` (s) through the board's encoding.
-    fn code(&mut self, frames: &[TactileFrame], taken: f64) {
+    /// Passes images taken at `port_in_use` (s) through the board's encoding.
+    fn encode_images(&mut self, frames: &[TactileFrame], taken: f64) {
         let wire = self.board.send_images(frames, taken);
         for message in Deframer::default().push(&wire).into_iter().flatten() {
-            if let Message::Image(image) = message
+            if let LinkMessage::Image(image) = message
                 && let Ok(pixels) = image_data::decode(&image)
             {
                 let (camera, sequence) = (usize::from(image.camera), u64::from(image.sequence));
@@ -147,32 +147,32 @@ impl RobotBackend for DirectRobot {
         Ok(self.measured.readings(self.time, self.sequence, tactile))
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         self.capture = command.capture;
-        self.asked += 1;
-        let asked = Asked { command, at: self.time, number: self.asked };
-        if let Step::Send(safe) = self.supervisor.step(self.time, Some(asked), &self.measured) {
+        self.command_count += 1;
+        let asked = ControllerCommand { command, received_at: self.time, number: self.command_count };
+        if let SupervisorStep::Send(safe) = self.supervisor.step(self.time, Some(asked), &self.measured) {
             self.sent = safe;
-            self.arm.target = Some(of_gen3(&safe.arm));
+            self.arm.target = Some(to_gen3(&safe.arm));
             self.write_goals();
         }
-        Ok(sent_as(command, &self.sent, self.supervisor.state()))
+        Ok(sent_command(command, &self.sent, self.supervisor.state()))
     }
 
     fn wait_for_tick(&mut self) -> Tick {
         let tick = self.plant.tick_length();
-        self.arm.pass(tick);
+        self.arm.advance(tick);
         self.time += tick;
-        let servos = self.servos.iter().map(|servo| servo.drive()).collect();
+        let servos = self.servos.iter().map(|servo| servo.applied_goal()).collect();
         let capture = std::mem::take(&mut self.capture);
-        self.plant.send(&Command { arm: self.arm.goal, servos, capture });
+        self.plant.send(&RobotCommand { arm: self.arm.goal, servos, capture });
         self.plant.wait_for_tick();
         let seen = self.plant.observe();
         for (servo, shaft) in self.servos.iter_mut().zip(&seen.servos) {
             servo.advance(self.time, tick, *shaft);
         }
         if let Some(first) = seen.tactile.first() {
-            self.code(&seen.tactile, self.time - (seen.time - first.time));
+            self.encode_images(&seen.tactile, self.time - (seen.time - first.time));
         }
         self.measure(&seen);
         self.sequence += 1;

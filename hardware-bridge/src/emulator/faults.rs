@@ -8,18 +8,18 @@
 use std::str::FromStr;
 
 /// Delay of a delayed answer, s.
-pub const DELAY: f64 = 0.030;
+pub const ANSWER_DELAY: f64 = 0.030;
 
 /// Probabilities of random faults.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Chances {
+pub struct FaultProbabilities {
     /// Probability of one to three stray bytes before an answer.
     pub noise: f64,
     /// Probability that an answer is lost.
     pub drop: f64,
     /// Probability that a byte of an answer is changed.
     pub corrupt: f64,
-    /// Probability that an answer comes [`DELAY`] late.
+    /// Probability that an answer comes [`ANSWER_DELAY`] late.
     pub delay: f64,
     /// Probability that an image's JPEG is cut in half before it is framed, as by a camera that overruns its buffer.
     pub jpeg: f64,
@@ -27,7 +27,7 @@ pub struct Chances {
 
 /// A fault that happens once.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event {
+pub enum FaultEvent {
     /// The servo with this id reports overload and shuts down.
     Overload(u8),
     /// The servo with this id is heated beyond its limit.
@@ -39,19 +39,19 @@ pub enum Event {
     /// The servo with this id is plugged in again.
     Plug(u8),
     /// This camera repeats the same image for ever.
-    Freeze(u8),
+    FreezeCamera(u8),
     /// The servo with this id is of another model.
-    Model(u8),
+    WrongModel(u8),
     /// The servo with this id and the one with the next id have exchanged their ids.
-    Ids(u8),
+    SwapIds(u8),
     /// This camera and the next are plugged into each other's place.
-    Swap(u8),
+    SwapCameras(u8),
 }
 
-impl Event {
+impl FaultEvent {
     /// True if the event concerns the camera board rather than the servos.
-    pub fn is_of_cameras(self) -> bool {
-        matches!(self, Self::Freeze(_) | Self::Swap(_))
+    pub fn concerns_cameras(self) -> bool {
+        matches!(self, Self::FreezeCamera(_) | Self::SwapCameras(_))
     }
 }
 
@@ -59,9 +59,9 @@ impl Event {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
     /// Random faults.
-    pub chances: Chances,
+    pub probabilities: FaultProbabilities,
     /// Timed faults: time since the start, s, and event.
-    pub events: Vec<(f64, Event)>,
+    pub events: Vec<(f64, FaultEvent)>,
 }
 
 /// Syntax error in a fault on the command line.
@@ -83,7 +83,7 @@ impl Faults {
 
     fn add(&mut self, text: &str) -> Option<()> {
         let (name, value) = text.split_once('=')?;
-        let chances = &mut self.chances;
+        let chances = &mut self.probabilities;
         let chance = match name {
             "noise" => &mut chances.noise,
             "drop" => &mut chances.drop,
@@ -100,15 +100,15 @@ impl Faults {
         let (what, at) = value.split_once('@')?;
         let at = f64::from_str(at).ok().filter(|at| at.is_finite() && *at >= 0.0)?;
         let event = match name {
-            "voltage" => Event::Voltage(what.parse().ok().filter(|volts| (0.0..20.0).contains(volts))?),
-            "overload" => Event::Overload(what.parse().ok()?),
-            "overheat" => Event::Overheat(what.parse().ok()?),
-            "unplug" => Event::Unplug(what.parse().ok()?),
-            "plug" => Event::Plug(what.parse().ok()?),
-            "freeze" => Event::Freeze(what.parse().ok()?),
-            "model" => Event::Model(what.parse().ok()?),
-            "ids" => Event::Ids(what.parse().ok()?),
-            "swap" => Event::Swap(what.parse().ok()?),
+            "voltage" => FaultEvent::Voltage(what.parse().ok().filter(|volts| (0.0..20.0).contains(volts))?),
+            "overload" => FaultEvent::Overload(what.parse().ok()?),
+            "overheat" => FaultEvent::Overheat(what.parse().ok()?),
+            "unplug" => FaultEvent::Unplug(what.parse().ok()?),
+            "plug" => FaultEvent::Plug(what.parse().ok()?),
+            "freeze" => FaultEvent::FreezeCamera(what.parse().ok()?),
+            "model" => FaultEvent::WrongModel(what.parse().ok()?),
+            "ids" => FaultEvent::SwapIds(what.parse().ok()?),
+            "swap" => FaultEvent::SwapCameras(what.parse().ok()?),
             _ => return None,
         };
         self.events.push((at, event));
@@ -116,10 +116,10 @@ impl Faults {
     }
 
     /// Removes and returns the events due at `now` (s).
-    pub fn due(&mut self, now: f64) -> Vec<Event> {
+    pub fn take_due(&mut self, now: f64) -> Vec<FaultEvent> {
         let (due, later) = self.events.iter().partition(|(at, _)| *at <= now);
         self.events = later;
-        let due: Vec<(f64, Event)> = due;
+        let due: Vec<(f64, FaultEvent)> = due;
         due.into_iter().map(|(_, event)| event).collect()
     }
 }
@@ -131,10 +131,10 @@ mod tests {
     #[test]
     fn syntax() {
         let mut faults = Faults::parse(["noise=0.1", "overload=3@5", "voltage=5.2@0.5"]).expect("good");
-        assert_eq!(faults.chances, Chances { noise: 0.1, ..Chances::default() });
-        assert_eq!(faults.due(1.0), [Event::Voltage(5.2)]);
-        assert_eq!(faults.due(1.0), []);
-        assert_eq!(faults.due(5.0), [Event::Overload(3)]);
+        assert_eq!(faults.probabilities, FaultProbabilities { noise: 0.1, ..FaultProbabilities::default() });
+        assert_eq!(faults.take_due(1.0), [FaultEvent::Voltage(5.2)]);
+        assert_eq!(faults.take_due(1.0), []);
+        assert_eq!(faults.take_due(5.0), [FaultEvent::Overload(3)]);
         for bad in ["noise", "noise=2", "overload=3", "overload=x@1", "melt=1@1", "voltage=5@-1"] {
             assert!(Faults::parse([bad]).expect_err("bad").to_string().contains(bad));
         }

@@ -12,9 +12,9 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;
-use hand_model::robot::{Command, Plant, Readings, RobotBackend, RobotError, Tick};
+use hand_model::robot::{Plant, Readings, RobotBackend, RobotCommand, RobotError, Tick};
 use kortex::KortexError;
-use robot_session_log::{Packet, Tap};
+use robot_session_log::{LinkPacket, LinkTap};
 
 use super::lockstep_arm::LockstepArm;
 use super::pty::PtyError;
@@ -24,20 +24,20 @@ use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use crate::driven::SERVOS;
-use crate::driven::expect_driven;
-use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
+use crate::hardware_robot::{ConnectError, newest_readings, open_hand, sent_command, servo_cycle};
 use crate::lock::lock;
-use crate::safety::state::State;
+use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::CheckFailed;
 use crate::servo_cycle::{CycleReport, ServoCycle};
+use crate::supported_robot::SERVOS;
+use crate::supported_robot::check_supported;
 use crate::tactile_link::TactileLink;
 use crate::xc330;
 
 /// Longest wait for bytes on the wire; generous, for busy machines.
-const PATIENCE: Duration = Duration::from_secs(20);
+const WIRE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Polling interval of that wait.
-const LOOK: Duration = Duration::from_micros(50);
+const POLL_INTERVAL: Duration = Duration::from_micros(50);
 
 /// Error of starting the lock-step robot.
 #[derive(Debug, thiserror::Error)]
@@ -78,7 +78,7 @@ pub struct LockstepRobot {
     sequence: u64,
     host_alive: bool,
     /// Error of the last request for images, reported by the next observation.
-    unasked: Option<RobotError>,
+    capture_error: Option<RobotError>,
     config: BridgeConfig,
     calibration: HandCalibration,
 }
@@ -90,27 +90,27 @@ impl LockstepRobot {
         plant: Box<dyn Plant + Send>,
         settings: LockstepSettings,
         robot: &RobotModel,
-        packets: Option<&Sender<Packet>>,
+        packets: Option<&Sender<LinkPacket>>,
     ) -> Result<Self, LockstepError> {
-        expect_driven(robot).map_err(ConnectError::from)?;
+        check_supported(robot).map_err(ConnectError::from)?;
         let clock = Clock::emulated();
         let tick = plant.tick_length();
         let (seed, zeros) = (settings.devices.seed, settings.devices.servos.clone());
         let devices = EmulatedHand::start_stepped(plant, settings.devices, robot, clock.clone())?;
         let arm = LockstepArm::start(devices.arm_joints(), &robot.arm, seed, packets)?;
         let config = configuration(devices.servo_port(), devices.camera_port(), tick, settings.limits, settings.slack);
-        let calibration = calibrated(robot, &zeros, &settings.travel);
-        devices.home(&calibration);
+        let calibration = emulated_calibration(robot, &zeros, &settings.travel);
+        devices.write_homing_offsets(&calibration);
         let mut hand = open_hand(&config, &calibration, robot)?;
         let cameras = Cameras::open(&config, robot.hand.cameras.len(), &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
-            hand.bus.tap(Tap::new("servos", packets.clone()));
+            hand.bus.tap(LinkTap::new("servos", packets.clone()));
             if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
-                tactile.tap(Tap::new("cameras", packets.clone()));
+                tactile.tap(LinkTap::new("cameras", packets.clone()));
             }
         }
         let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), robot, clock.clone());
-        let cycle = ServoCycle { audit_every: 1, ..cycle };
+        let cycle = ServoCycle { audit_interval: 1, ..cycle };
         let mut started = Self {
             cycle,
             cameras,
@@ -120,7 +120,7 @@ impl LockstepRobot {
             tick,
             sequence: 0,
             host_alive: true,
-            unasked: None,
+            capture_error: None,
             config,
             calibration,
         };
@@ -131,7 +131,7 @@ impl LockstepRobot {
     }
 
     /// Returns the supervisor's state.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> SupervisorState {
         self.cycle.supervisor.state()
     }
 
@@ -175,7 +175,7 @@ impl LockstepRobot {
 
     /// Stops and holds, as `ftac bridge stop` does.
     pub fn hold(&mut self) {
-        self.cycle.supervisor.hold(crate::safety::state::Cause::Operator);
+        self.cycle.supervisor.hold(crate::safety::state::StopCause::Operator);
     }
 
     /// Stops the host, as if it were killed or frozen; devices and plant go on.
@@ -191,13 +191,13 @@ impl LockstepRobot {
     }
 
     /// Waits until `done`; returns false on a time-out or a lost port.
-    fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
-        let deadline = Instant::now() + PATIENCE;
+    fn wait_until(&self, done: impl Fn(&Self) -> bool) -> bool {
+        let deadline = Instant::now() + WIRE_TIMEOUT;
         while !done(self) {
-            if Instant::now() > deadline || self.tactile().is_none_or(|link| link.lost_port().is_some()) {
+            if Instant::now() > deadline || self.tactile().is_none_or(|link| link.port_error().is_some()) {
                 return false;
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
         }
         true
     }
@@ -205,8 +205,9 @@ impl LockstepRobot {
     /// Returns the number of images, faults and losses so far, of all cameras.
     fn image_events(&self) -> u64 {
         let count = |link: &TactileLink| {
-            let cameras = link.cameras().iter().map(|c| c.good + c.undecodable + c.overrun + c.faults).sum::<u64>();
-            cameras + link.line().damaged
+            let cameras =
+                link.camera_counters().iter().map(|c| c.decoded + c.undecodable + c.overrun + c.faults).sum::<u64>();
+            cameras + link.line_counters().damaged
         };
         self.tactile().map_or(0, count)
     }
@@ -214,44 +215,44 @@ impl LockstepRobot {
 
 impl RobotBackend for LockstepRobot {
     fn observe(&mut self) -> Result<Readings, RobotError> {
-        match self.unasked.take() {
+        match self.capture_error.take() {
             Some(error) => Err(error),
-            None => Ok(newest(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)),
+            None => Ok(newest_readings(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)),
         }
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         if !self.host_alive {
-            return Err(RobotError::Lost("the host was stopped".to_owned()));
+            return Err(RobotError::ConnectionLost("the host was stopped".to_owned()));
         }
         if let (true, Some(link)) = (command.capture, self.tactile()) {
             match link.request_capture() {
                 Ok(()) => {
-                    self.patiently(|robot| robot.devices.capture_pending());
+                    self.wait_until(|robot| robot.devices.capture_pending());
                 }
-                Err(error) => self.unasked = Some(RobotError::Capture(error.to_string())),
+                Err(error) => self.capture_error = Some(RobotError::CaptureFailed(error.to_string())),
             }
         }
         {
-            let mut board = lock(&self.cycle.shared.board);
-            board.asked = Some((*command, self.clock.now()));
-            board.asked_number += 1;
+            let mut board = lock(&self.cycle.shared.state);
+            board.requested = Some((*command, self.clock.now()));
+            board.requested_number += 1;
         }
         self.cycle.decide();
-        let board = lock(&self.cycle.shared.board);
-        Ok(sent_as(command, &board.sent, board.state))
+        let board = lock(&self.cycle.shared.state);
+        Ok(sent_command(command, &board.sent, board.state))
     }
 
     fn wait_for_tick(&mut self) -> Tick {
-        self.arm.pass(self.tick, self.clock.now() + self.tick, self.host_alive);
-        let (arrived, taken) = (self.image_events(), self.devices.images());
+        self.arm.advance(self.tick, self.clock.now() + self.tick, self.host_alive);
+        let (arrived, taken) = (self.image_events(), self.devices.image_count());
         self.devices.step();
         if self.host_alive {
-            self.arm.look(self.clock.now());
+            self.arm.measure(self.clock.now());
         }
-        let due = self.devices.images() - taken;
+        let due = self.devices.image_count() - taken;
         if self.host_alive && due > 0 {
-            self.patiently(|robot| robot.image_events() >= arrived + due);
+            self.wait_until(|robot| robot.image_events() >= arrived + due);
         }
         // Readings must not look older than they are: the next ones are taken at this very moment.
         if self.host_alive {
@@ -269,7 +270,7 @@ impl RobotBackend for LockstepRobot {
 impl Drop for LockstepRobot {
     fn drop(&mut self) {
         if self.host_alive {
-            self.cycle.leave();
+            self.cycle.shut_down();
         }
     }
 }
@@ -298,10 +299,14 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
 
 /// Returns the calibration that homing would have found on `robot`: the open mark of each servo is where its encoder
 /// shows its `zero`.
-pub(super) fn calibrated(robot: &RobotModel, servos: &[EmulatedServo], travel: &[f64; SERVOS]) -> HandCalibration {
+pub(super) fn emulated_calibration(
+    robot: &RobotModel,
+    servos: &[EmulatedServo],
+    travel: &[f64; SERVOS],
+) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::MODEL,
+        model: xc330::XC330_MODEL,
         firmware: 46,
         homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
         travel: travel[n],

@@ -13,57 +13,57 @@ use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
 use kortex::joints::JOINTS;
 use kortex::servoing::{Limits, Servoing};
 use kortex::{Arm, CommandError, KortexError, Timeouts};
-use robot_session_log::Packet;
+use robot_session_log::LinkPacket;
 
 use super::plant_arm::SharedArm;
 use crate::arm_link::{ArmLink, ArmLinkError};
-use crate::kortex_link::{arm_state, failed, limits, of_gen3, tap};
+use crate::kortex_link::{arm_link_error, arm_state, limits, tap, to_gen3};
 use crate::lock::lock;
 use crate::safety::checks::ArmReading;
 use crate::safety::state::ArmTrouble;
 
 /// Longest wait for an answer on loopback; generous, for busy machines.
-const PATIENCE: Duration = Duration::from_secs(20);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest wait for a call's answer.
-const CALL: Duration = Duration::from_secs(2);
+const CALL_TIMEOUT: Duration = Duration::from_secs(2);
 /// Longest wait for an answer while answers are dropped on purpose: those that are not dropped come at once.
-const IMPATIENCE: Duration = Duration::from_millis(3);
+const LOSSY_ANSWER_TIMEOUT: Duration = Duration::from_millis(3);
 
-enum Order {
+enum ClientOrder {
     Engage,
     /// Time to spend on the way to these set-points (rad), ms; the flag is true if answers may be missing.
-    Go(u64, [f64; JOINTS], bool),
+    Move(u64, [f64; JOINTS], bool),
     /// Measurement without any passing of time; the flag is true if the answer may be missing.
-    Look(bool),
+    Measure(bool),
     Disengage,
 }
 
 /// The newest measurements, with a flag that is true if they are new, or the reason why servoing ended.
-type Answer = Result<(ArmState, bool), ArmLinkError>;
+type ClientAnswer = Result<(ArmState, bool), ArmLinkError>;
 
 /// Handle of the client's thread.
 struct Client {
-    orders: Sender<Order>,
-    answers: Receiver<Answer>,
+    orders: Sender<ClientOrder>,
+    answers: Receiver<ClientAnswer>,
     engaged: bool,
     target: Option<[f64; JOINTS]>,
     state: ArmState,
-    at: f64,
+    measured_at: f64,
     fault: Option<ArmLinkError>,
 }
 
 impl Client {
-    fn ask(&mut self, order: Order) -> Answer {
-        let gone = || over("its client is gone");
+    fn ask(&mut self, order: ClientOrder) -> ClientAnswer {
+        let gone = || servoing_ended("its client is gone");
         self.orders.send(order).map_err(|_| gone())?;
         self.answers.recv().map_err(|_| gone())?
     }
 
-    fn ask_and_note(&mut self, order: Order, now: f64) {
+    fn ask_and_note(&mut self, order: ClientOrder, now: f64) {
         match self.ask(order) {
             Ok((state, fresh)) => {
                 self.state = state;
-                self.at = if fresh { now } else { self.at };
+                self.measured_at = if fresh { now } else { self.measured_at };
             }
             Err(error) => self.fault = Some(error),
         }
@@ -76,9 +76,9 @@ pub struct LockstepArm {
     client: Option<Arc<Mutex<Client>>>,
     thread: Option<JoinHandle<()>>,
     /// Remainder of a millisecond, s.
-    rest: f64,
+    remainder: f64,
     lossy: bool,
-    waited: Arc<AtomicU64>,
+    wait_count: Arc<AtomicU64>,
 }
 
 impl LockstepArm {
@@ -90,7 +90,7 @@ impl LockstepArm {
         joints: SharedArm,
         model: &ArmModel,
         seed: u64,
-        packets: Option<&Sender<Packet>>,
+        packets: Option<&Sender<LinkPacket>>,
     ) -> Result<Self, KortexError> {
         let near = joints.state().position;
         let settings = Settings { seed, ..Settings::default() };
@@ -101,8 +101,8 @@ impl LockstepArm {
         // Many emulated seconds may pass between two keep-alives of the host. A keep-alive at a time of the host's
         // clock would be one more datagram for which a lossy network draws a random number.
         let hour = Duration::from_secs(3600);
-        let timeouts = Timeouts { call: CALL, session: hour, connection: hour, keep_alive: hour };
-        let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, of_gen3(&near))?;
+        let timeouts = Timeouts { call: CALL_TIMEOUT, session: hour, connection: hour, keep_alive: hour };
+        let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, to_gen3(&near))?;
         if let Some(packets) = packets {
             tap(&mut arm, packets);
         }
@@ -113,9 +113,9 @@ impl LockstepArm {
         let (for_thread, counter) = (emulator.clone(), waited.clone());
         let limits = limits(model);
         let thread = std::thread::spawn(move || serve(arm, limits, &for_thread, (&inbox, &outbox), &counter));
-        let client = Client { orders, answers, engaged: false, target: None, state, at: 0.0, fault: None };
+        let client = Client { orders, answers, engaged: false, target: None, state, measured_at: 0.0, fault: None };
         let client = Some(Arc::new(Mutex::new(client)));
-        Ok(Self { emulator, client, thread: Some(thread), rest: 0.0, lossy: false, waited })
+        Ok(Self { emulator, client, thread: Some(thread), remainder: 0.0, lossy: false, wait_count: waited })
     }
 
     /// Returns the bridge's end of the link.
@@ -136,35 +136,35 @@ impl LockstepArm {
     }
 
     /// Returns the number of cycles in which the client waited because the arm lagged too far behind.
-    pub fn waited(&self) -> u64 {
-        self.waited.load(Ordering::Relaxed)
+    pub fn wait_count(&self) -> u64 {
+        self.wait_count.load(Ordering::Relaxed)
     }
 
     /// Lets `seconds` pass until `now` (s). If the host is dead, the arm is left to itself.
-    pub fn pass(&mut self, seconds: f64, now: f64, host_alive: bool) {
-        let milliseconds = whole_milliseconds(&mut self.rest, seconds);
+    pub fn advance(&mut self, seconds: f64, now: f64, host_alive: bool) {
+        let milliseconds = whole_milliseconds(&mut self.remainder, seconds);
         let Some(client) = self.client.as_ref().filter(|_| host_alive) else {
             self.emulator.step(milliseconds);
             return;
         };
         let mut client = lock(client);
         match client.target.filter(|_| client.engaged && client.fault.is_none()) {
-            Some(target) => client.ask_and_note(Order::Go(milliseconds, target, self.lossy), now),
+            Some(target) => client.ask_and_note(ClientOrder::Move(milliseconds, target, self.lossy), now),
             None => {
                 self.emulator.step(milliseconds);
                 if !client.engaged {
-                    client.at = now;
+                    client.measured_at = now;
                 }
             }
         }
     }
 
     /// Measures the arm at `now` (s): the plant has moved since its last command.
-    pub fn look(&mut self, now: f64) {
+    pub fn measure(&mut self, now: f64) {
         let Some(client) = &self.client else { return };
         let mut client = lock(client);
         if client.engaged && client.fault.is_none() {
-            client.ask_and_note(Order::Look(self.lossy), now);
+            client.ask_and_note(ClientOrder::Measure(self.lossy), now);
         }
     }
 }
@@ -188,7 +188,7 @@ pub struct LockstepLink {
 
 impl LockstepLink {
     fn client(&self) -> Result<Arc<Mutex<Client>>, ArmLinkError> {
-        self.client.upgrade().ok_or_else(|| over("the emulated arm is switched off"))
+        self.client.upgrade().ok_or_else(|| servoing_ended("the emulated arm is switched off"))
     }
 }
 
@@ -196,13 +196,17 @@ impl ArmLink for LockstepLink {
     fn read(&mut self, _now: f64) -> Result<ArmReading, ArmLinkError> {
         let client = self.client()?;
         let client = lock(&client);
-        Ok(ArmReading { at: client.at, state: client.state, fault: client.fault.as_ref().map(|fault| fault.trouble) })
+        Ok(ArmReading {
+            received_at: client.measured_at,
+            state: client.state,
+            fault: client.fault.as_ref().map(|fault| fault.trouble),
+        })
     }
 
     fn engage(&mut self) -> Result<(), ArmLinkError> {
         let client = self.client()?;
         let mut client = lock(&client);
-        let (state, _) = client.ask(Order::Engage)?;
+        let (state, _) = client.ask(ClientOrder::Engage)?;
         (client.state, client.engaged, client.target) = (state, true, None);
         Ok(())
     }
@@ -213,7 +217,7 @@ impl ArmLink for LockstepLink {
         if let Some(fault) = &client.fault {
             return Err(fault.clone());
         }
-        client.target = Some(of_gen3(set_points));
+        client.target = Some(to_gen3(set_points));
         Ok(())
     }
 
@@ -221,7 +225,7 @@ impl ArmLink for LockstepLink {
         let client = self.client()?;
         let mut client = lock(&client);
         client.engaged = false;
-        client.ask(Order::Disengage).map(drop)
+        client.ask(ClientOrder::Disengage).map(drop)
     }
 }
 
@@ -230,26 +234,26 @@ fn serve(
     mut arm: Arm,
     limits: Limits,
     emulator: &Emulator,
-    (orders, answers): (&Receiver<Order>, &Sender<Answer>),
+    (orders, answers): (&Receiver<ClientOrder>, &Sender<ClientAnswer>),
     waited: &AtomicU64,
 ) {
     while let Ok(order) = orders.recv() {
         let answer = match order {
-            Order::Engage => match Servoing::enter(&mut arm, limits) {
+            ClientOrder::Engage => match Servoing::enter(&mut arm, limits) {
                 Ok(servoing) => {
                     if answers.send(Ok((arm_state(servoing.latest().motion), true))).is_err() {
                         return;
                     }
-                    follow(servoing, emulator, orders, answers, waited)
+                    run_orders(servoing, emulator, orders, answers, waited)
                 }
-                Err(error) => Err(failed(&error)),
+                Err(error) => Err(arm_link_error(&error)),
             },
-            Order::Go(milliseconds, ..) => {
+            ClientOrder::Move(milliseconds, ..) => {
                 emulator.step(milliseconds);
                 Err(ArmLinkError::unready())
             }
-            Order::Look(_) => Err(ArmLinkError::unready()),
-            Order::Disengage => Ok((ArmState::default(), false)),
+            ClientOrder::Measure(_) => Err(ArmLinkError::unready()),
+            ClientOrder::Disengage => Ok((ArmState::default(), false)),
         };
         if answers.send(answer).is_err() {
             return;
@@ -258,46 +262,46 @@ fn serve(
 }
 
 /// Carries out orders until servoing is over; returns the last answer.
-fn follow(
+fn run_orders(
     mut servoing: Servoing<'_>,
     emulator: &Emulator,
-    orders: &Receiver<Order>,
-    answers: &Sender<Answer>,
+    orders: &Receiver<ClientOrder>,
+    answers: &Sender<ClientAnswer>,
     waited: &AtomicU64,
-) -> Answer {
+) -> ClientAnswer {
     loop {
-        let Ok(order) = orders.recv() else { return Err(over("servoing is over")) };
+        let Ok(order) = orders.recv() else { return Err(servoing_ended("servoing is over")) };
         let answer = match order {
-            Order::Engage => Ok((arm_state(servoing.latest().motion), true)),
-            Order::Disengage => {
+            ClientOrder::Engage => Ok((arm_state(servoing.latest().motion), true)),
+            ClientOrder::Disengage => {
                 let state = arm_state(servoing.latest().motion);
-                return servoing.leave().map(|()| (state, true)).map_err(|error| failed(&error));
+                return servoing.leave().map(|()| (state, true)).map_err(|error| arm_link_error(&error));
             }
-            Order::Go(milliseconds, target, lossy) => {
-                go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
+            ClientOrder::Move(milliseconds, target, lossy) => {
+                move_to_target(&mut servoing, emulator, (milliseconds, target, lossy), waited)
             }
-            Order::Look(lossy) => {
+            ClientOrder::Measure(lossy) => {
                 servoing.hold(deadline(lossy)).map(|fresh| (arm_state(servoing.latest().motion), fresh))
             }
         };
         match answer {
-            Ok(answer) if answers.send(Ok(answer)).is_err() => return Err(over("servoing is over")),
+            Ok(answer) if answers.send(Ok(answer)).is_err() => return Err(servoing_ended("servoing is over")),
             Ok(_) => {}
-            Err(error) => return Err(failed(&error)),
+            Err(error) => return Err(arm_link_error(&error)),
         }
     }
 }
 
-fn over(text: &str) -> ArmLinkError {
+fn servoing_ended(text: &str) -> ArmLinkError {
     ArmLinkError { trouble: ArmTrouble::Closed, text: text.to_owned() }
 }
 
 /// Returns the deadline of an answer.
 fn deadline(lossy: bool) -> Instant {
-    Instant::now() + if lossy { IMPATIENCE } else { PATIENCE }
+    Instant::now() + if lossy { LOSSY_ANSWER_TIMEOUT } else { ANSWER_TIMEOUT }
 }
 
-/// Returns the whole milliseconds in `seconds` and in the remainder from before; `rest` (s) becomes the new remainder.
+/// Returns the whole milliseconds in `seconds` and in the remainder from before; `remainder` (s) becomes the new remainder.
 pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
     *rest += seconds;
     let milliseconds = (*rest * 1e3 + 1e-9).floor();
@@ -311,7 +315,7 @@ pub(super) fn step_towards(target: &[f64], from: &[f64], left: u64, most: &[f64]
 }
 
 /// Moves to the target in equal steps, one per millisecond.
-fn go(
+fn move_to_target(
     servoing: &mut Servoing<'_>,
     emulator: &Emulator,
     (milliseconds, target, lossy): (u64, [f64; JOINTS], bool),

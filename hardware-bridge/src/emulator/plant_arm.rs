@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::kortex_link::of_gen3;
+use crate::kortex_link::to_gen3;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};
 use kortex::emulator::{Drive, Plant};
@@ -31,7 +31,7 @@ pub struct SharedArm(Arc<Mutex<Joints>>);
 impl SharedArm {
     /// Creates an arm of this model in this state, which holds its position.
     pub fn at(state: ArmState, model: Arc<Arm>) -> Self {
-        let limits = ArmLimits::of(&model);
+        let limits = ArmLimits::from_model(&model);
         Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits, model })))
     }
 
@@ -83,7 +83,7 @@ impl Plant for SharedArm {
 
     fn state(&self) -> Motion {
         let ArmState { position, velocity, torque } = lock(&self.0).state;
-        Motion { position: of_gen3(&position), velocity: of_gen3(&velocity), torque: of_gen3(&torque) }
+        Motion { position: to_gen3(&position), velocity: to_gen3(&velocity), torque: to_gen3(&torque) }
     }
 
     /// Returns the tool's pose. The tool frame is the interface of the bracelet, as on an arm whose web page has no

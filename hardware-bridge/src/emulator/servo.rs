@@ -3,10 +3,10 @@
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the
 //! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "our reading".
 
+mod identity_faults;
 mod indirect;
-mod mistaken;
 mod open_loop;
-mod registered;
+mod registered_write;
 
 use hand_model::robot::{ServoGoal, ServoState};
 
@@ -14,23 +14,23 @@ use crate::config::LimitConfig;
 use crate::protocol2::ServoError;
 use crate::xc330::{self, Access, REGISTERS, Register, hardware_error, mode};
 
-use self::indirect::Change;
+use self::indirect::MemoryWrite;
 
 /// Time off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
 /// Supply voltage below which a servo is off, V. Our reading.
-const BROWN_OUT: f64 = 5.0;
+const BROWN_OUT_VOLTAGE: f64 = 5.0;
 /// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
 const OVERLOAD_CURRENT: f64 = 0.8;
 const OVERLOAD_TIME: f64 = 1.0;
 /// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Our reading.
-const HEATING: f64 = 60.0;
-const THERMAL_TIME: f64 = 120.0;
-const AMBIENT: f64 = 28.0;
+const TEMPERATURE_RISE: f64 = 60.0;
+const THERMAL_TIME_CONSTANT: f64 = 120.0;
+const AMBIENT_TEMPERATURE: f64 = 28.0;
 /// Value of the watchdog register after it has tripped: -1.
-const TRIPPED: u8 = 0xFF;
+const WATCHDOG_TRIPPED: u8 = 0xFF;
 /// Firmware version that knows fast sync read and has its indirect data at the address in ROBOTIS' older model file.
-const FIRMWARE: u8 = 46;
+const DEFAULT_FIRMWARE: u8 = 46;
 
 #[derive(Debug, Clone)]
 pub struct EmulatedServo {
@@ -38,19 +38,19 @@ pub struct EmulatedServo {
     /// Encoder counts, over all turns, at shaft angle 0; set by the mounting of the horn.
     zero: i64,
     /// Whole turns forgotten at the last power-up, counts.
-    forgotten: i64,
+    lost_turns: i64,
     shaft: ServoState,
     voltage: f64,
     heat: f64,
     overloaded_for: f64,
     /// Time since power-up, s.
     running_for: f64,
-    last_fed: f64,
+    watchdog_fed_at: f64,
     silent_until: f64,
     /// Position goal held since the watchdog tripped, counts.
-    held: Option<i64>,
+    held_position: Option<i64>,
     /// Position goal of velocity control, counts.
-    sweep: f64,
+    velocity_goal: f64,
     /// Time of the last watchdog trip, and its delay after the last packet heard, s.
     tripped_at: Option<(f64, f64)>,
     unplugged: bool,
@@ -64,16 +64,16 @@ impl EmulatedServo {
         let mut servo = Self {
             memory: [0; 256],
             zero,
-            forgotten: 0,
+            lost_turns: 0,
             shaft: ServoState::default(),
             voltage: 11.1,
             heat: 0.0,
             overloaded_for: 0.0,
             running_for: 0.0,
-            last_fed: 0.0,
+            watchdog_fed_at: 0.0,
             silent_until: 0.0,
-            held: None,
-            sweep: 0.0,
+            held_position: None,
+            velocity_goal: 0.0,
             tripped_at: None,
             unplugged: false,
             registered: None,
@@ -81,7 +81,7 @@ impl EmulatedServo {
         for register in REGISTERS.iter().filter(|register| register.access != Access::Ram) {
             servo.set(register, register.default.unwrap_or(0));
         }
-        servo.set(&xc330::FIRMWARE_VERSION, FIRMWARE.into());
+        servo.set(&xc330::FIRMWARE_VERSION, DEFAULT_FIRMWARE.into());
         servo.power_up();
         servo
     }
@@ -115,7 +115,7 @@ impl EmulatedServo {
     /// Sets the homing offset, counts, as if it had been written before power-up.
     pub fn set_homing_offset(&mut self, counts: i32) {
         self.set(&xc330::HOMING_OFFSET, counts.into());
-        self.show();
+        self.update_present_block();
         self.set(&xc330::GOAL_POSITION, self.position());
     }
 
@@ -135,7 +135,7 @@ impl EmulatedServo {
 
     /// True if the servo takes part in the bus at `now` (s).
     pub fn listens(&self, now: f64) -> bool {
-        !self.unplugged && self.voltage >= BROWN_OUT && now >= self.silent_until
+        !self.unplugged && self.voltage >= BROWN_OUT_VOLTAGE && now >= self.silent_until
     }
 
     /// True if the status byte of the servo's answers carries the alert bit.
@@ -150,7 +150,7 @@ impl EmulatedServo {
 
     /// True if the bus watchdog has stopped the servo.
     pub fn watchdog_tripped(&self) -> bool {
-        self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED
+        self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == WATCHDOG_TRIPPED
     }
 
     /// Returns the time of the last watchdog trip, and its delay after the last packet heard, s.
@@ -160,7 +160,7 @@ impl EmulatedServo {
 
     /// Feeds the bus watchdog, as any instruction packet on the bus does.
     pub fn feed_watchdog(&mut self, now: f64) {
-        self.last_fed = now;
+        self.watchdog_fed_at = now;
     }
 
     /// Reads `length` bytes from `address` on.
@@ -170,23 +170,23 @@ impl EmulatedServo {
         }
         let end = address.checked_add(length).filter(|end| usize::from(*end) <= self.memory.len());
         let end = end.ok_or(ServoError::Access)?;
-        Ok((address..end).map(|place| self.memory[usize::from(self.behind(place))]).collect())
+        Ok((address..end).map(|place| self.memory[usize::from(self.resolve_address(place))]).collect())
     }
 
     /// Writes bytes from `address` on: all of them, or none with an error.
     pub fn write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
-        for change in self.plan(address, data)? {
+        for change in self.decode_write(address, data)? {
             match change {
-                Change::Register(register, value) => self.apply(register, value),
-                Change::Pointer(slot, target) => self.point(slot, target),
-                Change::Byte(place, byte) => self.memory[usize::from(place)] = byte,
+                MemoryWrite::Register(register, value) => self.apply(register, value),
+                MemoryWrite::Pointer(slot, target) => self.set_pointer(slot, target),
+                MemoryWrite::Byte(place, byte) => self.memory[usize::from(place)] = byte,
             }
         }
         Ok(())
     }
 
     /// Returns the changes that a write to registers would make, or the error with which it is refused.
-    fn plan_registers(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
+    fn decode_register_writes(&self, address: u16, data: &[u8]) -> Result<Vec<MemoryWrite>, ServoError> {
         let (mut place, mut rest, mut writes) = (address, data, Vec::new());
         while !rest.is_empty() {
             let register = REGISTERS.iter().find(|register| register.address == place).ok_or(ServoError::Access)?;
@@ -194,7 +194,7 @@ impl EmulatedServo {
             let bytes = rest.get(..size).ok_or(ServoError::DataLength)?;
             let value = decode(register, bytes);
             self.check(register, value)?;
-            writes.push(Change::Register(register, value));
+            writes.push(MemoryWrite::Register(register, value));
             rest = &rest[size..];
             place += u16::from(register.size);
         }
@@ -211,45 +211,48 @@ impl EmulatedServo {
     pub fn advance(&mut self, now: f64, dt: f64, shaft: ServoState) {
         self.shaft = shaft;
         self.running_for += dt;
-        self.heat += (HEATING * shaft.current.powi(2) - self.heat) * dt / THERMAL_TIME;
+        self.heat += (TEMPERATURE_RISE * shaft.current.powi(2) - self.heat) * dt / THERMAL_TIME_CONSTANT;
         let stalled = shaft.current.abs() > OVERLOAD_CURRENT && shaft.velocity.abs() < 0.1;
         self.overloaded_for = if stalled { self.overloaded_for + dt } else { 0.0 };
         if self.overloaded_for > OVERLOAD_TIME {
-            self.raise(hardware_error::OVERLOAD);
+            self.raise_errors(hardware_error::OVERLOAD);
         }
         if self.temperature() > self.get(&xc330::TEMPERATURE_LIMIT) as f64 {
-            self.raise(hardware_error::OVERHEAT);
+            self.raise_errors(hardware_error::OVERHEAT);
         }
         let tenths = (self.voltage * 10.0).round() as i64;
         let allowed = self.get(&xc330::MIN_VOLTAGE_LIMIT)..=self.get(&xc330::MAX_VOLTAGE_LIMIT);
-        if self.voltage >= BROWN_OUT && !allowed.contains(&tenths) {
-            self.raise(hardware_error::VOLTAGE);
+        if self.voltage >= BROWN_OUT_VOLTAGE && !allowed.contains(&tenths) {
+            self.raise_errors(hardware_error::VOLTAGE);
         }
         let watchdog = self.get(&xc330::BUS_WATCHDOG);
-        if self.torque() && watchdog > 0 && now - self.last_fed > watchdog as f64 * xc330::Unit::Watchdog.per_count() {
-            self.memory[usize::from(xc330::BUS_WATCHDOG.address)] = TRIPPED;
-            self.tripped_at = Some((now, now - self.last_fed));
-            self.held = Some(self.position());
+        if self.torque()
+            && watchdog > 0
+            && now - self.watchdog_fed_at > watchdog as f64 * xc330::Unit::Watchdog.per_count()
+        {
+            self.memory[usize::from(xc330::BUS_WATCHDOG.address)] = WATCHDOG_TRIPPED;
+            self.tripped_at = Some((now, now - self.watchdog_fed_at));
+            self.held_position = Some(self.position());
         }
-        self.sweep_on(dt);
-        self.show();
+        self.advance_velocity_goal(dt);
+        self.update_present_block();
     }
 
     /// Returns the goal that the servo applies to its shaft.
-    pub fn drive(&self) -> ServoGoal {
+    pub fn applied_goal(&self) -> ServoGoal {
         let current_limit = self.get(&xc330::CURRENT_LIMIT) as f64 * 1e-3;
         let goal_current = self.get(&xc330::GOAL_CURRENT) as f64 * 1e-3;
-        let position = self.held.unwrap_or_else(|| self.get(&xc330::GOAL_POSITION));
+        let position = self.held_position.unwrap_or_else(|| self.get(&xc330::GOAL_POSITION));
         let toward = |current_limit: f64| ServoGoal::Position { angle: self.angle_of(position), current_limit };
         if !self.torque() {
             return ServoGoal::Current(0.0);
         }
         match self.get(&xc330::OPERATING_MODE) {
-            mode::CURRENT if self.held.is_some() => ServoGoal::Current(0.0),
+            mode::CURRENT if self.held_position.is_some() => ServoGoal::Current(0.0),
             mode::CURRENT => ServoGoal::Current(self.sign() * goal_current),
-            mode::PWM => ServoGoal::Current(if self.held.is_some() { 0.0 } else { self.open_loop_current() }),
-            mode::VELOCITY if self.held.is_none() => {
-                ServoGoal::Position { angle: self.angle_of(self.sweep.round() as i64), current_limit }
+            mode::PWM => ServoGoal::Current(if self.held_position.is_some() { 0.0 } else { self.open_loop_current() }),
+            mode::VELOCITY if self.held_position.is_none() => {
+                ServoGoal::Position { angle: self.angle_of(self.velocity_goal.round() as i64), current_limit }
             }
             mode::CURRENT_POSITION => toward(goal_current.abs().min(current_limit)),
             _ => toward(current_limit),
@@ -258,18 +261,18 @@ impl EmulatedServo {
 
     /// Sets the supply voltage, V. Below the brown-out voltage the servo is off; it restarts when the voltage returns.
     pub fn set_voltage(&mut self, volts: f64, now: f64) {
-        let was_on = self.voltage >= BROWN_OUT;
+        let was_on = self.voltage >= BROWN_OUT_VOLTAGE;
         self.voltage = volts;
-        if was_on && volts < BROWN_OUT {
+        if was_on && volts < BROWN_OUT_VOLTAGE {
             self.power_up();
-        } else if !was_on && volts >= BROWN_OUT {
+        } else if !was_on && volts >= BROWN_OUT_VOLTAGE {
             self.reboot(now);
         }
     }
 
     /// Sets the temperature, degrees Celsius.
     pub fn set_temperature(&mut self, celsius: f64) {
-        self.heat = celsius - AMBIENT;
+        self.heat = celsius - AMBIENT_TEMPERATURE;
     }
 
     /// Pulls its plug or puts it back; either way the servo restarts.
@@ -279,7 +282,7 @@ impl EmulatedServo {
     }
 
     /// Sets bits of the hardware error status, and shuts down if the shutdown mask says so.
-    pub fn raise(&mut self, bits: u8) {
+    pub fn raise_errors(&mut self, bits: u8) {
         let status = self.get(&xc330::HARDWARE_ERROR_STATUS) as u8 | bits;
         self.set(&xc330::HARDWARE_ERROR_STATUS, i64::from(status));
         if self.shut_down() {
@@ -292,11 +295,11 @@ impl EmulatedServo {
     }
 
     fn temperature(&self) -> f64 {
-        AMBIENT + self.heat
+        AMBIENT_TEMPERATURE + self.heat
     }
 
     fn torque(&self) -> bool {
-        self.get(&xc330::TORQUE_ENABLE) != 0 && !self.unplugged && self.voltage >= BROWN_OUT
+        self.get(&xc330::TORQUE_ENABLE) != 0 && !self.unplugged && self.voltage >= BROWN_OUT_VOLTAGE
     }
 
     fn sign(&self) -> f64 {
@@ -310,12 +313,12 @@ impl EmulatedServo {
 
     /// Returns the present position, counts, as the host sees it.
     fn position(&self) -> i64 {
-        self.sign() as i64 * (self.encoder() - self.forgotten) + self.get(&xc330::HOMING_OFFSET)
+        self.sign() as i64 * (self.encoder() - self.lost_turns) + self.get(&xc330::HOMING_OFFSET)
     }
 
     /// Returns the shaft angle, rad, at which the present position would be `position`.
     fn angle_of(&self, position: i64) -> f64 {
-        let encoder = self.sign() as i64 * (position - self.get(&xc330::HOMING_OFFSET)) + self.forgotten;
+        let encoder = self.sign() as i64 * (position - self.get(&xc330::HOMING_OFFSET)) + self.lost_turns;
         (encoder - self.zero) as f64 * xc330::Unit::Angle.per_count()
     }
 
@@ -325,15 +328,15 @@ impl EmulatedServo {
             self.set(register, register.default.unwrap_or(0));
         }
         self.set(&xc330::HARDWARE_ERROR_STATUS, 0);
-        self.forgotten = self.encoder().div_euclid(4096) * 4096;
-        self.held = None;
-        self.forget_pointers();
-        self.forget_registered();
+        self.lost_turns = self.encoder().div_euclid(4096) * 4096;
+        self.held_position = None;
+        self.reset_pointers();
+        self.clear_registered();
         self.overloaded_for = 0.0;
         self.running_for = 0.0;
         self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
         self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
-        self.show();
+        self.update_present_block();
         self.set(&xc330::GOAL_POSITION, self.position());
     }
 
@@ -378,10 +381,10 @@ impl EmulatedServo {
         let turned_on = register.address == xc330::TORQUE_ENABLE.address && value == 1 && !self.torque();
         if turned_on {
             self.set(&xc330::GOAL_POSITION, self.position());
-            self.sweep = self.position() as f64;
+            self.velocity_goal = self.position() as f64;
         }
         if register.address == xc330::BUS_WATCHDOG.address && value == 0 {
-            self.held = None;
+            self.held_position = None;
         }
         self.set(register, value);
         if register.address == xc330::OPERATING_MODE.address {
@@ -394,11 +397,11 @@ impl EmulatedServo {
             self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
             self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
         }
-        self.show();
+        self.update_present_block();
     }
 
     /// Updates the present block, and the tick, in the control table.
-    fn show(&mut self) {
+    fn update_present_block(&mut self) {
         let velocity = self.sign() * self.shaft.velocity / xc330::Unit::Velocity.per_count();
         self.set(&xc330::REALTIME_TICK, (self.running_for * 1e3) as i64 % 32_768);
         self.set(&xc330::PRESENT_CURRENT, (self.sign() * self.shaft.current * 1e3).round() as i64);

@@ -8,18 +8,18 @@ use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::faults::{Chances, DELAY, Event, Faults};
+use super::faults::{ANSWER_DELAY, FaultEvent, FaultProbabilities, Faults};
 use super::servo::EmulatedServo;
 use crate::calibration::HandCalibration;
-use crate::protocol2::{BROADCAST, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
+use crate::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
 use crate::servo_bus::timing::LineTiming;
 use crate::xc330::{self, hardware_error};
 
 /// An answer on the line.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct LineAnswer {
     /// Time at which its last byte arrives, s after the request's arrival.
-    pub after: f64,
+    pub arrival: f64,
     /// Bytes that arrive.
     pub bytes: Vec<u8>,
     /// True if a fault made it late.
@@ -42,15 +42,15 @@ impl ServoChain {
     }
 
     /// Writes homing offsets into the servos' memory, as a calibration does over the bus; torque must be off.
-    pub fn home(&mut self, calibration: &HandCalibration) {
+    pub fn write_homing_offsets(&mut self, calibration: &HandCalibration) {
         for (servo, known) in self.servos.iter_mut().zip(&calibration.servos) {
             servo.set_homing_offset(known.homing_offset);
         }
     }
 
     /// Returns the goal that each servo applies to its shaft.
-    pub fn drives(&self) -> Vec<ServoGoal> {
-        self.servos.iter().map(EmulatedServo::drive).collect()
+    pub fn applied_goals(&self) -> Vec<ServoGoal> {
+        self.servos.iter().map(EmulatedServo::applied_goal).collect()
     }
 
     /// Returns the number of servos that their bus watchdog has stopped.
@@ -65,13 +65,13 @@ impl ServoChain {
 
     /// Advances the servos by `dt` to `now` (s), with the shafts' states from the plant, and applies the faults that
     /// are due. Returns events for other devices.
-    pub fn advance(&mut self, now: f64, dt: f64, shafts: &[ServoState]) -> Vec<Event> {
+    pub fn advance(&mut self, now: f64, dt: f64, shafts: &[ServoState]) -> Vec<FaultEvent> {
         let mut others = Vec::new();
-        for event in self.faults.due(now) {
-            if event.is_of_cameras() {
+        for event in self.faults.take_due(now) {
+            if event.concerns_cameras() {
                 others.push(event);
             } else {
-                self.happen(event, now);
+                self.apply_fault(event, now);
             }
         }
         for (servo, shaft) in self.servos.iter_mut().zip(shafts) {
@@ -81,25 +81,25 @@ impl ServoChain {
     }
 
     /// Applies a servo fault now.
-    pub fn happen(&mut self, event: Event, now: f64) {
+    pub fn apply_fault(&mut self, event: FaultEvent, now: f64) {
         for servo in &mut self.servos {
             match event {
-                Event::Voltage(volts) => servo.set_voltage(volts, now),
-                Event::Overload(id) if id == servo.id() => servo.raise(hardware_error::OVERLOAD),
-                Event::Overheat(id) if id == servo.id() => servo.set_temperature(90.0),
-                Event::Unplug(id) if id == servo.id() => servo.set_unplugged(true, now),
-                Event::Plug(id) if id == servo.id() => servo.set_unplugged(false, now),
-                Event::Model(id) if id == servo.id() => servo.become_other_model(),
-                Event::Ids(id) if id == servo.id() => servo.set_id(id + 1),
-                Event::Ids(id) if id + 1 == servo.id() => servo.set_id(id),
+                FaultEvent::Voltage(volts) => servo.set_voltage(volts, now),
+                FaultEvent::Overload(id) if id == servo.id() => servo.raise_errors(hardware_error::OVERLOAD),
+                FaultEvent::Overheat(id) if id == servo.id() => servo.set_temperature(90.0),
+                FaultEvent::Unplug(id) if id == servo.id() => servo.set_unplugged(true, now),
+                FaultEvent::Plug(id) if id == servo.id() => servo.set_unplugged(false, now),
+                FaultEvent::WrongModel(id) if id == servo.id() => servo.become_other_model(),
+                FaultEvent::SwapIds(id) if id == servo.id() => servo.set_id(id + 1),
+                FaultEvent::SwapIds(id) if id + 1 == servo.id() => servo.set_id(id),
                 _ => {}
             }
         }
     }
 
     /// Sets the probabilities of random line faults.
-    pub fn set_chances(&mut self, chances: Chances) {
-        self.faults.chances = chances;
+    pub fn set_fault_probabilities(&mut self, chances: FaultProbabilities) {
+        self.faults.probabilities = chances;
     }
 
     /// Feeds the bus watchdogs of all servos that listen, as anything on the line does.
@@ -111,18 +111,18 @@ impl ServoChain {
 
     /// Answers a packet of `length` bytes that arrived at `now` (s) at `baud`; servos set to another rate do not
     /// understand it.
-    pub fn handle(&mut self, packet: &Packet, length: usize, baud: u32, now: f64) -> Vec<Answer> {
+    pub fn handle(&mut self, packet: &Packet, length: usize, baud: u32, now: f64) -> Vec<LineAnswer> {
         let hears = |servo: &EmulatedServo| servo.listens(now) && servo.baud() == baud;
         for servo in self.servos.iter_mut().filter(|servo| hears(servo)) {
             servo.feed_watchdog(now);
         }
         let statuses = match Instruction::decode(packet) {
             Ok(Instruction::SyncRead { address, length, ids }) => {
-                self.read_in_turn(&same_of_each(&ids, address, length), hears)
+                self.read_in_turn(&uniform_reads(&ids, address, length), hears)
             }
             Ok(Instruction::BulkRead(reads)) => self.read_in_turn(&reads, hears),
             Ok(Instruction::FastSyncRead { address, length: size, ids }) => {
-                let reads = same_of_each(&ids, address, size);
+                let reads = uniform_reads(&ids, address, size);
                 let wires = self.read_fast(&reads, hears);
                 return self.send(length, baud, wires);
             }
@@ -136,14 +136,14 @@ impl ServoChain {
             }
             Ok(Instruction::BulkWrite(writes)) => self.write_each(writes, hears),
             instruction => {
-                let to_all = packet.id == BROADCAST;
+                let to_all = packet.id == BROADCAST_ID;
                 let ping = matches!(instruction, Ok(Instruction::Ping));
                 let addressed = |servo: &&mut EmulatedServo| (to_all || servo.id() == packet.id) && hears(servo);
                 let mut statuses: Vec<Status> = self
                     .servos
                     .iter_mut()
                     .filter(addressed)
-                    .filter_map(|servo| obey(servo, instruction.as_ref().ok(), now))
+                    .filter_map(|servo| execute(servo, instruction.as_ref().ok(), now))
                     .collect();
                 statuses.sort_by_key(|status| status.id);
                 if to_all && !ping { Vec::new() } else { statuses }
@@ -196,43 +196,43 @@ impl ServoChain {
 
     /// Calculates the times of the answers, each written by the given number of servos, and applies line faults to
     /// them.
-    fn send(&mut self, request: usize, baud: u32, wires: Vec<(usize, Vec<u8>)>) -> Vec<Answer> {
+    fn send(&mut self, request: usize, baud: u32, wires: Vec<(usize, Vec<u8>)>) -> Vec<LineAnswer> {
         let return_delay = self.servos.first().map_or(0.0, EmulatedServo::return_delay);
         let line = LineTiming { baud, return_delay, usb_latency: self.usb_latency, ..LineTiming::default() };
         let mut after = line.bytes(request) + line.usb_latency;
         let mut answers = Vec::new();
         for (servos, mut bytes) in wires {
             after += servos as f64 * (line.return_delay + line.turnaround) + line.bytes(bytes.len());
-            let chances = self.faults.chances;
-            if self.strikes(chances.drop) {
+            let chances = self.faults.probabilities;
+            if self.fault_occurs(chances.drop) {
                 continue;
             }
-            if self.strikes(chances.corrupt) {
+            if self.fault_occurs(chances.corrupt) {
                 let place = self.rng.random_range(0..bytes.len());
                 bytes[place] ^= self.rng.random_range(1..=255_u8);
             }
-            if self.strikes(chances.noise) {
+            if self.fault_occurs(chances.noise) {
                 let noise: Vec<u8> = (0..self.rng.random_range(1..=3)).map(|_| self.rng.random()).collect();
                 bytes.splice(0..0, noise);
             }
-            let delayed = self.strikes(chances.delay);
-            answers.push(Answer { after: after + if delayed { DELAY } else { 0.0 }, bytes, delayed });
+            let delayed = self.fault_occurs(chances.delay);
+            answers.push(LineAnswer { arrival: after + if delayed { ANSWER_DELAY } else { 0.0 }, bytes, delayed });
         }
-        answers.sort_by(|a, b| a.after.total_cmp(&b.after));
+        answers.sort_by(|a, b| a.arrival.total_cmp(&b.arrival));
         answers
     }
 
-    fn strikes(&mut self, chance: f64) -> bool {
+    fn fault_occurs(&mut self, chance: f64) -> bool {
         chance > 0.0 && self.rng.random_bool(chance)
     }
 }
 
-fn same_of_each(ids: &[u8], address: u16, length: u16) -> Vec<BulkRead> {
+fn uniform_reads(ids: &[u8], address: u16, length: u16) -> Vec<BulkRead> {
     ids.iter().map(|id| BulkRead { id: *id, address, length }).collect()
 }
 
 /// Executes an instruction addressed to one servo; `None` if its status return level keeps it silent.
-fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) -> Option<Status> {
+fn execute(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) -> Option<Status> {
     let id = servo.id();
     let level = servo.return_level();
     let (needed, result) = match instruction {
@@ -244,8 +244,8 @@ fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) 
         }
         Some(Instruction::Read { address, length }) => (1, servo.read(*address, *length)),
         Some(Instruction::Write { address, data }) => (2, servo.write(*address, data).map(|()| Vec::new())),
-        Some(Instruction::RegWrite { address, data }) => (2, servo.register(*address, data).map(|()| Vec::new())),
-        Some(Instruction::Action) => (2, servo.act().map(|()| Vec::new())),
+        Some(Instruction::RegWrite { address, data }) => (2, servo.register_write(*address, data).map(|()| Vec::new())),
+        Some(Instruction::Action) => (2, servo.execute_registered().map(|()| Vec::new())),
         Some(Instruction::Reboot) => {
             servo.reboot(now);
             (2, Ok(Vec::new()))

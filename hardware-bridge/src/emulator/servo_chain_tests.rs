@@ -27,9 +27,9 @@ fn ids(statuses: &[Status]) -> Vec<u8> {
 #[test]
 fn broadcast_ping_and_single_reads() {
     let mut chain = chain(&[]);
-    assert_eq!(ids(&ask(&mut chain, BROADCAST, Instruction::Ping, 0.0)), [1, 2, 3, 4, 5, 6]);
+    assert_eq!(ids(&ask(&mut chain, BROADCAST_ID, Instruction::Ping, 0.0)), [1, 2, 3, 4, 5, 6]);
     let model = ask(&mut chain, 3, Instruction::Read { address: 0, length: 2 }, 0.0);
-    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::MODEL.to_le_bytes()[..]));
+    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::XC330_MODEL.to_le_bytes()[..]));
     assert_eq!(ids(&ask(&mut chain, 9, Instruction::Ping, 0.0)), [0_u8; 0]);
 }
 
@@ -44,16 +44,16 @@ fn other_rates_are_not_understood() {
 fn an_unplugged_servo_silences_those_after_it() {
     let mut chain = chain(&["unplug=3@1"]);
     let read = || Instruction::SyncRead { address: 126, length: 10, ids: vec![1, 2, 3, 4, 5, 6] };
-    assert_eq!(ask(&mut chain, BROADCAST, read(), 0.5).len(), 6);
+    assert_eq!(ask(&mut chain, BROADCAST_ID, read(), 0.5).len(), 6);
     chain.advance(1.0, 0.01, &[ServoState::default(); 6]);
-    assert_eq!(ids(&ask(&mut chain, BROADCAST, read(), 1.1)), [1, 2]);
+    assert_eq!(ids(&ask(&mut chain, BROADCAST_ID, read(), 1.1)), [1, 2]);
 }
 
 #[test]
 fn overloaded_servo_raises_the_alert_bit() {
     let mut chain = chain(&["overload=2@1"]);
     chain.advance(1.0, 0.01, &[ServoState::default(); 6]);
-    let statuses = ask(&mut chain, BROADCAST, Instruction::Ping, 1.1);
+    let statuses = ask(&mut chain, BROADCAST_ID, Instruction::Ping, 1.1);
     let alerts: Vec<u8> = statuses.iter().filter(|status| status.alert).map(|status| status.id).collect();
     assert_eq!(alerts, [2]);
 }
@@ -63,14 +63,14 @@ fn overloaded_servo_raises_the_alert_bit() {
 fn line_time() {
     let mut chain = chain(&[]);
     let request = Instruction::SyncRead { address: 126, length: 10, ids: vec![1, 2, 3, 4, 5, 6] };
-    let wire = request.encode(BROADCAST).expect("fits");
+    let wire = request.encode(BROADCAST_ID).expect("fits");
     let mut decoder = Decoder::default();
     decoder.push(&wire);
     let packet = decoder.next_packet().expect("whole").expect("good");
     let answers = chain.handle(&packet, wire.len(), BAUD, 0.0);
     let line = LineTiming { usb_latency: 0.0, ..LineTiming::default() };
     let expected = line.answers(wire.len(), &[21; 6]);
-    assert!((answers[5].after - expected).abs() < 1e-12);
+    assert!((answers[5].arrival - expected).abs() < 1e-12);
 }
 
 /// Random faults occur about as often as requested, and in the same way with the same seed.
@@ -97,7 +97,10 @@ fn status(id: u8, data: &[u8]) -> Status {
 fn bulk_read() {
     let mut chain = chain(&[]);
     let reads = vec![BulkRead { id: 4, address: 144, length: 2 }, BulkRead { id: 2, address: 146, length: 1 }];
-    assert_eq!(ask(&mut chain, BROADCAST, Instruction::BulkRead(reads), 0.0), [status(4, &[111, 0]), status(2, &[28])]);
+    assert_eq!(
+        ask(&mut chain, BROADCAST_ID, Instruction::BulkRead(reads), 0.0),
+        [status(4, &[111, 0]), status(2, &[28])]
+    );
 }
 
 /// A missing servo silences those after it; one that refuses answers with the error, and the next one answers.
@@ -107,9 +110,12 @@ fn bulk_read_with_trouble() {
     chain.advance(1.0, 0.01, &[ServoState::default(); 6]);
     let reads = [(1, 250, 10), (2, 0, 2), (3, 0, 2), (4, 0, 2)];
     let reads = reads.map(|(id, address, length)| BulkRead { id, address, length }).to_vec();
-    let statuses = ask(&mut chain, BROADCAST, Instruction::BulkRead(reads), 1.1);
+    let statuses = ask(&mut chain, BROADCAST_ID, Instruction::BulkRead(reads), 1.1);
     assert_eq!(ids(&statuses), [1, 2]);
-    assert_eq!((statuses[0].error, &statuses[1].data[..]), (Some(ServoError::Access), &xc330::MODEL.to_le_bytes()[..]));
+    assert_eq!(
+        (statuses[0].error, &statuses[1].data[..]),
+        (Some(ServoError::Access), &xc330::XC330_MODEL.to_le_bytes()[..])
+    );
 }
 
 /// One packet: `error | id | data | crc` of each servo, whose lengths differ.
@@ -117,7 +123,7 @@ fn bulk_read_with_trouble() {
 fn fast_bulk_read() {
     let mut chain = chain(&[]);
     let reads = vec![BulkRead { id: 4, address: 144, length: 2 }, BulkRead { id: 2, address: 146, length: 1 }];
-    let wire = Instruction::FastBulkRead(reads).encode(BROADCAST).expect("fits");
+    let wire = Instruction::FastBulkRead(reads).encode(BROADCAST_ID).expect("fits");
     let mut decoder = Decoder::default();
     decoder.push(&wire);
     let packet = decoder.next_packet().expect("whole").expect("good");
@@ -137,7 +143,7 @@ fn bulk_write() {
     let mut chain = chain(&[]);
     let writes = [(1, 102, vec![60, 0]), (2, 150, vec![1]), (3, 116, vec![10, 0, 0, 0])];
     let writes = writes.map(|(id, address, data)| BulkWrite { id, address, data }).to_vec();
-    assert_eq!(ask(&mut chain, BROADCAST, Instruction::BulkWrite(writes), 0.0), []);
+    assert_eq!(ask(&mut chain, BROADCAST_ID, Instruction::BulkWrite(writes), 0.0), []);
     let read = |chain: &mut ServoChain, id, address, length| {
         ask(chain, id, Instruction::Read { address, length }, 0.0).remove(0).data
     };
@@ -154,12 +160,12 @@ fn registered_writes() {
         assert_eq!(ask(&mut chain, id, write, 0.0), [status(id, &[])]);
     }
     let read = |chain: &mut ServoChain, address, length| {
-        let reads = same_of_each(&[1, 2], address, length);
-        ask(chain, BROADCAST, Instruction::BulkRead(reads), 0.0).into_iter().map(|status| status.data[0])
+        let reads = uniform_reads(&[1, 2], address, length);
+        ask(chain, BROADCAST_ID, Instruction::BulkRead(reads), 0.0).into_iter().map(|status| status.data[0])
     };
     assert!(read(&mut chain, 69, 1).eq([1, 1]));
     assert!(read(&mut chain, 102, 2).all(|low| low > 62));
-    assert_eq!(ask(&mut chain, BROADCAST, Instruction::Action, 0.0), []);
+    assert_eq!(ask(&mut chain, BROADCAST_ID, Instruction::Action, 0.0), []);
     assert!(read(&mut chain, 102, 2).eq([61, 62]));
     assert!(read(&mut chain, 69, 1).eq([0, 0]));
 }
@@ -171,7 +177,7 @@ proptest! {
         instructions in prop::collection::vec(
             (
                 prop::sample::select(&[1, 2, 3, 4, 5, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A][..]),
-                prop_oneof![Just(BROADCAST), 1..=7_u8, any::<u8>()],
+                prop_oneof![Just(BROADCAST_ID), 1..=7_u8, any::<u8>()],
                 prop_oneof![prop::collection::vec(any::<u8>(), 0..40), prop::collection::vec(0..8_u8, 0..24)],
             ),
             1..12,

@@ -16,7 +16,7 @@ fn shaft(position: f64, velocity: f64, current: f64) -> ServoState {
 fn factory_values() {
     let servo = EmulatedServo::factory(100);
     assert_eq!((servo.id(), servo.baud(), servo.return_delay()), (1, 57_600, 500e-6));
-    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::MODEL));
+    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::XC330_MODEL));
     assert_eq!(read(&servo, &xc330::GOAL_CURRENT), 0.91);
 }
 
@@ -72,10 +72,10 @@ fn watchdog_trips_holds_and_refuses_goals_until_cleared() {
     write(&mut servo, &xc330::GOAL_POSITION, 3.0).expect("far");
     servo.feed_watchdog(1.0);
     servo.advance(1.09, 0.01, shaft(1.0, 0.0, 0.1));
-    assert!(matches!(servo.drive(), ServoGoal::Position { angle, .. } if (angle - 3.0).abs() < 1e-3));
+    assert!(matches!(servo.applied_goal(), ServoGoal::Position { angle, .. } if (angle - 3.0).abs() < 1e-3));
     servo.advance(1.11, 0.01, shaft(1.0, 0.0, 0.1));
     assert!(read(&servo, &xc330::BUS_WATCHDOG) < 0.0);
-    assert!(matches!(servo.drive(), ServoGoal::Position { angle, .. } if (angle - 1.0).abs() < 1e-3));
+    assert!(matches!(servo.applied_goal(), ServoGoal::Position { angle, .. } if (angle - 1.0).abs() < 1e-3));
     assert_eq!(write(&mut servo, &xc330::GOAL_POSITION, 2.0), Err(ServoError::DataRange));
     write(&mut servo, &xc330::BUS_WATCHDOG, 0.0).expect("cleared");
     write(&mut servo, &xc330::GOAL_POSITION, 2.0).expect("again");
@@ -98,7 +98,7 @@ fn overload_shuts_down_until_reboot() {
         servo.advance(0.01 * f64::from(step), 0.01, shaft(1.0, 0.0, 0.85));
     }
     assert!(servo.alert());
-    assert_eq!(servo.drive(), ServoGoal::Current(0.0));
+    assert_eq!(servo.applied_goal(), ServoGoal::Current(0.0));
     assert_eq!(write(&mut servo, &xc330::TORQUE_ENABLE, 1.0), Err(ServoError::ResultFail));
     servo.reboot(2.0);
     assert!(!servo.listens(2.2) && servo.listens(2.4));
@@ -133,7 +133,7 @@ fn turns_are_forgotten() {
     let after = read(&servo, &xc330::PRESENT_POSITION);
     assert!((before - after - std::f64::consts::TAU).abs() < 1e-9, "{before} {after}");
     write(&mut servo, &xc330::TORQUE_ENABLE, 1.0).expect("on");
-    assert!(matches!(servo.drive(), ServoGoal::Position { angle, .. } if (angle - 4.0).abs() < 2e-3));
+    assert!(matches!(servo.applied_goal(), ServoGoal::Position { angle, .. } if (angle - 4.0).abs() < 2e-3));
 }
 
 /// Drive mode 1 reverses every sign.
@@ -146,5 +146,5 @@ fn reverse_mode() {
     assert!(read(&servo, &xc330::PRESENT_CURRENT) < -0.19);
     write(&mut servo, &xc330::TORQUE_ENABLE, 1.0).expect("on");
     write(&mut servo, &xc330::GOAL_POSITION, -2.0).expect("wind");
-    assert!(matches!(servo.drive(), ServoGoal::Position { angle, .. } if (angle - 2.0).abs() < 2e-3));
+    assert!(matches!(servo.applied_goal(), ServoGoal::Position { angle, .. } if (angle - 2.0).abs() < 2e-3));
 }

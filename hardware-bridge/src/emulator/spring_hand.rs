@@ -3,12 +3,12 @@
 //! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
 
-use crate::driven::SERVOS;
+use crate::supported_robot::SERVOS;
 use std::sync::Arc;
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
-    ArmState, Command, Observation, Plant, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
+    ArmState, Observation, Plant, RobotCommand, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
 use kortex::joints::JOINTS;
 
@@ -31,7 +31,7 @@ pub struct SpringHand {
     /// Number of cameras.
     cameras: usize,
     servos: [ServoState; SERVOS],
-    command: Option<Command>,
+    command: Option<RobotCommand>,
     arm: ArmState,
     sequence: u64,
     images: u64,
@@ -39,14 +39,14 @@ pub struct SpringHand {
 }
 
 impl SpringHand {
-    /// Creates an open hand with `cameras` cameras, whose shafts stop at `travel`, rad.
+    /// Creates an open hand with `camera_counters` cameras, whose shafts stop at `travel`, rad.
     pub fn new(travel: [f64; SERVOS], cameras: usize) -> Self {
         Self {
             travel,
             cameras,
             servos: [ServoState::default(); SERVOS],
             command: None,
-            arm: ArmState::still([0.0; JOINTS].into()),
+            arm: ArmState::at_rest([0.0; JOINTS].into()),
             sequence: 0,
             images: 0,
             frames: Vec::new(),
@@ -105,7 +105,7 @@ impl Plant for SpringHand {
         }
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &RobotCommand) -> RobotCommand {
         self.command = Some(*command);
         *command
     }
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     fn run(hand: &mut SpringHand, goal: ServoGoal, ticks: usize) -> ServoState {
-        let command = Command { arm: [0.0; 7].into(), servos: [goal; SERVOS].into(), capture: false };
+        let command = RobotCommand { arm: [0.0; 7].into(), servos: [goal; SERVOS].into(), capture: false };
         for _ in 0..ticks {
             hand.send(&command);
             hand.wait_for_tick();
@@ -158,7 +158,8 @@ mod tests {
         let mut hand = SpringHand::new([4.0; SERVOS], 3);
         run(&mut hand, ServoGoal::Current(0.0), 3);
         assert!(hand.observe().tactile.is_empty());
-        let command = Command { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); SERVOS].into(), capture: true };
+        let command =
+            RobotCommand { arm: [0.0; 7].into(), servos: [ServoGoal::Current(0.0); SERVOS].into(), capture: true };
         hand.send(&command);
         hand.wait_for_tick();
         assert_eq!(hand.observe().tactile.len(), 3);

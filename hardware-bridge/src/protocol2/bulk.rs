@@ -23,7 +23,7 @@ pub struct BulkWrite {
 
 /// Encodes the parameters of a bulk read: `id | address (2) | length (2)` for each servo.
 pub fn encode_reads(reads: &[BulkRead]) -> Result<Vec<u8>, InstructionError> {
-    each_once(reads.iter().map(|read| read.id))?;
+    check_unique_ids(reads.iter().map(|read| read.id))?;
     Ok(reads.iter().flat_map(|read| head(read.id, read.address, read.length)).collect())
 }
 
@@ -38,13 +38,13 @@ pub fn decode_reads(parameters: &[u8]) -> Result<Option<Vec<BulkRead>>, Instruct
             length: u16::from_le_bytes([c, d]),
         })
         .collect();
-    each_once(reads.iter().map(|read| read.id))?;
+    check_unique_ids(reads.iter().map(|read| read.id))?;
     Ok(rest.is_empty().then_some(reads))
 }
 
 /// Encodes the parameters of a bulk write: `id | address (2) | length (2) | data` for each servo.
 pub fn encode_writes(writes: &[BulkWrite]) -> Result<Vec<u8>, InstructionError> {
-    each_once(writes.iter().map(|write| write.id))?;
+    check_unique_ids(writes.iter().map(|write| write.id))?;
     let mut parameters = Vec::new();
     for BulkWrite { id, address, data } in writes {
         let length = u16::try_from(data.len()).map_err(|_| InstructionError::DataLength {
@@ -66,7 +66,7 @@ pub fn decode_writes(mut parameters: &[u8]) -> Result<Option<Vec<BulkWrite>>, In
         writes.push(BulkWrite { id, address: u16::from_le_bytes([a, b]), data: data.to_vec() });
         parameters = rest;
     }
-    each_once(writes.iter().map(|write| write.id))?;
+    check_unique_ids(writes.iter().map(|write| write.id))?;
     Ok(parameters.is_empty().then_some(writes))
 }
 
@@ -76,7 +76,7 @@ fn head(id: u8, address: u16, length: u16) -> [u8; 5] {
 }
 
 /// Checks that each id occurs only once in a packet, as the e-Manual demands.
-fn each_once(ids: impl Iterator<Item = u8>) -> Result<(), InstructionError> {
+fn check_unique_ids(ids: impl Iterator<Item = u8>) -> Result<(), InstructionError> {
     let mut seen = [false; 256];
     for id in ids {
         if std::mem::replace(&mut seen[usize::from(id)], true) {

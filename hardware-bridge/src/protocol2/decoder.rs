@@ -5,7 +5,7 @@
 //! only the packet it hit. A damaged *length* can make it wait for bytes that never come; the reader of the port knows
 //! the deadline and calls [`Decoder::time_out`].
 
-use super::packet::{HEADER, PROLOGUE, Packet, PacketError, check_id, check_length};
+use super::packet::{HEADER, PROLOGUE_LENGTH, Packet, PacketError, check_id, check_length};
 
 /// Errors in a stream. Each means that bytes were dropped; none ends the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -31,7 +31,7 @@ pub enum StreamError {
 pub struct Decoder {
     buffer: Vec<u8>,
     /// True if the buffer starts with the rest of a discarded packet, whose bytes have been reported already.
-    in_wreck: bool,
+    in_discarded_packet: bool,
 }
 
 impl Decoder {
@@ -43,21 +43,21 @@ impl Decoder {
     /// Returns the next packet or error; `None` if more bytes are needed.
     pub fn next_packet(&mut self) -> Option<Result<Packet, StreamError>> {
         let skipped = self.skip_to_header();
-        if skipped > 0 && !std::mem::take(&mut self.in_wreck) {
+        if skipped > 0 && !std::mem::take(&mut self.in_discarded_packet) {
             return Some(Err(StreamError::Garbage(skipped)));
         }
         let wire = match self.frame() {
             Ok(length) => self.buffer.get(..length?)?,
-            Err(error) => return Some(Err(self.give_up(error.into()))),
+            Err(error) => return Some(Err(self.discard_header(error.into()))),
         };
         match Packet::decode(wire) {
             Ok(packet) => {
                 let length = wire.len();
                 self.buffer.drain(..length);
-                self.in_wreck = false;
+                self.in_discarded_packet = false;
                 Some(Ok(packet))
             }
-            Err(error) => Some(Err(self.give_up(error.into()))),
+            Err(error) => Some(Err(self.discard_header(error.into()))),
         }
     }
 
@@ -73,10 +73,10 @@ impl Decoder {
         while !self.buffer.is_empty() {
             let expected = self.frame().ok().flatten().unwrap_or(0);
             let error = StreamError::CutShort { found: self.buffer.len(), expected };
-            found.push(Err(self.give_up(error)));
+            found.push(Err(self.discard_header(error)));
             found.extend(self.drain());
         }
-        self.in_wreck = false;
+        self.in_discarded_packet = false;
         found
     }
 
@@ -95,13 +95,13 @@ impl Decoder {
         let length = usize::from(u16::from_le_bytes([low, high]));
         check_id(id)?;
         check_length(length)?;
-        Ok(Some(PROLOGUE + length))
+        Ok(Some(PROLOGUE_LENGTH + length))
     }
 
     /// Drops one byte, which breaks the header at the start of the buffer.
-    fn give_up(&mut self, error: StreamError) -> StreamError {
+    fn discard_header(&mut self, error: StreamError) -> StreamError {
         self.buffer.remove(0);
-        self.in_wreck = true;
+        self.in_discarded_packet = true;
         error
     }
 }

@@ -6,17 +6,17 @@
 //! breaks the chain: it and those after it stay silent, although the length field has promised all.
 
 use super::crc::crc16;
-use super::packet::{BROADCAST, HEADER};
+use super::packet::{BROADCAST_ID, HEADER};
 use super::status::{ReplyError, STATUS, Status};
 
 /// Bytes of a block besides its data.
 pub const BLOCK_OVERHEAD: usize = 4;
 /// Bytes before the first block: header, id, length, instruction.
-pub const HEAD: usize = 8;
+pub const HEAD_LENGTH: usize = 8;
 
 /// Returns the length of the whole answer of `servos` servos with `length` bytes of data each.
 pub fn answer_length(servos: usize, length: usize) -> usize {
-    HEAD + servos * (length + BLOCK_OVERHEAD)
+    HEAD_LENGTH + servos * (length + BLOCK_OVERHEAD)
 }
 
 /// Encodes an answer: the servos' side. The servos are asked for `lengths` bytes, and the first `statuses.len()` of
@@ -27,7 +27,7 @@ pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
     }
     let promised: usize = lengths.iter().map(|length| length + BLOCK_OVERHEAD).sum();
     let mut wire = HEADER.to_vec();
-    wire.push(BROADCAST);
+    wire.push(BROADCAST_ID);
     wire.extend_from_slice(&u16::try_from(1 + promised).unwrap_or(u16::MAX).to_le_bytes());
     wire.push(STATUS);
     for status in statuses {
@@ -45,7 +45,7 @@ pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
 /// `received` is everything that came; the answer is searched for in it. Only blocks before the first damaged or
 /// missing one count.
 pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status, ReplyError>> {
-    let head = [HEADER.as_slice(), &[BROADCAST]].concat();
+    let head = [HEADER.as_slice(), &[BROADCAST_ID]].concat();
     let best = (0..received.len())
         .filter(|start| received[*start..].starts_with(&head))
         .map(|start| blocks(ids, length, &received[start..]))
@@ -58,11 +58,11 @@ pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status,
 /// Returns the good blocks at the start of an answer that begins at `wire[0]`.
 fn blocks(ids: &[u8], length: usize, wire: &[u8]) -> Vec<Result<Status, ReplyError>> {
     let mut found = Vec::new();
-    if wire.get(HEAD - 1) != Some(&STATUS) {
+    if wire.get(HEAD_LENGTH - 1) != Some(&STATUS) {
         return found;
     }
     for (n, id) in ids.iter().enumerate() {
-        let start = HEAD + n * (length + BLOCK_OVERHEAD);
+        let start = HEAD_LENGTH + n * (length + BLOCK_OVERHEAD);
         let end = start + length + 2;
         let Some(&[low, high]) = wire.get(end..end + 2) else { break };
         if u16::from_le_bytes([low, high]) != crc16(&wire[..end]) || wire[start + 1] != *id {
@@ -114,11 +114,11 @@ mod tests {
             let mut wire = encode(&vec![6; ids.len()], &all);
             let position = hit.index(wire.len());
             wire[position] ^= change;
-            let good = if change == 0 { ids.len() } else { position.saturating_sub(HEAD) / (6 + BLOCK_OVERHEAD) };
+            let good = if change == 0 { ids.len() } else { position.saturating_sub(HEAD_LENGTH) / (6 + BLOCK_OVERHEAD) };
             let found = replies(&ids, 6, &[garbage, wire].concat());
             for (n, reply) in found.iter().enumerate() {
                 // A damaged length is detected already by the CRC of the first block.
-                if n < good && position >= HEAD || change == 0 {
+                if n < good && position >= HEAD_LENGTH || change == 0 {
                     prop_assert_eq!(reply.as_ref(), Ok(&all[n]));
                 } else {
                     prop_assert!(reply.is_err());

@@ -2,7 +2,7 @@
 
 use super::bulk::{self, BulkRead, BulkWrite};
 use super::error::InstructionError;
-use super::packet::{BROADCAST, Packet};
+use super::packet::{BROADCAST_ID, Packet};
 
 /// The instructions that the bridge uses or the emulated servos understand.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -116,7 +116,7 @@ impl Instruction {
                 (SYNC_WRITE, parameters)
             }
         };
-        let id = if instruction >= SYNC_READ { BROADCAST } else { id };
+        let id = if instruction >= SYNC_READ { BROADCAST_ID } else { id };
         Ok(Packet { id, instruction, parameters }.encode()?)
     }
 
@@ -178,7 +178,7 @@ mod tests {
         let position = |value: u32| value.to_le_bytes().to_vec();
         let cases = [
             (Instruction::Ping, 1, "FF FF FD 00 01 03 00 01 19 4E"),
-            (Instruction::Ping, BROADCAST, "FF FF FD 00 FE 03 00 01 31 42"),
+            (Instruction::Ping, BROADCAST_ID, "FF FF FD 00 FE 03 00 01 31 42"),
             (Instruction::Read { address: 132, length: 4 }, 1, "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15"),
             (
                 Instruction::Write { address: 116, data: position(512) },
@@ -194,12 +194,12 @@ mod tests {
             (Instruction::Reboot, 1, "FF FF FD 00 01 03 00 08 2F 4E"),
             (
                 Instruction::SyncRead { address: 132, length: 4, ids: vec![1, 2] },
-                BROADCAST,
+                BROADCAST_ID,
                 "FF FF FD 00 FE 09 00 82 84 00 04 00 01 02 CE FA",
             ),
             (
                 Instruction::SyncWrite { address: 116, length: 4, data: vec![(1, position(150)), (2, position(170))] },
-                BROADCAST,
+                BROADCAST_ID,
                 "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
             ),
             (
@@ -207,7 +207,7 @@ mod tests {
                     BulkRead { id: 1, address: 144, length: 2 },
                     BulkRead { id: 2, address: 146, length: 1 },
                 ]),
-                BROADCAST,
+                BROADCAST_ID,
                 "FF FF FD 00 FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
             ),
             (
@@ -215,7 +215,7 @@ mod tests {
                     BulkWrite { id: 1, address: 32, data: vec![160, 0] },
                     BulkWrite { id: 2, address: 31, data: vec![80] },
                 ]),
-                BROADCAST,
+                BROADCAST_ID,
                 "FF FF FD 00 FE 10 00 93 01 20 00 02 00 A0 00 02 1F 00 01 00 50 B7 68",
             ),
         ];
@@ -227,7 +227,7 @@ mod tests {
     #[test]
     fn sync_write_of_unequal_lengths_is_refused() {
         let unequal = Instruction::SyncWrite { address: 116, length: 4, data: vec![(1, vec![0; 4]), (2, vec![0; 3])] };
-        assert_eq!(unequal.encode(BROADCAST), Err(InstructionError::DataLength { id: 2, found: 3, expected: 4 }));
+        assert_eq!(unequal.encode(BROADCAST_ID), Err(InstructionError::DataLength { id: 2, found: 3, expected: 4 }));
     }
 
     #[test]

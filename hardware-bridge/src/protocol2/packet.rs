@@ -6,20 +6,20 @@ use super::stuffing::{stuff, unstuff};
 /// Start of every packet, with the reserved byte.
 pub const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 /// Id that addresses all servos.
-pub const BROADCAST: u8 = 0xFE;
+pub const BROADCAST_ID: u8 = 0xFE;
 /// Maximum length field sent or accepted: far above anything six servos need (a whole control table is 228 bytes), and
 /// low enough that a damaged length cannot make a reader wait for 64 kB.
 pub const MAX_LENGTH: usize = 1024;
 
 /// Bytes before the instruction: header, id, length.
-pub(super) const PROLOGUE: usize = 7;
+pub(super) const PROLOGUE_LENGTH: usize = 7;
 /// Minimum of the length field: instruction and CRC, in a packet without parameters.
 pub(super) const MIN_LENGTH: usize = 3;
 
 /// One packet without its framing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Packet {
-    /// Id of the servo that is addressed or that answers: 0 to 252, or [`BROADCAST`].
+    /// Id of the servo that is addressed or that answers: 0 to 252, or [`BROADCAST_ID`].
     pub id: u8,
     /// Instruction code; 0x55 in a status packet.
     pub instruction: u8,
@@ -67,7 +67,7 @@ impl Packet {
         let body = stuff(&body);
         let length = body.len() + 2;
         check_length(length)?;
-        let mut wire = Vec::with_capacity(PROLOGUE + length);
+        let mut wire = Vec::with_capacity(PROLOGUE_LENGTH + length);
         wire.extend_from_slice(&HEADER);
         wire.push(self.id);
         wire.extend_from_slice(&(length as u16).to_le_bytes());
@@ -84,7 +84,7 @@ impl Packet {
         if found != expected {
             return Err(PacketError::Crc { found, expected });
         }
-        let mut body = unstuff(&signed[PROLOGUE..]).ok_or(PacketError::Stuffing)?;
+        let mut body = unstuff(&signed[PROLOGUE_LENGTH..]).ok_or(PacketError::Stuffing)?;
         let instruction = body.remove(0);
         Ok(Self { id: wire[4], instruction, parameters: body })
     }

@@ -5,7 +5,7 @@ use super::packet::{Packet, PacketError};
 
 /// Instruction code of every answer.
 pub(super) const STATUS: u8 = 0x55;
-const ALERT: u8 = 0x80;
+const ALERT_BIT: u8 = 0x80;
 
 /// A servo's answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -73,7 +73,7 @@ impl ServoError {
             Self::DataLength => 5,
             Self::DataLimit => 6,
             Self::Access => 7,
-            Self::Other(number) => number & !ALERT,
+            Self::Other(number) => number & !ALERT_BIT,
         }
     }
 }
@@ -101,11 +101,11 @@ pub enum ReplyError {
 impl Status {
     /// Returns the packet's error byte, with error number and alert bit.
     pub(super) fn error_byte(&self) -> u8 {
-        self.error.map_or(0, ServoError::number) | if self.alert { ALERT } else { 0 }
+        self.error.map_or(0, ServoError::number) | if self.alert { ALERT_BIT } else { 0 }
     }
 
     pub(super) fn with_error_byte(id: u8, byte: u8, data: Vec<u8>) -> Self {
-        Self { id, alert: byte & ALERT != 0, error: ServoError::from_number(byte & !ALERT), data }
+        Self { id, alert: byte & ALERT_BIT != 0, error: ServoError::from_number(byte & !ALERT_BIT), data }
     }
 
     /// Encodes the answer as bytes on the wire: the servo's side.
@@ -127,7 +127,7 @@ impl Status {
 /// Sorts the packets that came after a sync read. Returns for each servo asked, in that order, its `length` bytes, or
 /// the reason why there are none.
 ///
-/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::Missing`],
+/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::IfMissing`],
 /// and the answers of the others stand.
 pub fn sync_read_replies(
     ids: &[u8],
@@ -179,7 +179,7 @@ mod tests {
     fn one_bad_answer_leaves_the_others() {
         let ids = [1, 2, 3, 4, 5, 6];
         let request = super::super::Instruction::SyncRead { address: 126, length: 10, ids: ids.to_vec() };
-        let mut wire = request.encode(super::super::BROADCAST).expect("fits");
+        let mut wire = request.encode(super::super::BROADCAST_ID).expect("fits");
         for id in ids {
             let mut status = answer(id, &[id; 10]);
             if id == 4 {

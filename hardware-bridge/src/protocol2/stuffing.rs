@@ -1,7 +1,7 @@
 //! Byte stuffing: on the wire, an extra `FD` follows every `FF FF FD` inside a packet.
 
 const PATTERN: [u8; 3] = [0xFF, 0xFF, 0xFD];
-const EXTRA: u8 = 0xFD;
+const STUFFING_BYTE: u8 = 0xFD;
 
 /// Returns the stuffed bytes of `plain`.
 pub fn stuff(plain: &[u8]) -> Vec<u8> {
@@ -9,7 +9,7 @@ pub fn stuff(plain: &[u8]) -> Vec<u8> {
     for (n, byte) in plain.iter().enumerate() {
         wire.push(*byte);
         if plain[..=n].ends_with(&PATTERN) {
-            wire.push(EXTRA);
+            wire.push(STUFFING_BYTE);
         }
     }
     wire
@@ -21,7 +21,7 @@ pub fn unstuff(wire: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = wire.iter();
     while let Some(byte) = bytes.next() {
         plain.push(*byte);
-        if plain.ends_with(&PATTERN) && bytes.next() != Some(&EXTRA) {
+        if plain.ends_with(&PATTERN) && bytes.next() != Some(&STUFFING_BYTE) {
             return None;
         }
     }

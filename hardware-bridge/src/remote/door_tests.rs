@@ -1,29 +1,32 @@
 use std::sync::mpsc;
 
-use super::super::{Answer, ask, ask_all};
+use super::super::{RemoteAnswer, ask, ask_all};
 use super::*;
 
-fn door(path: &Path, fulfil: impl Fn(Wish) -> Result<String, String> + Send + Sync + 'static) -> RemoteDoor {
-    RemoteDoor::open(path, None, "the robot of a test", Arc::new(fulfil)).expect("opens")
+fn door(
+    path: &Path,
+    fulfil: impl Fn(RemoteCommand) -> Result<String, String> + Send + Sync + 'static,
+) -> RemoteEndpoint {
+    RemoteEndpoint::open(path, None, "the robot of a test", Arc::new(fulfil)).expect("opens")
 }
 
 #[test]
 fn asks_and_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("stop");
-    assert!(matches!(ask(&path, Wish::Hold), Err(RemoteError::Nobody { .. })));
+    assert!(matches!(ask(&path, RemoteCommand::Hold), Err(RemoteError::NoBridge { .. })));
     let open = door(&path, |wish| match wish {
-        Wish::Hold => Ok("held".into()),
+        RemoteCommand::Hold => Ok("held".into()),
         other => Err(format!("not\n{other:?}\u{1b}[2J")),
     });
-    let held = Answer { text: "held".into(), of: "the robot of a test".into() };
-    assert_eq!(ask(&path, Wish::Hold).expect("answered"), held);
+    let held = RemoteAnswer { text: "held".into(), robot: "the robot of a test".into() };
+    assert_eq!(ask(&path, RemoteCommand::Hold).expect("answered"), held);
     let mode = std::fs::metadata(&path).expect("there").permissions().mode() & 0o777;
     assert_eq!(mode, 0o600, "{mode:o}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing but the socket");
-    let refused = ask(&path, Wish::Release).expect_err("refused").to_string();
+    let refused = ask(&path, RemoteCommand::Release).expect_err("refused").to_string();
     assert_eq!(refused, "the robot of a test: not Release\\u{1b}[2J", "no escape sequence gets through");
-    let second = RemoteDoor::open(&path, None, "", Arc::new(|_| Ok(String::new())));
+    let second = RemoteEndpoint::open(&path, None, "", Arc::new(|_| Ok(String::new())));
     assert!(second.is_err(), "one bridge at a time");
     drop(open);
     assert!(!path.exists());
@@ -31,7 +34,7 @@ fn asks_and_answers() {
     drop(_stale);
     drop(door(&path, |_| Ok(String::new())));
     std::fs::write(&path, "somebody's file").expect("written");
-    assert!(RemoteDoor::open(&path, None, "", Arc::new(|_| Ok(String::new()))).is_err());
+    assert!(RemoteEndpoint::open(&path, None, "", Arc::new(|_| Ok(String::new()))).is_err());
     assert_eq!(std::fs::read_to_string(&path).expect("still there"), "somebody's file");
 }
 
@@ -41,7 +44,7 @@ fn a_socket_of_the_operators_is_open_to_their_group_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let group = std::fs::metadata(folder.path()).expect("there").gid();
     let path = folder.path().join("stop");
-    let _open = RemoteDoor::open(&path, Some(group), "", Arc::new(|_| Ok(String::new()))).expect("opens");
+    let _open = RemoteEndpoint::open(&path, Some(group), "", Arc::new(|_| Ok(String::new()))).expect("opens");
     let found = std::fs::metadata(&path).expect("there");
     assert_eq!((found.mode() & 0o777, found.gid()), (0o660, group));
 }
@@ -54,12 +57,12 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let (done, over) = mpsc::channel::<()>();
     let over = std::sync::Mutex::new(over);
     let _open = door(&path, move |wish| {
-        if wish == Wish::Release {
+        if wish == RemoteCommand::Release {
             let _ = over.lock().expect("whole").recv();
         }
         Ok(format!("{wish:?}"))
     });
-    let silent: Vec<UnixStream> = (0..2 * CALLERS).map(|_| UnixStream::connect(&path).expect("connects")).collect();
+    let silent: Vec<UnixStream> = (0..2 * MAX_CALLERS).map(|_| UnixStream::connect(&path).expect("connects")).collect();
     let dripping = UnixStream::connect(&path).expect("connects");
     let mut drip = dripping.try_clone().expect("cloned");
     let dripper = std::thread::spawn(move || {
@@ -69,9 +72,9 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
         }
     });
     let (there, sender) = (path.clone(), done);
-    let releasing = std::thread::spawn(move || ask(&there, Wish::Release));
+    let releasing = std::thread::spawn(move || ask(&there, RemoteCommand::Release));
     for _ in 0..20 {
-        assert_eq!(ask(&path, Wish::Hold).expect("answered").text, "Hold");
+        assert_eq!(ask(&path, RemoteCommand::Hold).expect("answered").text, "Hold");
     }
     dripper.join().expect("it was sent away");
     drop((sender, silent));
@@ -87,8 +90,8 @@ fn all_robots_are_told_at_once() {
     let (told, heard) = mpsc::channel();
     let _open = door(&live, move |wish| told.send(wish).map(|()| "held".to_owned()).map_err(|error| error.to_string()));
     let paths = [dead.clone(), live.clone()];
-    let asking = std::thread::spawn(move || ask_all(&paths, Wish::Hold));
-    assert_eq!(heard.recv(), Ok(Wish::Hold));
+    let asking = std::thread::spawn(move || ask_all(&paths, RemoteCommand::Hold));
+    assert_eq!(heard.recv(), Ok(RemoteCommand::Hold));
     let answers = asking.join().expect("no panic");
     assert!(matches!(&answers[0], (path, Err(RemoteError::Socket { .. })) if *path == dead), "{answers:?}");
     assert!(matches!(&answers[1], (path, Ok(_)) if *path == live), "{answers:?}");

@@ -1,10 +1,10 @@
 //! Checks of measurements against the limits.
 
-use crate::driven::SERVOS;
-use hand_model::robot::{ArmState, Command, Reading, Readings, ServoGoal, ServoState, TactileFrame};
+use crate::supported_robot::SERVOS;
+use hand_model::robot::{ArmState, Reading, Readings, RobotCommand, ServoGoal, ServoState, TactileFrame};
 
-use super::limits::Limits;
-use super::state::{ArmTrouble, Cause};
+use super::limits::SafetyLimits;
+use super::state::{ArmTrouble, StopCause};
 
 /// Tolerance of a shaft angle outside its limits before it is an alarm, rad: cables stretch and encoders round.
 const ANGLE_MARGIN: f64 = 0.15;
@@ -18,7 +18,7 @@ const SPEED_MARGIN: (f64, f64) = (1.5, 2.5);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoReading {
     /// Time of arrival, s.
-    pub at: f64,
+    pub received_at: f64,
     /// State of the shaft.
     pub state: ServoState,
     /// Supply voltage, V.
@@ -31,7 +31,7 @@ pub struct ServoReading {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmReading {
     /// Time of arrival, s.
-    pub at: f64,
+    pub received_at: f64,
     /// State of the joints.
     pub state: ArmState,
     /// Trouble that the arm is in, if any.
@@ -40,7 +40,7 @@ pub struct ArmReading {
 
 /// The newest measurements of all devices.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
+pub struct Measurements {
     /// Newest reading of each servo, in actuator order; `None` before the first.
     pub servos: [Option<ServoReading>; SERVOS],
     pub arm: Option<ArmReading>,
@@ -48,17 +48,18 @@ pub struct Measured {
     pub cameras: bool,
 }
 
-impl Measured {
+impl Measurements {
     /// Converts the measurements to the readings that a controller gets at `time` (s) in tick `sequence`.
     pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
-        let servos = self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.at }));
-        let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.at });
+        let servos =
+            self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.received_at }));
+        let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.received_at });
         Readings { time, sequence, servos: servos.into(), arm, tactile }
     }
 }
 
 /// True if a command holds only finite numbers and no negative current limit.
-pub fn is_sound(command: &Command) -> bool {
+pub fn is_valid(command: &RobotCommand) -> bool {
     let servo = |goal: &ServoGoal| match *goal {
         ServoGoal::Current(current) => current.is_finite(),
         ServoGoal::Position { angle, current_limit } => {
@@ -69,47 +70,47 @@ pub fn is_sound(command: &Command) -> bool {
 }
 
 /// Returns the most serious alarm raised by the measurements at `now` (s), if any.
-pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
+pub fn alarm(measured: &Measurements, limits: &SafetyLimits, now: f64) -> Option<StopCause> {
     if let Some(trouble) = measured.arm.and_then(|arm| arm.fault) {
-        return Some(Cause::ArmFault(trouble));
+        return Some(StopCause::ArmFault(trouble));
     }
     let alerts = measured.servos.iter().position(|servo| servo.is_some_and(|servo| servo.alert));
     if let Some(servo) = alerts {
-        return Some(Cause::ServoAlert(servo));
+        return Some(StopCause::ServoAlert(servo));
     }
     let age = |at: Option<f64>| at.map_or(f64::INFINITY, |at| now - at);
     for (n, servo) in measured.servos.iter().enumerate() {
-        let silent = age(servo.map(|servo| servo.at));
+        let silent = age(servo.map(|servo| servo.received_at));
         if silent > limits.staleness {
-            return Some(Cause::ServoSilent(n, silent));
+            return Some(StopCause::ServoSilent(n, silent));
         }
         if let Some(cause) = servo.and_then(|servo| servo_alarm(n, &servo, limits)) {
             return Some(cause);
         }
     }
-    let silent = age(measured.arm.map(|arm| arm.at));
+    let silent = age(measured.arm.map(|arm| arm.received_at));
     if silent > limits.watchdogs.arm {
-        return Some(Cause::ArmSilent(silent));
+        return Some(StopCause::ArmSilent(silent));
     }
-    (!measured.cameras).then_some(Cause::CamerasGone)
+    (!measured.cameras).then_some(StopCause::CamerasGone)
 }
 
 /// Returns the alarm raised by one servo's measurement, if any. NaN is outside every limit.
-fn servo_alarm(n: usize, reading: &ServoReading, limits: &Limits) -> Option<Cause> {
+fn servo_alarm(n: usize, reading: &ServoReading, limits: &SafetyLimits) -> Option<StopCause> {
     let own = &limits.servos[n];
     let ServoState { position, velocity, current, temperature } = reading.state;
     let angles = own.angle.0 - ANGLE_MARGIN..=own.angle.1 + ANGLE_MARGIN;
     let most = CURRENT_MARGIN.0 * own.current + CURRENT_MARGIN.1;
     if !angles.contains(&position) {
-        Some(Cause::Angle(n, position))
+        Some(StopCause::Angle(n, position))
     } else if !(-SPEED_MARGIN.1 * own.speed..=SPEED_MARGIN.0 * own.speed).contains(&velocity) {
-        Some(Cause::Speed(n, velocity))
+        Some(StopCause::Speed(n, velocity))
     } else if !(0.0..=most).contains(&current.abs()) {
-        Some(Cause::Current(n, current))
+        Some(StopCause::Current(n, current))
     } else if !(-20.0..=own.temperature).contains(&temperature) {
-        Some(Cause::Temperature(n, temperature))
+        Some(StopCause::Temperature(n, temperature))
     } else if !(limits.voltage.0..=limits.voltage.1).contains(&reading.voltage) {
-        Some(Cause::Voltage(n, reading.voltage))
+        Some(StopCause::Voltage(n, reading.voltage))
     } else {
         None
     }
@@ -120,14 +121,14 @@ pub(crate) mod tests {
     use super::super::limits::tests::limits;
     use super::*;
 
-    pub(crate) fn fine(now: f64) -> Measured {
+    pub(crate) fn fine(now: f64) -> Measurements {
         let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
-        let servo = ServoReading { at: now, state, voltage: 11.1, alert: false };
-        let arm = ArmReading { at: now, state: ArmState::still([0.0; 7].into()), fault: None };
-        Measured { servos: [Some(servo); SERVOS], arm: Some(arm), cameras: true }
+        let servo = ServoReading { received_at: now, state, voltage: 11.1, alert: false };
+        let arm = ArmReading { received_at: now, state: ArmState::at_rest([0.0; 7].into()), fault: None };
+        Measurements { servos: [Some(servo); SERVOS], arm: Some(arm), cameras: true }
     }
 
-    fn with(change: impl FnOnce(&mut ServoReading)) -> Option<Cause> {
+    fn with(change: impl FnOnce(&mut ServoReading)) -> Option<StopCause> {
         let mut measured = fine(10.0);
         change(measured.servos[2].as_mut().expect("there"));
         alarm(&measured, &limits(), 10.01)
@@ -136,22 +137,22 @@ pub(crate) mod tests {
     #[test]
     fn each_alarm() {
         assert_eq!(with(|_| ()), None);
-        assert_eq!(with(|servo| servo.state.position = 4.7), Some(Cause::Angle(2, 4.7)));
+        assert_eq!(with(|servo| servo.state.position = 4.7), Some(StopCause::Angle(2, 4.7)));
         assert_eq!(with(|servo| servo.state.position = 4.6), None);
-        assert_eq!(with(|servo| servo.state.velocity = -20.0), Some(Cause::Speed(2, -20.0)));
+        assert_eq!(with(|servo| servo.state.velocity = -20.0), Some(StopCause::Speed(2, -20.0)));
         assert_eq!(with(|servo| servo.state.velocity = -12.0), None);
-        assert_eq!(with(|servo| servo.state.velocity = 12.0), Some(Cause::Speed(2, 12.0)));
-        assert_eq!(with(|servo| servo.state.current = 0.9), Some(Cause::Current(2, 0.9)));
-        assert_eq!(with(|servo| servo.state.temperature = 61.0), Some(Cause::Temperature(2, 61.0)));
-        assert_eq!(with(|servo| servo.voltage = 5.2), Some(Cause::Voltage(2, 5.2)));
-        assert_eq!(with(|servo| servo.alert = true), Some(Cause::ServoAlert(2)));
-        assert!(matches!(with(|servo| servo.at = 9.9), Some(Cause::ServoSilent(2, _))));
-        assert!(matches!(with(|servo| servo.state.current = f64::NAN), Some(Cause::Current(2, _))));
+        assert_eq!(with(|servo| servo.state.velocity = 12.0), Some(StopCause::Speed(2, 12.0)));
+        assert_eq!(with(|servo| servo.state.current = 0.9), Some(StopCause::Current(2, 0.9)));
+        assert_eq!(with(|servo| servo.state.temperature = 61.0), Some(StopCause::Temperature(2, 61.0)));
+        assert_eq!(with(|servo| servo.voltage = 5.2), Some(StopCause::Voltage(2, 5.2)));
+        assert_eq!(with(|servo| servo.alert = true), Some(StopCause::ServoAlert(2)));
+        assert!(matches!(with(|servo| servo.received_at = 9.9), Some(StopCause::ServoSilent(2, _))));
+        assert!(matches!(with(|servo| servo.state.current = f64::NAN), Some(StopCause::Current(2, _))));
         let mut measured = fine(10.0);
         measured.arm = None;
-        assert!(matches!(alarm(&measured, &limits(), 10.0), Some(Cause::ArmSilent(_))));
+        assert!(matches!(alarm(&measured, &limits(), 10.0), Some(StopCause::ArmSilent(_))));
         measured = fine(10.0);
         measured.cameras = false;
-        assert_eq!(alarm(&measured, &limits(), 10.0), Some(Cause::CamerasGone));
+        assert_eq!(alarm(&measured, &limits(), 10.0), Some(StopCause::CamerasGone));
     }
 }

@@ -3,22 +3,22 @@
 //! Speed is limited relative to the previous *command*, not to the measured state: with a measurement that lags, a
 //! limited command could creep past its limit.
 
-use crate::driven::SERVOS;
+use crate::supported_robot::SERVOS;
 use hand_model::robot::ServoGoal;
 use hand_model::{Arm, ArmVector};
 
-use super::pressing::PressLimits;
-use super::set_points::Motion;
-use super::space::SpaceLimits;
+use super::set_points::MotionLimits;
+use super::torque_monitor::TorqueLimits;
+use super::workspace::WorkspaceLimits;
 
 /// Lead of the position goal ahead of the shaft under a pure current command, rad: enough to saturate the servo's
 /// position control (P gain 900: full duty from 0.2 rad on), little enough to reverse quickly.
-pub const LEAD: f64 = 1.0;
+pub const GOAL_LEAD: f64 = 1.0;
 
 /// Distance by which the goal of a pure current command may lie beyond the closed stop, rad. At the stop the shaft
 /// cannot follow, and the cable must be pulled as hard as before it. A shaft that does follow has lost its cable, which
 /// its angle shows ([`super::checks`]).
-pub const BEYOND: f64 = 0.5;
+pub const MAX_GOAL_OVERTRAVEL: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoLimits {
@@ -44,12 +44,12 @@ pub struct ArmLimits {
     /// Deceleration of each set-point when the arm is stopped, rad/s2.
     pub deceleration: ArmVector,
     /// Limits on acceleration and jerk of each set-point, if any.
-    pub motion: Option<ArmVector<Motion>>,
+    pub motion: Option<ArmVector<MotionLimits>>,
 }
 
 /// Time limits of the watchdogs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Watchdogs {
+pub struct WatchdogTimeouts {
     /// Time limit of the servos' own bus watchdog, s.
     pub servo_bus: f64,
     /// Maximum age of a measurement of the arm, s.
@@ -60,7 +60,7 @@ pub struct Watchdogs {
 
 /// All limits that the supervisor enforces.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct SafetyLimits {
     /// The servos, in actuator order.
     pub servos: [ServoLimits; SERVOS],
     pub arm: ArmLimits,
@@ -68,13 +68,13 @@ pub struct Limits {
     pub voltage: (f64, f64),
     /// Maximum age of a servo measurement, s.
     pub staleness: f64,
-    pub watchdogs: Watchdogs,
+    pub watchdogs: WatchdogTimeouts,
     /// Duration of a release, over which the current fades, s.
     pub release_time: f64,
     /// Limits on joint torques when the arm presses; `None` for an arm without torque sensors.
-    pub press: Option<PressLimits>,
+    pub torque: Option<TorqueLimits>,
     /// Workspace of arm and hand.
-    pub space: Option<SpaceLimits>,
+    pub workspace: Option<WorkspaceLimits>,
 }
 
 /// Goal of one servo in current-based position control.
@@ -89,13 +89,15 @@ pub struct SafeGoal {
 impl ServoLimits {
     /// Limits the goal `asked`, `dt` (s) after `previous` was sent, with the shaft at `measured` (rad).
     ///
-    /// A current command becomes a goal [`LEAD`] ahead of the shaft in the requested direction under that current. One
-    /// operating mode thus serves both kinds of command, and the angle limits apply to both, except for [`BEYOND`].
+    /// A current command becomes a goal [`GOAL_LEAD`] ahead of the shaft in the requested direction under that current. One
+    /// operating mode thus serves both kinds of command, and the angle limits apply to both, except for [`MAX_GOAL_OVERTRAVEL`].
     pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
         let (low, high) = self.angle;
         let (target, current, high) = match *asked {
-            ServoGoal::Current(0.0) => (measured, 0.0, high + BEYOND),
-            ServoGoal::Current(current) => (measured + LEAD * current.signum(), current.abs(), high + BEYOND),
+            ServoGoal::Current(0.0) => (measured, 0.0, high + MAX_GOAL_OVERTRAVEL),
+            ServoGoal::Current(current) => {
+                (measured + GOAL_LEAD * current.signum(), current.abs(), high + MAX_GOAL_OVERTRAVEL)
+            }
             ServoGoal::Position { angle, current_limit } => (angle, current_limit, high),
         };
         let reach = self.speed * dt;
@@ -115,7 +117,7 @@ impl ServoLimits {
 
 impl ArmLimits {
     /// Returns the limits in the arm's model; a joint that turns freely has no range.
-    pub fn of(arm: &Arm) -> Self {
+    pub fn from_model(arm: &Arm) -> Self {
         Self {
             angle: arm.each(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
             speed: arm.velocity_limits,
@@ -125,13 +127,13 @@ impl ArmLimits {
     }
 
     /// Returns zero speed for every joint.
-    pub fn still(&self) -> ArmVector {
+    pub fn zero_speed(&self) -> ArmVector {
         self.speed.iter().map(|_| 0.0).collect()
     }
 
     /// Returns the angles, rad, at which an arm comes to rest when it is stopped while its set-points are at `at` (rad)
-    /// and move at `speed` (rad/s).
-    pub fn stand(&self, at: &[f64], speed: &[f64]) -> ArmVector {
+    /// and move at `max_joint_speed` (rad/s).
+    pub fn stopping_position(&self, at: &[f64], speed: &[f64]) -> ArmVector {
         let stand = |joint: usize| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint];
         (0..at.len()).map(stand).collect()
     }
@@ -146,7 +148,7 @@ impl ArmLimits {
         (0..asked.len()).map(limited).collect()
     }
 
-    /// Brakes: returns the set-points `dt` (s) after `previous`, and the speeds that remain of `speed` (rad/s).
+    /// Brakes: returns the set-points `dt` (s) after `previous`, and the speeds that remain of `max_joint_speed` (rad/s).
     ///
     /// A set-point that stops from one cycle to the next demands more torque than a joint has, so that the arm
     /// overshoots and swings back. The set-point therefore advances by `v dt`, with `v` reduced by the deceleration in
@@ -170,7 +172,7 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    pub(crate) fn limits() -> Limits {
+    pub(crate) fn limits() -> SafetyLimits {
         let servo = ServoLimits { angle: (0.0, 4.5), speed: 6.0, current: 0.6, hold_current: 0.4, temperature: 60.0 };
         let arm = ArmLimits {
             angle: [(-2.0, 2.0); 7].into(),
@@ -178,15 +180,15 @@ pub(crate) mod tests {
             deceleration: [8.0; 7].into(),
             motion: None,
         };
-        Limits {
+        SafetyLimits {
             servos: [servo; SERVOS],
             arm,
             voltage: (9.0, 12.5),
             staleness: 0.05,
-            watchdogs: Watchdogs { servo_bus: 0.1, arm: 0.1, host: 0.5 },
+            watchdogs: WatchdogTimeouts { servo_bus: 0.1, arm: 0.1, host: 0.5 },
             release_time: 1.0,
-            press: None,
-            space: None,
+            torque: None,
+            workspace: None,
         }
     }
 
@@ -199,7 +201,7 @@ pub(crate) mod tests {
         for _ in 0..1000 {
             goal = servo.limit(&ServoGoal::Current(0.2), 0.5, goal, 0.005);
         }
-        assert_eq!(goal, SafeGoal { angle: 0.5 + LEAD, current: 0.2 });
+        assert_eq!(goal, SafeGoal { angle: 0.5 + GOAL_LEAD, current: 0.2 });
         let back = servo.limit(&ServoGoal::Current(-0.1), 0.5, goal, 0.005);
         assert!((back.angle - (1.5 - 0.03)).abs() < 1e-12 && back.current == 0.1);
         assert_eq!(servo.limit(&ServoGoal::Current(0.0), 0.5, goal, 10.0), SafeGoal { angle: 0.5, current: 0.0 });
@@ -233,7 +235,7 @@ pub(crate) mod tests {
                 any::<f64>().prop_map(ServoGoal::Current),
                 any::<(f64, f64)>().prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
             ],
-            measured in -1.0..6.0_f64, angle in 0.0..=4.5 + BEYOND, current in 0.0..=0.6_f64, dt in 0.0..0.05_f64,
+            measured in -1.0..6.0_f64, angle in 0.0..=4.5 + MAX_GOAL_OVERTRAVEL, current in 0.0..=0.6_f64, dt in 0.0..0.05_f64,
         ) {
             prop_assume!(match asked {
                 ServoGoal::Current(current) => current.is_finite(),
@@ -241,7 +243,7 @@ pub(crate) mod tests {
             });
             let servo = limits().servos[0];
             let goal = servo.limit(&asked, measured, SafeGoal { angle, current }, dt);
-            prop_assert!((0.0..=4.5 + BEYOND).contains(&goal.angle) && (0.0..=0.6).contains(&goal.current));
+            prop_assert!((0.0..=4.5 + MAX_GOAL_OVERTRAVEL).contains(&goal.angle) && (0.0..=0.6).contains(&goal.current));
             prop_assert!((goal.angle - angle).abs() <= 6.0 * dt + 1e-12);
             if matches!(asked, ServoGoal::Position { .. }) {
                 prop_assert!(goal.angle <= f64::max(4.5, angle - 6.0 * dt) + 1e-12, "only back within its limits");

@@ -10,13 +10,13 @@ use hand_model::ArmVector;
 /// Length of a control tick, s: one command each.
 pub const TICK: f64 = 1.0 / 120.0;
 /// Bisection steps in the search for a profile's next acceleration.
-const HALVINGS: usize = 40;
+const BISECTION_STEPS: usize = 40;
 /// Tolerance for rounding in sums of many ticks, as a share of a limit.
-const ROUNDING: f64 = 1e-6;
+const ROUNDING_TOLERANCE: f64 = 1e-6;
 
 /// Motion limits of one joint's set-points.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Motion {
+pub struct MotionLimits {
     /// Maximum speed, rad/s.
     pub speed: f64,
     /// Maximum acceleration, rad/s2.
@@ -27,37 +27,37 @@ pub struct Motion {
 
 /// State of one joint's set-point.
 #[derive(Debug, Clone, Copy, Default)]
-struct Joint {
+struct JointSetPoint {
     /// Set-point, rad.
-    at: f64,
+    angle: f64,
     /// Speed, rad/s.
     speed: f64,
     /// Acceleration, rad/s2.
     acceleration: f64,
     /// Last requested set-point, rad.
-    wanted: f64,
+    requested: f64,
     catching_up: bool,
 }
 
 /// The set-points of all joints.
 #[derive(Debug, Clone, Copy)]
-pub struct SetPoints(ArmVector<Joint>);
+pub struct SetPoints(ArmVector<JointSetPoint>);
 
 impl SetPoints {
     /// Creates set-points at rest at `angles`, rad.
     pub fn at(angles: &[f64]) -> Self {
-        Self(angles.iter().map(|&at| Joint { at, wanted: at, ..Joint::default() }).collect())
+        Self(angles.iter().map(|&at| JointSetPoint { angle: at, requested: at, ..JointSetPoint::default() }).collect())
     }
 
     /// Returns the same set-points at rest.
     #[must_use]
-    pub fn rested(&self) -> Self {
+    pub fn at_rest(&self) -> Self {
         Self::at(&self.angles())
     }
 
     /// Returns the angles of the set-points, rad.
     pub fn angles(&self) -> ArmVector {
-        self.0.iter().map(|joint| joint.at).collect()
+        self.0.iter().map(|joint| joint.angle).collect()
     }
 
     /// Returns the speeds of the set-points, rad/s.
@@ -65,9 +65,9 @@ impl SetPoints {
         self.0.iter().map(|joint| joint.speed).collect()
     }
 
-    /// Returns the set-points of the next tick when `wanted` (rad) is requested.
+    /// Returns the set-points of the next tick when `requested` (rad) is requested.
     #[must_use]
-    pub fn follow(&self, wanted: &[f64], limits: &[Motion]) -> Self {
+    pub fn follow(&self, wanted: &[f64], limits: &[MotionLimits]) -> Self {
         Self(
             self.0
                 .iter()
@@ -79,27 +79,27 @@ impl SetPoints {
     }
 }
 
-impl Motion {
+impl MotionLimits {
     fn allows(&self, speed: f64, acceleration: f64, jerk: f64) -> bool {
-        let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + ROUNDING);
+        let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + ROUNDING_TOLERANCE);
         within(speed, self.speed) && within(acceleration, self.acceleration) && within(jerk, self.jerk)
     }
 
     /// Computes the signed stopping distance, rad, of a joint with this speed and acceleration that comes to rest as
     /// fast as the limits allow.
-    fn stopping_way(&self, speed: f64, acceleration: f64) -> f64 {
+    fn stopping_distance(&self, speed: f64, acceleration: f64) -> f64 {
         let (time, gained) = (acceleration.abs() / self.jerk, 0.5 * acceleration * acceleration.abs() / self.jerk);
         let left = speed + gained;
         if acceleration * speed < 0.0 && left * speed >= 0.0 {
             // The joint is in the middle of braking that began at a higher speed with zero acceleration.
             let began = speed - gained;
             let gone = began * time + acceleration * time * time / 6.0;
-            return self.stopping_way_from_steady(began) - gone;
+            return self.steady_stopping_distance(began) - gone;
         }
-        speed * time + acceleration * time * time / 3.0 + self.stopping_way_from_steady(left)
+        speed * time + acceleration * time * time / 3.0 + self.steady_stopping_distance(left)
     }
 
-    fn stopping_way_from_steady(&self, speed: f64) -> f64 {
+    fn steady_stopping_distance(&self, speed: f64) -> f64 {
         if speed == 0.0 {
             return 0.0;
         }
@@ -108,28 +108,28 @@ impl Motion {
     }
 }
 
-impl Joint {
-    fn follow(&self, wanted: f64, limits: Motion) -> Self {
-        let speed = (wanted - self.at) / TICK;
+impl JointSetPoint {
+    fn follow(&self, wanted: f64, limits: MotionLimits) -> Self {
+        let speed = (wanted - self.angle) / TICK;
         let acceleration = (speed - self.speed) / TICK;
         let within = limits.allows(speed, acceleration, (acceleration - self.acceleration) / TICK);
         // Speed of the requested set-points themselves; a jump counts as no motion.
-        let stream = Some((wanted - self.wanted) / TICK).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
+        let stream = Some((wanted - self.requested) / TICK).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
         // Having caught up, the joint must be able to go on at their speed, and without acceleration.
         let next = (stream - speed) / TICK;
         let goes_on =
             limits.allows(stream, next, (next - acceleration) / TICK) && limits.allows(stream, 0.0, next / TICK);
         if within && (!self.catching_up || goes_on) {
-            return Self { at: wanted, speed, acceleration, wanted, catching_up: false };
+            return Self { angle: wanted, speed, acceleration, requested: wanted, catching_up: false };
         }
         let acceleration = self.catch_up(wanted, stream, limits);
         let speed = self.speed + acceleration * TICK;
-        Self { at: self.at + speed * TICK, speed, acceleration, wanted, catching_up: true }
+        Self { angle: self.angle + speed * TICK, speed, acceleration, requested: wanted, catching_up: true }
     }
 
     /// Finds the greatest acceleration within the limits from which the joint, as seen from set-points that move at
-    /// `stream` (rad/s), can still come to rest no farther than `wanted` (rad).
-    fn catch_up(&self, wanted: f64, stream: f64, limits: Motion) -> f64 {
+    /// `stream` (rad/s), can still come to rest no farther than `requested` (rad).
+    fn catch_up(&self, wanted: f64, stream: f64, limits: MotionLimits) -> f64 {
         let change = limits.jerk * TICK;
         let low = (self.acceleration - change).max(-limits.acceleration).min(limits.acceleration);
         let high = (self.acceleration + change).min(limits.acceleration).max(low);
@@ -137,25 +137,25 @@ impl Joint {
         // Speed reached while the acceleration returns to zero.
         let top = |acceleration: f64| speed(acceleration) + 0.5 * acceleration * acceleration.abs() / limits.jerk;
         let beyond = |acceleration: f64| {
-            let left = wanted - (self.at + speed(acceleration) * TICK);
-            limits.stopping_way(speed(acceleration) - stream, acceleration) - left
+            let left = wanted - (self.angle + speed(acceleration) * TICK);
+            limits.stopping_distance(speed(acceleration) - stream, acceleration) - left
         };
-        let highest = halve(low, high, |acceleration| top(acceleration) - limits.speed);
-        let lowest = halve(low, highest, |acceleration| top(acceleration) + limits.speed);
-        halve(lowest, highest, beyond)
+        let highest = bisect(low, high, |acceleration| top(acceleration) - limits.speed);
+        let lowest = bisect(low, highest, |acceleration| top(acceleration) + limits.speed);
+        bisect(lowest, highest, beyond)
     }
 }
 
 /// Finds the root of a rising function between `low` and `high` by bisection; without a root, returns the end nearer to
 /// it.
-fn halve(mut low: f64, mut high: f64, rises: impl Fn(f64) -> f64) -> f64 {
+fn bisect(mut low: f64, mut high: f64, rises: impl Fn(f64) -> f64) -> f64 {
     if rises(high) <= 0.0 {
         return high;
     }
     if rises(low) >= 0.0 {
         return low;
     }
-    for _ in 0..HALVINGS {
+    for _ in 0..BISECTION_STEPS {
         let middle = 0.5 * (low + high);
         if rises(middle) > 0.0 { high = middle } else { low = middle }
     }
@@ -167,9 +167,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMITS: Motion = Motion { speed: 1.4, acceleration: 9.0, jerk: 300.0 };
+    const LIMITS: MotionLimits = MotionLimits { speed: 1.4, acceleration: 9.0, jerk: 300.0 };
 
-    fn rest(at: f64) -> Joint {
+    fn rest(at: f64) -> JointSetPoint {
         SetPoints::at(&[at; 7]).0[0]
     }
 
@@ -187,8 +187,8 @@ mod tests {
                 }
                 speed += acceleration * TICK;
                 at += speed * TICK;
-                joint = joint.follow(at, Motion { jerk: 3000.0, ..LIMITS });
-                prop_assert_eq!(joint.at, at);
+                joint = joint.follow(at, MotionLimits { jerk: 3000.0, ..LIMITS });
+                prop_assert_eq!(joint.angle, at);
             }
         }
 
@@ -206,14 +206,14 @@ mod tests {
                     let next = joint.follow(wanted, LIMITS);
                     prop_assert!(next.speed.abs() <= 1.4 * 1.001 && next.acceleration.abs() <= 9.0 * 1.001);
                     prop_assert!((next.acceleration - joint.acceleration).abs() <= 300.0 * TICK * 1.001);
-                    prop_assert!((least - 0.25..=most + 0.25).contains(&next.at), "{}", next.at);
+                    prop_assert!((least - 0.25..=most + 0.25).contains(&next.angle), "{}", next.angle);
                     joint = next;
                 }
             }
             for _ in 0..800 {
                 joint = joint.follow(wanted, LIMITS);
             }
-            prop_assert!((joint.at - wanted).abs() < 1e-9 && joint.speed == 0.0, "{joint:?}, wanted {wanted}");
+            prop_assert!((joint.angle - wanted).abs() < 1e-9 && joint.speed == 0.0, "{joint:?}, wanted {wanted}");
         }
     }
 
@@ -223,8 +223,8 @@ mod tests {
         let mut joint = rest(0.0);
         let ticks = (0..1000).position(|_| {
             joint = joint.follow(1.0, LIMITS);
-            assert!(joint.at <= 1.0 + 1e-4, "{joint:?}");
-            joint.at == 1.0 && joint.speed == 0.0
+            assert!(joint.angle <= 1.0 + 1e-4, "{joint:?}");
+            joint.angle == 1.0 && joint.speed == 0.0
         });
         // 1 rad at 1.4 rad/s, 1.4 / 9 s and 9 / 300 s of ramps.
         let seconds = ticks.expect("reached") as f64 * TICK;

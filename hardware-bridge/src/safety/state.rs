@@ -4,11 +4,11 @@ use std::fmt;
 
 use hand_model::Digit;
 
-use super::bodies::{Body, Side};
+use super::collision_bodies::{CollisionBody, WorkspaceSide};
 
 /// State of the robot, from disconnected to running.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum State {
+pub enum SupervisorState {
     /// No devices are connected.
     Disconnected,
     /// Devices answer; their torque is unchanged.
@@ -20,14 +20,14 @@ pub enum State {
     /// The robot follows commands.
     Running,
     /// The last goals are kept, with the current capped. Torque stays on.
-    Hold(Cause),
-    /// The current fades. At the end the torque is switched off and the state becomes [`State::Connected`].
+    Hold(StopCause),
+    /// The current fades. At the end the torque is switched off and the state becomes [`SupervisorState::Connected`].
     Release {
         /// Start of the release, s.
         since: f64,
     },
     /// Like hold, but a device needs attention before the robot can run again.
-    Fault(Cause),
+    Fault(StopCause),
 }
 
 /// Trouble with the arm, distinguished by the action that it requires of the operator.
@@ -83,7 +83,7 @@ impl fmt::Display for ArmTrouble {
 
 /// Cause of a stop: the reason why the robot does not follow commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cause {
+pub enum StopCause {
     /// The operator stopped the robot.
     Operator,
     /// A command held a non-finite number or a negative current limit.
@@ -98,17 +98,17 @@ pub enum Cause {
     ArmTorque(usize, f64),
     /// A joint of the arm, and its residual, N m: torque beyond weight, motion and payload that exceeded the limit for
     /// longer than a jolt.
-    ArmPress(usize, f64),
+    ArmResidual(usize, f64),
     /// A part that the controller sends below the table, and the depth, m.
-    Table(Body, f64),
+    Table(CollisionBody, f64),
     /// A part that the controller sends out of the workspace, the side, and the distance outside, m.
-    Workspace(Body, Side, f64),
+    Workspace(CollisionBody, WorkspaceSide, f64),
     /// Two parts that the controller sends too close to each other, and their distance, m; negative if they overlap.
-    SelfCollision(Body, Body, f64),
+    SelfCollision(CollisionBody, CollisionBody, f64),
     /// The arm reports a fault or is in other trouble.
     ArmFault(ArmTrouble),
     /// Time for which this program itself, or the whole computer, stood still, s.
-    Frozen(f64),
+    HostFrozen(f64),
     /// The port of the camera board is gone.
     CamerasGone,
     /// A servo and its angle, rad, outside its limits.
@@ -129,7 +129,7 @@ pub enum Cause {
     WatchdogTripped(usize),
 }
 
-impl Cause {
+impl StopCause {
     /// True if a device needs attention before the robot can run again.
     pub fn is_fault(&self) -> bool {
         matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault(_))
@@ -137,15 +137,15 @@ impl Cause {
 }
 
 /// Display of an actuator's name, by its index.
-struct Servo(usize);
+struct ServoName(usize);
 
-impl fmt::Display for Servo {
+impl fmt::Display for ServoName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} servo", Digit::ALL.get(self.0).map_or("opposition", |digit| digit.name()))
     }
 }
 
-impl fmt::Display for Cause {
+impl fmt::Display for StopCause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |age: &f64| format!("{:.0} ms", 1e3 * age);
         match self {
@@ -153,7 +153,12 @@ impl fmt::Display for Cause {
             Self::BadCommand => write!(f, "the controller sent a command that is not a number; this is a bug in it"),
             Self::HostSilent(age) => write!(f, "no command for {}; is the controller running?", ms(age)),
             Self::ServoSilent(n, age) => {
-                write!(f, "{}: no answer for {}; check its plug, the USB adapter and the supply", Servo(*n), ms(age))
+                write!(
+                    f,
+                    "{}: no answer for {}; check its plug, the USB adapter and the supply",
+                    ServoName(*n),
+                    ms(age)
+                )
             }
             Self::ArmSilent(age) => write!(f, "arm: no word for {}; check the network cable", ms(age)),
             Self::ArmFault(trouble) => write!(f, "arm: {trouble}"),
@@ -162,7 +167,7 @@ impl fmt::Display for Cause {
                 "arm joint {}: {torque:.1} N m, above its limit (limits.arm.torque); what does it press against, or carry?",
                 joint + 1
             ),
-            Self::ArmPress(joint, torque) => write!(
+            Self::ArmResidual(joint, torque) => write!(
                 f,
                 "arm joint {}: {torque:.1} N m more than weight, motion and payload explain (limits.arm.residual); what does it press against?",
                 joint + 1
@@ -180,41 +185,41 @@ impl fmt::Display for Cause {
                 "the controller sends {one} to {:.0} mm from {other} (limits.space.clearance)",
                 1e3 * distance
             ),
-            Self::Frozen(gap) => write!(
+            Self::HostFrozen(gap) => write!(
                 f,
                 "this program stood still for {}; was it stopped, or the computer suspended or overloaded?",
                 ms(gap)
             ),
             Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
             Self::Angle(n, angle) => {
-                write!(f, "{}: at {angle:.3} rad, out of its limits; look at its spool and cable", Servo(*n))
+                write!(f, "{}: at {angle:.3} rad, out of its limits; look at its spool and cable", ServoName(*n))
             }
             Self::Speed(n, speed) => {
-                write!(f, "{}: {speed:.2} rad/s, above its limit; did its cable break?", Servo(*n))
+                write!(f, "{}: {speed:.2} rad/s, above its limit; did its cable break?", ServoName(*n))
             }
             Self::Current(n, current) => {
-                write!(f, "{}: {:.0} mA, above its limit; what blocks it?", Servo(*n), 1e3 * current)
+                write!(f, "{}: {:.0} mA, above its limit; what blocks it?", ServoName(*n), 1e3 * current)
             }
-            Self::Temperature(n, celsius) => write!(f, "{}: {celsius:.0} C; let it cool", Servo(*n)),
-            Self::Voltage(n, volts) => write!(f, "{}: {volts:.1} V at its plug; check the supply", Servo(*n)),
+            Self::Temperature(n, celsius) => write!(f, "{}: {celsius:.0} C; let it cool", ServoName(*n)),
+            Self::Voltage(n, volts) => write!(f, "{}: {volts:.1} V at its plug; check the supply", ServoName(*n)),
             Self::ServoAlert(n) => {
                 write!(
                     f,
                     "{}: it reports a hardware error; support what is held, then run `ftac bridge reboot`",
-                    Servo(*n)
+                    ServoName(*n)
                 )
             }
             Self::TorqueLost(n) => {
-                write!(f, "{}: it restarted and has no torque; check the supply, support what is held", Servo(*n))
+                write!(f, "{}: it restarted and has no torque; check the supply, support what is held", ServoName(*n))
             }
             Self::WatchdogTripped(n) => {
-                write!(f, "{}: it heard nothing for too long and stopped itself", Servo(*n))
+                write!(f, "{}: it heard nothing for too long and stopped itself", ServoName(*n))
             }
         }
     }
 }
 
-impl fmt::Display for State {
+impl fmt::Display for SupervisorState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Disconnected => write!(f, "disconnected"),
@@ -232,7 +237,7 @@ impl fmt::Display for State {
 /// A transition that the present state does not allow.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("cannot {wish} while {state}")]
-pub struct Refused {
+pub struct TransitionRefused {
     /// Requested transition.
     pub wish: &'static str,
     /// State at the time of the request.

@@ -1,12 +1,12 @@
-use crate::driven::SERVOS;
-use hand_model::load::LoadModel;
+use crate::supported_robot::SERVOS;
+use hand_model::gravity::GravityModel;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};
 use proptest::prelude::*;
 
 use super::super::checks::tests::fine;
 use super::super::limits::tests::limits;
-use super::super::pressing::PressLimits;
+use super::super::torque_monitor::TorqueLimits;
 use super::*;
 
 const DT: f64 = 0.005;
@@ -19,18 +19,18 @@ fn armed(now: f64) -> Supervisor {
     supervisor
 }
 
-fn winding(current: f64) -> Command {
-    Command { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); SERVOS].into(), capture: false }
+fn winding(current: f64) -> RobotCommand {
+    RobotCommand { arm: [0.5; 7].into(), servos: [ServoGoal::Current(current); SERVOS].into(), capture: false }
 }
 
 /// Two commands with different times have different numbers.
-fn asked(command: &Command, at: f64) -> Option<Asked<'_>> {
-    Some(Asked { command, at, number: at.to_bits() })
+fn asked(command: &RobotCommand, at: f64) -> Option<ControllerCommand<'_>> {
+    Some(ControllerCommand { command, received_at: at, number: at.to_bits() })
 }
 
 /// Runs `supervisor` with `command` for `cycles` cycles from `now` on; returns the last decision and the time.
-fn run(supervisor: &mut Supervisor, command: &Command, cycles: usize, mut now: f64) -> (Step, f64) {
-    let mut step = Step::Silent;
+fn run(supervisor: &mut Supervisor, command: &RobotCommand, cycles: usize, mut now: f64) -> (SupervisorStep, f64) {
+    let mut step = SupervisorStep::Silent;
     for _ in 0..cycles {
         now += DT;
         step = supervisor.step(now, asked(command, now), &fine(now));
@@ -38,9 +38,9 @@ fn run(supervisor: &mut Supervisor, command: &Command, cycles: usize, mut now: f
     (step, now)
 }
 
-fn sent(step: Step) -> SafeCommand {
+fn sent(step: SupervisorStep) -> SafeCommand {
     match step {
-        Step::Send(command) => command,
+        SupervisorStep::Send(command) => command,
         other => panic!("{other:?}"),
     }
 }
@@ -52,15 +52,19 @@ fn the_way_up_is_in_order_only() {
     supervisor.connect().expect("connects");
     assert_eq!(supervisor.connect().expect_err("twice").to_string(), "cannot connect while connected");
     assert!(supervisor.arm(&fine(0.0), 0.0).is_err(), "not checked");
-    assert_eq!(supervisor.step(0.1, asked(&winding(0.2), 0.1), &fine(0.1)), Step::Silent, "torque is untouched");
+    assert_eq!(
+        supervisor.step(0.1, asked(&winding(0.2), 0.1), &fine(0.1)),
+        SupervisorStep::Silent,
+        "torque is untouched"
+    );
     supervisor.check(&fine(0.2), 0.2).expect("fine");
     let mut hot = fine(0.3);
     hot.servos[1].as_mut().expect("there").state.temperature = 80.0;
-    assert!(matches!(supervisor.arm(&hot, 0.3), Err(CheckFailed::Alarm(Cause::Temperature(1, _)))));
+    assert!(matches!(supervisor.arm(&hot, 0.3), Err(CheckFailed::Alarm(StopCause::Temperature(1, _)))));
     let first = supervisor.arm(&fine(0.4), 0.4).expect("armed");
     assert_eq!(first.servos[0], SafeGoal { angle: 1.0, current: 0.0 }, "no motion, no force at first");
-    assert_eq!(supervisor.step(0.41, None, &fine(0.41)), Step::Send(first));
-    assert_eq!(supervisor.state(), State::Armed);
+    assert_eq!(supervisor.step(0.41, None, &fine(0.41)), SupervisorStep::Send(first));
+    assert_eq!(supervisor.state(), SupervisorState::Armed);
 }
 
 /// A stop before torque is on is not forgotten: the robot must be checked again.
@@ -69,7 +73,7 @@ fn a_stop_before_the_torque_is_kept() {
     let mut supervisor = Supervisor::new(limits());
     supervisor.connect().expect("connects");
     supervisor.check(&fine(0.0), 0.0).expect("fine");
-    supervisor.hold(Cause::Operator);
+    supervisor.hold(StopCause::Operator);
     let refused = supervisor.arm(&fine(0.1), 0.1).expect_err("stopped").to_string();
     assert_eq!(refused, "cannot arm while connected");
 }
@@ -78,21 +82,21 @@ fn a_stop_before_the_torque_is_kept() {
 /// its goal. So is one that presses during a hold of another cause.
 #[test]
 fn an_arm_that_presses_gives_way() {
-    let press = PressLimits {
+    let press = TorqueLimits {
         torque: [30.0; 7].into(),
         residual: [10.0; 7].into(),
         payload: 0.0,
-        jolt: 0.02,
+        jolt_time: 0.02,
         torque_time: 0.02,
     };
-    let mut limits = Limits { press: Some(press), ..limits() };
+    let mut limits = SafetyLimits { torque: Some(press), ..limits() };
     limits.arm.angle = [(-7.0, 7.0); 7].into();
     let robot = RobotModel::ftac_gen3();
-    let mut supervisor = Supervisor::new(limits).watching(&robot);
-    let model = LoadModel::new(&robot);
+    let mut supervisor = Supervisor::new(limits).with_monitors(&robot);
+    let model = GravityModel::new(&robot);
     let feeling = |now: f64, position: ArmVector, more: f64| {
         let mut measured = fine(now);
-        let mut torque: [f64; 7] = model.moving(&robot.arm.tree.forward(&position), &[0.0; 7]).into();
+        let mut torque: [f64; 7] = model.torques_at_acceleration(&robot.arm.tree.forward(&position), &[0.0; 7]).into();
         torque[3] += more;
         let arm = measured.arm.as_mut().expect("there");
         arm.state = ArmState { position, velocity: [0.0; 7].into(), torque: torque.into() };
@@ -100,13 +104,13 @@ fn an_arm_that_presses_gives_way() {
     };
     let (home, mut beyond) = (Arm::gen3().home, Arm::gen3().home);
     beyond[3] -= 0.03;
-    let command = Command { arm: beyond, ..winding(0.1) };
+    let command = RobotCommand { arm: beyond, ..winding(0.1) };
     supervisor.connect().expect("connects");
     supervisor.check(&feeling(0.0, home, 0.0), 0.0).expect("fine");
     supervisor.arm(&feeling(0.0, home, 0.0), 0.0).expect("checked");
     let mut now = 0.0;
     let mut step = |supervisor: &mut Supervisor, more: f64, cycles: usize| {
-        let mut last = Step::Silent;
+        let mut last = SupervisorStep::Silent;
         for _ in 0..cycles {
             now += DT;
             last = supervisor.step(now, asked(&command, now), &feeling(now, home, more));
@@ -115,9 +119,11 @@ fn an_arm_that_presses_gives_way() {
     };
     assert_eq!(step(&mut supervisor, 9.0, 60), beyond, "pressed, within the limit");
     assert_eq!(step(&mut supervisor, 12.0, 3), beyond, "a jolt");
-    assert_eq!(supervisor.state(), State::Running);
+    assert_eq!(supervisor.state(), SupervisorState::Running);
     let given_way = step(&mut supervisor, 12.0, 20);
-    assert!(matches!(supervisor.state(), State::Hold(Cause::ArmPress(3, torque)) if torque > 10.0 && torque < 12.0));
+    assert!(
+        matches!(supervisor.state(), SupervisorState::Hold(StopCause::ArmResidual(3, torque)) if torque > 10.0 && torque < 12.0)
+    );
     assert_eq!(given_way, home, "where it is measured to be");
     let words = supervisor.state().to_string();
     assert!(
@@ -133,19 +139,19 @@ fn follows_within_speed_and_current() {
     let goal = sent(step).servos[0];
     assert!((goal.angle - (1.0 + 6.0 * DT)).abs() < 1e-12 && goal.current == 0.6, "{goal:?}");
     assert!((sent(step).arm[0] - DT).abs() < 1e-12);
-    assert_eq!(supervisor.state(), State::Running);
+    assert_eq!(supervisor.state(), SupervisorState::Running);
 }
 
 /// Each alarm ends in hold, keeps the goals, and accepts no new ones.
 #[test]
 fn hold_keeps_what_is_held() {
-    type Change = fn(&mut Measured);
-    let changes: [(Change, Cause); 5] = [
-        (|m| m.servos[3].as_mut().expect("there").at = -1.0, Cause::ServoSilent(3, 0.0)),
-        (|m| m.servos[0].as_mut().expect("there").state.temperature = 75.0, Cause::Temperature(0, 75.0)),
-        (|m| m.servos[5].as_mut().expect("there").voltage = 5.0, Cause::Voltage(5, 5.0)),
-        (|m| m.arm = None, Cause::ArmSilent(0.0)),
-        (|m| m.cameras = false, Cause::CamerasGone),
+    type Change = fn(&mut Measurements);
+    let changes: [(Change, StopCause); 5] = [
+        (|m| m.servos[3].as_mut().expect("there").received_at = -1.0, StopCause::ServoSilent(3, 0.0)),
+        (|m| m.servos[0].as_mut().expect("there").state.temperature = 75.0, StopCause::Temperature(0, 75.0)),
+        (|m| m.servos[5].as_mut().expect("there").voltage = 5.0, StopCause::Voltage(5, 5.0)),
+        (|m| m.arm = None, StopCause::ArmSilent(0.0)),
+        (|m| m.cameras = false, StopCause::CamerasGone),
     ];
     for (change, cause) in changes {
         let mut supervisor = armed(0.0);
@@ -154,7 +160,7 @@ fn hold_keeps_what_is_held() {
         change(&mut measured);
         let step = supervisor.step(now + DT, asked(&winding(-0.3), now + DT), &measured);
         assert_eq!(sent(step), sent(before), "{cause}");
-        let State::Hold(found) = supervisor.state() else { panic!("{}", supervisor.state()) };
+        let SupervisorState::Hold(found) = supervisor.state() else { panic!("{}", supervisor.state()) };
         assert_eq!(std::mem::discriminant(&found), std::mem::discriminant(&cause));
         let (later, _) = run(&mut supervisor, &winding(-0.3), 50, now + DT);
         assert_eq!(sent(later), sent(before), "a hold ends only by a wish");
@@ -168,14 +174,14 @@ fn a_hold_brakes_the_arm() {
     let (before, mut now) = run(&mut supervisor, &winding(0.3), 100, 0.0);
     let mut measured = fine(now);
     measured.arm.as_mut().expect("there").state.velocity[0] = 0.8;
-    supervisor.hold(Cause::Operator);
+    supervisor.hold(StopCause::Operator);
     let mut steps = Vec::new();
     let mut at = sent(before).arm;
     for _ in 0..40 {
         now += DT;
         let command = winding(-0.3);
         measured.servos = fine(now).servos;
-        measured.arm.as_mut().expect("there").at = now;
+        measured.arm.as_mut().expect("there").received_at = now;
         let next = sent(supervisor.step(now, asked(&command, now), &measured)).arm;
         steps.push((next[0] - at[0]) / DT);
         at = next;
@@ -193,7 +199,7 @@ fn alerts_are_faults() {
     let mut measured = fine(now + DT);
     measured.servos[2].as_mut().expect("there").alert = true;
     let step = supervisor.step(now + DT, asked(&winding(0.5), now + DT), &measured);
-    assert_eq!(supervisor.state(), State::Fault(Cause::ServoAlert(2)));
+    assert_eq!(supervisor.state(), SupervisorState::Fault(StopCause::ServoAlert(2)));
     assert_eq!(sent(step).servos[0], SafeGoal { current: 0.4, ..sent(before).servos[0] }, "capped at the hold current");
 }
 
@@ -203,22 +209,25 @@ fn the_host_watchdog() {
     let (_, now) = run(&mut supervisor, &winding(0.3), 10, 0.0);
     let command = winding(0.3);
     supervisor.step(now + 0.49, asked(&command, now), &fine(now + 0.49));
-    assert_eq!(supervisor.state(), State::Running);
+    assert_eq!(supervisor.state(), SupervisorState::Running);
     supervisor.step(now + 0.51, asked(&command, now), &fine(now + 0.51));
-    assert!(matches!(supervisor.state(), State::Hold(Cause::HostSilent(_))), "{}", supervisor.state());
+    assert!(matches!(supervisor.state(), SupervisorState::Hold(StopCause::HostSilent(_))), "{}", supervisor.state());
 }
 
 #[test]
 fn no_number_no_motion() {
     for bad in [
-        Command { arm: [f64::NAN; 7].into(), ..winding(0.1) },
+        RobotCommand { arm: [f64::NAN; 7].into(), ..winding(0.1) },
         winding(f64::INFINITY),
-        Command { servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; SERVOS].into(), ..winding(0.0) },
+        RobotCommand {
+            servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; SERVOS].into(),
+            ..winding(0.0)
+        },
     ] {
         let mut supervisor = armed(0.0);
         let (before, now) = run(&mut supervisor, &winding(0.2), 20, 0.0);
         let step = supervisor.step(now + DT, asked(&bad, now + DT), &fine(now + DT));
-        assert_eq!((step, supervisor.state()), (before, State::Hold(Cause::BadCommand)));
+        assert_eq!((step, supervisor.state()), (before, SupervisorState::Hold(StopCause::BadCommand)));
     }
 }
 
@@ -232,20 +241,20 @@ fn release_fades_and_ends_without_torque() {
     let end = loop {
         now += DT;
         match supervisor.step(now, asked(&winding(0.3), now), &fine(now)) {
-            Step::Send(command) => currents.push(command.servos[0].current),
+            SupervisorStep::Send(command) => currents.push(command.servos[0].current),
             other => break other,
         }
     };
-    assert_eq!((end, supervisor.state()), (Step::TorqueOff, State::Connected));
+    assert_eq!((end, supervisor.state()), (SupervisorStep::TorqueOff, SupervisorState::Connected));
     assert!(currents.windows(2).all(|pair| pair[1] <= pair[0] && pair[0] - pair[1] < 0.01), "{currents:?}");
     assert_eq!(*currents.last().expect("some"), 0.0);
-    assert_eq!(supervisor.step(now + DT, asked(&winding(0.3), now), &fine(now + DT)), Step::Silent);
+    assert_eq!(supervisor.step(now + DT, asked(&winding(0.3), now), &fine(now + DT)), SupervisorStep::Silent);
 }
 
 /// Any action of a controller, a device or an operator.
 #[derive(Debug, Clone)]
 enum Move {
-    Ask(Box<Command>),
+    Ask(Box<RobotCommand>),
     Disturb(usize, f64),
     Silence(usize),
     Alert(usize),
@@ -269,10 +278,10 @@ fn servo_goal() -> impl Strategy<Value = ServoGoal> {
 fn moves() -> impl Strategy<Value = Move> {
     prop_oneof![
         12 => (prop::array::uniform7(number()), prop::array::uniform6(servo_goal()))
-            .prop_map(|(arm, servos)| Move::Ask(Box::new(Command { arm: ArmVector::from(arm), servos: servos.into(), capture: false }))),
+            .prop_map(|(arm, servos)| Move::Ask(Box::new(RobotCommand { arm: ArmVector::from(arm), servos: servos.into(), capture: false }))),
         12 => (-3.0..8.0_f64, 0.0..0.7_f64).prop_map(|(angle, current)| {
             let servos = [ServoGoal::Position { angle, current_limit: current }; SERVOS];
-            Move::Ask(Box::new(Command { arm: [angle; 7].into(), servos: servos.into(), capture: false }))
+            Move::Ask(Box::new(RobotCommand { arm: [angle; 7].into(), servos: servos.into(), capture: false }))
         }),
         2 => (0..SERVOS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
         1 => (0..SERVOS).prop_map(Move::Silence),
@@ -305,10 +314,10 @@ proptest! {
                 Move::Silence(n) => measured.servos[n] = None,
                 Move::Alert(n) => measured.servos[n].as_mut().expect("there").alert = true,
                 Move::Wait(time) => now += time,
-                Move::Hold => supervisor.hold(Cause::Operator),
+                Move::Hold => supervisor.hold(StopCause::Operator),
                 Move::Release => drop(supervisor.release(now)),
                 Move::ReArm => {
-                    if supervisor.state() == State::Connected {
+                    if supervisor.state() == SupervisorState::Connected {
                         supervisor.check(&measured, now).ok();
                         if supervisor.arm(&measured, now).is_ok() {
                             last = None;
@@ -319,14 +328,14 @@ proptest! {
             now += DT;
             let before = supervisor.state();
             let step = supervisor.step(now, asked(&command, spoken), &measured);
-            let Step::Send(sent) = step else { continue };
+            let SupervisorStep::Send(sent) = step else { continue };
             for (n, goal) in sent.servos.iter().enumerate() {
                 let own = &limits.servos[n];
                 prop_assert!((own.angle.0..=own.angle.1).contains(&goal.angle), "{:?}", goal);
                 prop_assert!((0.0..=own.current).contains(&goal.current), "{:?}", goal);
                 if let Some(last) = last {
-                    prop_assert!((goal.angle - last.servos[n].angle).abs() <= own.speed * LONGEST_STEP + 1e-9);
-                    if matches!(before, State::Hold(_) | State::Fault(_)) && !matches!(supervisor.state(), State::Release { .. }) {
+                    prop_assert!((goal.angle - last.servos[n].angle).abs() <= own.speed * MAX_TIME_STEP + 1e-9);
+                    if matches!(before, SupervisorState::Hold(_) | SupervisorState::Fault(_)) && !matches!(supervisor.state(), SupervisorState::Release { .. }) {
                         prop_assert_eq!(goal.angle, last.servos[n].angle);
                         prop_assert_eq!(goal.current, last.servos[n].current.min(own.hold_current));
                     }
@@ -336,7 +345,7 @@ proptest! {
                 let (low, high) = limits.arm.angle[joint];
                 prop_assert!((low..=high).contains(goal));
                 if let Some(last) = last {
-                    prop_assert!((goal - last.arm[joint]).abs() <= limits.arm.speed[joint] * LONGEST_STEP + 1e-9);
+                    prop_assert!((goal - last.arm[joint]).abs() <= limits.arm.speed[joint] * MAX_TIME_STEP + 1e-9);
                 }
             }
             last = Some(sent);

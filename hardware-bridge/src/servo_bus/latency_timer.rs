@@ -42,9 +42,9 @@ fn file_of(port: &Path, root: &Path) -> Option<PathBuf> {
 }
 
 /// Folder in which Linux lists its serial ports.
-pub const SYSTEM: &str = "/sys/class/tty";
+pub const SYSTEM_FOLDER: &str = "/sys/class/tty";
 
-/// Reads the timer of `port`; `root` is [`SYSTEM`].
+/// Reads the timer of `port`; `root` is [`SYSTEM_FOLDER`].
 pub fn read(port: &Path, root: &Path) -> Result<LatencyTimer, LatencyTimerError> {
     let Some(path) = file_of(port, root) else { return Ok(LatencyTimer::Absent) };
     let text = std::fs::read_to_string(&path).map_err(|source| LatencyTimerError::Io { path: path.clone(), source })?;

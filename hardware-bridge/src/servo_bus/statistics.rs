@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::protocol2::{Packet, PacketError, ReplyError, Status, StreamError};
 
 /// Round trips kept for quantiles; older ones are overwritten.
-const KEPT: usize = 16_384;
+const MAX_ROUND_TRIPS: usize = 16_384;
 
 /// Counts since the bus was opened.
 #[derive(Debug, Clone, Default)]
@@ -35,7 +35,7 @@ pub struct BusStatistics {
 
 impl BusStatistics {
     pub(super) fn note_round_trip(&mut self, took: Duration, replies: &[Result<Status, ReplyError>]) {
-        let place = (self.requests as usize) % KEPT;
+        let place = (self.requests as usize) % MAX_ROUND_TRIPS;
         self.requests += 1;
         if place < self.round_trips.len() {
             self.round_trips[place] = took.as_secs_f32();

@@ -33,7 +33,7 @@ impl Default for LineTiming {
 
 /// A control cycle: one read from all servos and writes to all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cycle<'a> {
+pub struct CycleTraffic<'a> {
     /// Number of servos.
     pub servos: usize,
     /// Bytes read from each servo.
@@ -58,7 +58,7 @@ impl LineTiming {
     }
 
     /// Computes the duration of a cycle, s, including USB latency.
-    pub fn cycle(&self, cycle: Cycle) -> f64 {
+    pub fn cycle(&self, cycle: CycleTraffic) -> f64 {
         let request = SYNC_OVERHEAD + cycle.servos;
         let each = self.return_delay + self.turnaround;
         let read = if cycle.fast {
@@ -90,7 +90,7 @@ mod tests {
             (4_000_000, true, 1961.0, 662.0),
         ];
         for (baud, fast, bare, with_usb) in rows {
-            let cycle = Cycle { servos: 6, read: 10, writes: &[4], fast };
+            let cycle = CycleTraffic { servos: 6, read: 10, writes: &[4], fast };
             let line = LineTiming { baud, usb_latency: 0.0, ..LineTiming::default() };
             assert!((1.0 / line.cycle(cycle) - bare).abs() < 1.0, "{baud} {fast}: {}", 1.0 / line.cycle(cycle));
             let line = LineTiming { usb_latency: 1e-3, ..line };
@@ -102,11 +102,11 @@ mod tests {
     /// time to spare at 200 Hz. With servos and adapter at their factory settings it does not.
     #[test]
     fn our_cycle_fits_200_hz_at_3_mbaud() {
-        let cycle = Cycle { servos: 6, read: 21, writes: &[2, 4], fast: false };
+        let cycle = CycleTraffic { servos: 6, read: 21, writes: &[2, 4], fast: false };
         let provisioned = LineTiming::default();
         assert!(provisioned.cycle(cycle) < 1.0 / 450.0, "{}", provisioned.cycle(cycle));
         let factory = LineTiming { return_delay: 500e-6, usb_latency: 16e-3, ..provisioned };
-        let rate = 1.0 / factory.cycle(Cycle { servos: 6, read: 10, writes: &[4], fast: false });
+        let rate = 1.0 / factory.cycle(CycleTraffic { servos: 6, read: 10, writes: &[4], fast: false });
         assert!((48.0..52.0).contains(&rate), "{rate}");
     }
 }

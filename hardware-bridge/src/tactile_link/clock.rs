@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 
 /// Samples kept: at one a second, drift over the window stays below 1 ms.
-const KEPT: usize = 16;
+const MAX_SAMPLES: usize = 16;
 
 /// One question and its answer, s.
 #[derive(Debug, Clone, Copy)]
@@ -25,29 +25,29 @@ pub struct BoardClock {
 }
 
 impl BoardClock {
-    /// Adds a sample: asked at `asked`, answered at `came` (host clock, s), with board time `board` (s).
-    pub fn note(&mut self, asked: f64, came: f64, board: f64) {
+    /// Adds a sample: asked at `asked`, answered at `came` (host clock, s), with board time `state` (s).
+    pub fn add_sample(&mut self, asked: f64, came: f64, board: f64) {
         if came < asked {
             return;
         }
-        if self.samples.len() == KEPT {
+        if self.samples.len() == MAX_SAMPLES {
             self.samples.pop_front();
         }
         self.samples.push_back(Sample { host: 0.5 * (asked + came), board, round_trip: came - asked });
     }
 
-    fn best(&self) -> Option<&Sample> {
+    fn best_sample(&self) -> Option<&Sample> {
         self.samples.iter().min_by(|a, b| a.round_trip.total_cmp(&b.round_trip))
     }
 
-    /// Converts a time on the board's clock, `board` (s), to host time, s; `None` before the first sample.
+    /// Converts a time on the board's clock, `state` (s), to host time, s; `None` before the first sample.
     pub fn host_time(&self, board: f64) -> Option<f64> {
-        self.best().map(|sample| sample.host + board - sample.board)
+        self.best_sample().map(|sample| sample.host + board - sample.board)
     }
 
     /// Returns the uncertainty of [`BoardClock::host_time`], s, without drift.
     pub fn uncertainty(&self) -> Option<f64> {
-        self.best().map(|sample| 0.5 * sample.round_trip)
+        self.best_sample().map(|sample| 0.5 * sample.round_trip)
     }
 }
 
@@ -68,7 +68,7 @@ mod tests {
             let mut clock = BoardClock::default();
             for (n, (there, back)) in delays.iter().enumerate() {
                 let asked = n as f64;
-                clock.note(asked, asked + there + back, board_at(asked + there));
+                clock.add_sample(asked, asked + there + back, board_at(asked + there));
             }
             let now = delays.len() as f64;
             let error = (clock.host_time(board_at(now)).expect("samples") - now).abs();

@@ -1,13 +1,13 @@
 //! Counters of one camera.
 
 /// Number of equal images in a row that marks a frozen camera: a live sensor's noise makes each a little different.
-const FROZEN_AFTER: u32 = 4;
+const FROZEN_RUN_LENGTH: u32 = 4;
 
 /// Counters of the images that came from one camera, and of those that did not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CameraCounters {
     /// Images that were decoded.
-    pub good: u64,
+    pub decoded: u64,
     /// Images that were taken, by their sequence numbers, but did not come.
     pub lost: u64,
     /// Images whose data could not be decoded.
@@ -17,7 +17,7 @@ pub struct CameraCounters {
     /// Faults of this camera that the board reported.
     pub faults: u64,
     /// Capture time of the newest good image, host clock, s.
-    pub newest: Option<f64>,
+    pub newest_capture: Option<f64>,
     last_sequence: Option<u32>,
     last_digest: u32,
     equal_run: u32,
@@ -36,19 +36,19 @@ impl CameraCounters {
     }
 
     /// Notes that an image captured at `captured` (s) was decoded.
-    pub fn note_good(&mut self, captured: f64) {
-        self.good += 1;
-        self.newest = Some(self.newest.map_or(captured, |newest| newest.max(captured)));
+    pub fn note_decoded(&mut self, captured: f64) {
+        self.decoded += 1;
+        self.newest_capture = Some(self.newest_capture.map_or(captured, |newest| newest.max(captured)));
     }
 
     /// Returns the age of the newest good image at `now`, s; `None` if there never was one.
     pub fn staleness(&self, now: f64) -> Option<f64> {
-        self.newest.map(|newest| now - newest)
+        self.newest_capture.map(|newest| now - newest)
     }
 
     /// True if the camera sends the same image again and again.
     pub fn frozen(&self) -> bool {
-        self.equal_run + 1 >= FROZEN_AFTER
+        self.equal_run + 1 >= FROZEN_RUN_LENGTH
     }
 }
 
@@ -61,9 +61,9 @@ mod tests {
         let mut camera = CameraCounters::default();
         for (sequence, digest) in [(5, 1), (6, 2), (9, 3)] {
             camera.note_arrival(sequence, digest);
-            camera.note_good(f64::from(sequence));
+            camera.note_decoded(f64::from(sequence));
         }
-        assert_eq!((camera.good, camera.lost, camera.frozen()), (3, 2, false));
+        assert_eq!((camera.decoded, camera.lost, camera.frozen()), (3, 2, false));
         assert_eq!(camera.staleness(9.5), Some(0.5));
         for sequence in 10..13 {
             assert!(!camera.frozen());

@@ -2,7 +2,7 @@
 
 use crc::{CRC_32_ISCSI, Crc};
 
-use super::message::Message;
+use super::message::LinkMessage;
 
 /// CRC-32C; the catalogue calls it CRC-32/ISCSI.
 const CRC32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
@@ -10,7 +10,7 @@ const CRC32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 pub const DELIMITER: u8 = 0;
 /// Maximum length of a frame, bytes: a raw 240 x 240 RGB565 image with room to spare. More bytes without a zero are
 /// garbage.
-pub const LONGEST: usize = 130_000;
+pub const MAX_FRAME_LENGTH: usize = 130_000;
 
 /// Error of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -32,7 +32,7 @@ pub enum FrameError {
     /// The CRC is right, but the message is not one of this protocol.
     #[error("message: first byte {0}, not a message of this protocol")]
     Message(u8),
-    /// There is no end within [`LONGEST`] bytes.
+    /// There is no end within [`MAX_FRAME_LENGTH`] bytes.
     #[error("{0} bytes without an end")]
     Endless(usize),
 }
@@ -43,7 +43,7 @@ pub fn digest(bytes: &[u8]) -> u32 {
 }
 
 /// Encodes a message as bytes on the wire.
-pub fn encode(message: &Message) -> Vec<u8> {
+pub fn encode(message: &LinkMessage) -> Vec<u8> {
     // A message holds nothing postcard cannot write to a growing buffer.
     let mut body = postcard::to_stdvec(message).unwrap_or_default();
     body.extend_from_slice(&CRC32C.checksum(&body).to_le_bytes());
@@ -53,7 +53,7 @@ pub fn encode(message: &Message) -> Vec<u8> {
 }
 
 /// Decodes the message in the bytes before a delimiter.
-pub fn decode(wire: &[u8]) -> Result<Message, FrameError> {
+pub fn decode(wire: &[u8]) -> Result<LinkMessage, FrameError> {
     let body = cobs::decode_vec(wire).map_err(|_| FrameError::Cobs(wire.len()))?;
     let split = body.len().checked_sub(4).filter(|split| *split > 0).ok_or(FrameError::Short(wire.len()))?;
     let (message, crc) = body.split_at(split);
@@ -69,7 +69,7 @@ pub fn decode(wire: &[u8]) -> Result<Message, FrameError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::message::{CameraFault, Encoding, Image};
+    use super::super::message::{CameraFault, LinkImage, PixelEncoding};
     use super::*;
     use proptest::prelude::*;
 
@@ -86,23 +86,23 @@ mod tests {
     /// The vectors for the firmware's own tests; docs/camera-board.md repeats them.
     #[test]
     fn vectors() {
-        let image = Image {
+        let image = LinkImage {
             camera: 17,
             sequence: 300,
             captured_us: 1_000_000,
             width: 2,
             height: 1,
-            encoding: Encoding::Rgb565,
+            encoding: PixelEncoding::Rgb565,
             data: vec![0xF8, 0x00, 0x07, 0xE0],
         };
         let cases = [
-            (Message::Hello, VECTORS[0]),
-            (Message::Welcome { version: 1, serial: 7, cameras: 18 }, VECTORS[1]),
-            (Message::WhatTime { host_us: 1000 }, VECTORS[2]),
-            (Message::Time { host_us: 1000, board_us: 0 }, VECTORS[3]),
-            (Message::Capture, VECTORS[4]),
-            (Message::Image(image), VECTORS[5]),
-            (Message::CameraFault { camera: 3, fault: CameraFault::Timeout }, VECTORS[6]),
+            (LinkMessage::Hello, VECTORS[0]),
+            (LinkMessage::Welcome { version: 1, serial: 7, cameras: 18 }, VECTORS[1]),
+            (LinkMessage::WhatTime { host_us: 1000 }, VECTORS[2]),
+            (LinkMessage::Time { host_us: 1000, board_us: 0 }, VECTORS[3]),
+            (LinkMessage::Capture, VECTORS[4]),
+            (LinkMessage::Image(image), VECTORS[5]),
+            (LinkMessage::CameraFault { camera: 3, fault: CameraFault::Timeout }, VECTORS[6]),
         ];
         for (message, expected) in cases {
             assert_eq!(hex(&encode(&message)), expected, "{message:?}");
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn refusals() {
-        let wire = encode(&Message::Capture);
+        let wire = encode(&LinkMessage::Capture);
         let mut damaged = wire[..wire.len() - 1].to_vec();
         damaged[1] ^= 2;
         assert!(matches!(decode(&damaged), Err(FrameError::Crc { .. })));
@@ -137,11 +137,11 @@ mod tests {
         assert_eq!(decode(&cobs::encode_vec(&foreign)), Err(FrameError::Message(77)));
     }
 
-    fn image() -> impl Strategy<Value = Message> {
+    fn image() -> impl Strategy<Value = LinkMessage> {
         (any::<u8>(), any::<u32>(), any::<u64>(), prop::collection::vec(prop_oneof![Just(0), any::<u8>()], 0..600))
             .prop_map(|(camera, sequence, captured_us, data)| {
-                let encoding = Encoding::Jpeg;
-                Message::Image(Image { camera, sequence, captured_us, width: 240, height: 240, encoding, data })
+                let encoding = PixelEncoding::Jpeg;
+                LinkMessage::Image(LinkImage { camera, sequence, captured_us, width: 240, height: 240, encoding, data })
             })
     }
 

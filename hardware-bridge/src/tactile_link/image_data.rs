@@ -10,7 +10,7 @@ use hand_model::robot::TactileImage;
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::{ColorType, ExtendedColorType, ImageDecoder};
 
-use super::message::{Encoding, Image};
+use super::message::{LinkImage, PixelEncoding};
 
 /// Error of an image's data.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -43,11 +43,11 @@ pub enum ImageError {
 }
 
 /// Decodes the pixels of an image.
-pub fn decode(image: &Image) -> Result<TactileImage, ImageError> {
+pub fn decode(image: &LinkImage) -> Result<TactileImage, ImageError> {
     check_size(image.width.into(), image.height.into())?;
     match image.encoding {
-        Encoding::Rgb565 => decode_rgb565(&image.data),
-        Encoding::Jpeg => decode_jpeg(&image.data),
+        PixelEncoding::Rgb565 => decode_rgb565(&image.data),
+        PixelEncoding::Jpeg => decode_jpeg(&image.data),
     }
 }
 
@@ -117,8 +117,8 @@ mod tests {
         (0..IMAGE_SIZE * IMAGE_SIZE).flat_map(|n| [(n % IMAGE_SIZE) as u8, (n / IMAGE_SIZE) as u8, 128]).collect()
     }
 
-    fn image(encoding: Encoding, data: Vec<u8>) -> Image {
-        Image { camera: 0, sequence: 0, captured_us: 0, width: 240, height: 240, encoding, data }
+    fn image(encoding: PixelEncoding, data: Vec<u8>) -> LinkImage {
+        LinkImage { camera: 0, sequence: 0, captured_us: 0, width: 240, height: 240, encoding, data }
     }
 
     fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
@@ -128,11 +128,11 @@ mod tests {
     #[test]
     fn both_encodings_come_back() {
         let rgb = picture();
-        let raw = decode(&image(Encoding::Rgb565, encode_rgb565(&rgb))).expect("raw");
+        let raw = decode(&image(PixelEncoding::Rgb565, encode_rgb565(&rgb))).expect("raw");
         assert!(largest_difference(&raw.rgb, &rgb) <= 7);
-        let jpeg = decode(&image(Encoding::Jpeg, encode_jpeg(&rgb, 90).expect("coded"))).expect("jpeg");
+        let jpeg = decode(&image(PixelEncoding::Jpeg, encode_jpeg(&rgb, 90).expect("coded"))).expect("jpeg");
         assert!(largest_difference(&jpeg.rgb, &rgb) <= 12);
-        let white = decode(&image(Encoding::Rgb565, vec![0xFF; 115_200])).expect("raw");
+        let white = decode(&image(PixelEncoding::Rgb565, vec![0xFF; 115_200])).expect("raw");
         assert!(white.rgb.iter().all(|value| *value == 255));
     }
 
@@ -140,12 +140,12 @@ mod tests {
     fn camera_quirks() {
         let good = encode_jpeg(&picture(), 70).expect("coded");
         let padded = [good.clone(), vec![0; 37]].concat();
-        assert!(decode(&image(Encoding::Jpeg, padded)).is_ok(), "padding after the end is harmless");
-        assert_eq!(decode(&image(Encoding::Jpeg, good[2..].to_vec())), Err(ImageError::NoStart));
+        assert!(decode(&image(PixelEncoding::Jpeg, padded)).is_ok(), "padding after the end is harmless");
+        assert_eq!(decode(&image(PixelEncoding::Jpeg, good[2..].to_vec())), Err(ImageError::NoStart));
         let half = good[..good.len() / 2].to_vec();
-        assert_eq!(decode(&image(Encoding::Jpeg, half.clone())), Err(ImageError::NoEnd(half.len())));
-        assert!(matches!(decode(&image(Encoding::Rgb565, good)), Err(ImageError::Length { .. })));
-        let mut small = image(Encoding::Jpeg, vec![]);
+        assert_eq!(decode(&image(PixelEncoding::Jpeg, half.clone())), Err(ImageError::NoEnd(half.len())));
+        assert!(matches!(decode(&image(PixelEncoding::Rgb565, good)), Err(ImageError::Length { .. })));
+        let mut small = image(PixelEncoding::Jpeg, vec![]);
         small.width = 160;
         assert_eq!(decode(&small), Err(ImageError::Size { width: 160, height: 240 }));
     }

@@ -8,13 +8,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::TactileFrame;
-use robot_session_log::{Direction, Tap};
+use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
 
 use super::clock::BoardClock;
 use super::counters::CameraCounters;
 use super::deframer::Deframer;
-use super::message::{Image, Message, VERSION};
+use super::message::{LinkImage, LinkMessage, VERSION};
 use super::{frame, image_data};
 use crate::clock::Clock;
 use crate::exclusive;
@@ -23,15 +23,15 @@ use crate::lock::lock;
 /// Baud rate. A USB serial device ignores it; a real line at this rate carries two images a second.
 const BAUD: u32 = 3_000_000;
 /// Time-out of the board's first answer.
-const PATIENCE: Duration = Duration::from_millis(1000);
+const HELLO_TIMEOUT: Duration = Duration::from_millis(1000);
 /// Interval between requests for the board's time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(1000);
 /// Images per camera that may wait for decoding.
-const QUEUE: usize = 2;
+const QUEUE_CAPACITY: usize = 2;
 
 /// Error of the link to the cameras.
 #[derive(Debug, thiserror::Error)]
-pub enum LinkError {
+pub enum TactileLinkError {
     /// The port cannot be opened, read or written.
     #[error("{port}: {source}")]
     Port {
@@ -68,7 +68,7 @@ pub enum LinkError {
 
 /// Identity of the board, as it reported it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Board {
+pub struct BoardIdentity {
     /// Serial number.
     pub serial: u32,
     /// Cameras that answer.
@@ -83,45 +83,47 @@ pub struct LineCounters {
     /// Damaged frames.
     pub damaged: u64,
     /// Images that name a camera the hand does not have.
-    pub strangers: u64,
+    pub unknown_cameras: u64,
 }
 
 #[derive(Default)]
-struct Books {
+struct ImageQueue {
     clock: BoardClock,
     /// Counters of every camera of the hand.
     cameras: Vec<CameraCounters>,
     line: LineCounters,
     ready: Vec<TactileFrame>,
-    lost_port: Option<String>,
-    tap: Option<Tap>,
+    port_error: Option<String>,
+    tap: Option<LinkTap>,
 }
 
 /// An open link to the camera board.
 pub struct TactileLink {
     port: SerialPort,
     path: PathBuf,
-    board: Board,
-    books: Arc<Mutex<Books>>,
+    board: BoardIdentity,
+    queue: Arc<Mutex<ImageQueue>>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
     clock: Clock,
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board, which must have `cameras` cameras. Times are those of `clock`.
-    pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, LinkError> {
-        let failed = |source| LinkError::Port { port: path.to_owned(), source };
+    /// Opens the port and greets the board, which must have `camera_counters` cameras. Times are those of `clock`.
+    pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, TactileLinkError> {
+        let failed = |source| TactileLinkError::Port { port: path.to_owned(), source };
         let mut port = exclusive::open(path, BAUD).map_err(failed)?;
         port.set_read_timeout(Duration::from_millis(5)).map_err(failed)?;
         port.discard_input_buffer().map_err(failed)?;
         let board = greet(&port, path, cameras)?;
-        let books =
-            Arc::new(Mutex::new(Books { cameras: vec![CameraCounters::default(); cameras], ..Books::default() }));
+        let books = Arc::new(Mutex::new(ImageQueue {
+            cameras: vec![CameraCounters::default(); cameras],
+            ..ImageQueue::default()
+        }));
         let stop = Arc::new(AtomicBool::new(false));
-        let (images, queue) = mpsc::sync_channel(QUEUE * cameras);
+        let (images, queue) = mpsc::sync_channel(QUEUE_CAPACITY * cameras);
         let reader =
-            Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, clock: clock.clone() };
+            Reader { port: port.try_clone().map_err(failed)?, queue: books.clone(), images, clock: clock.clone() };
         let for_decoder = books.clone();
         let stopped = stop.clone();
         let spawn = |name: &str, work: Box<dyn FnOnce() + Send>| {
@@ -131,51 +133,51 @@ impl TactileLink {
             spawn("tactile link", Box::new(move || reader.run(&stopped)))?,
             spawn("image decoder", Box::new(move || decode_images(&queue, &for_decoder)))?,
         ];
-        Ok(Self { port, path: path.to_owned(), board, books, stop, threads, clock })
+        Ok(Self { port, path: path.to_owned(), board, queue: books, stop, threads, clock })
     }
 
     /// Copies every byte that crosses the link from now on to `tap`.
-    pub fn tap(&self, tap: Tap) {
-        lock(&self.books).tap = Some(tap);
+    pub fn tap(&self, tap: LinkTap) {
+        lock(&self.queue).tap = Some(tap);
     }
 
     /// Returns the board's identity, as it reported it.
-    pub fn board(&self) -> Board {
+    pub fn board(&self) -> BoardIdentity {
         self.board
     }
 
     /// Requests one image of every camera.
-    pub fn request_capture(&self) -> Result<(), LinkError> {
-        let wire = frame::encode(&Message::Capture);
-        if let Some(tap) = &lock(&self.books).tap {
-            tap.packet(Direction::Sent, &wire);
+    pub fn request_capture(&self) -> Result<(), TactileLinkError> {
+        let wire = frame::encode(&LinkMessage::Capture);
+        if let Some(tap) = &lock(&self.queue).tap {
+            tap.copy_packet(Direction::Sent, &wire);
         }
-        self.port.write_all(&wire).map_err(|source| LinkError::Port { port: self.path.clone(), source })
+        self.port.write_all(&wire).map_err(|source| TactileLinkError::Port { port: self.path.clone(), source })
     }
 
     /// Returns the images finished since the last call.
-    pub fn take(&self) -> Vec<TactileFrame> {
-        std::mem::take(&mut lock(&self.books).ready)
+    pub fn take_images(&self) -> Vec<TactileFrame> {
+        std::mem::take(&mut lock(&self.queue).ready)
     }
 
     /// Returns the counters of every camera.
-    pub fn cameras(&self) -> Vec<CameraCounters> {
-        lock(&self.books).cameras.clone()
+    pub fn camera_counters(&self) -> Vec<CameraCounters> {
+        lock(&self.queue).cameras.clone()
     }
 
     /// Returns the counters of the line.
-    pub fn line(&self) -> LineCounters {
-        lock(&self.books).line
+    pub fn line_counters(&self) -> LineCounters {
+        lock(&self.queue).line
     }
 
     /// Returns the uncertainty of capture times, s; `None` before the board's first answer.
     pub fn clock_uncertainty(&self) -> Option<f64> {
-        lock(&self.books).clock.uncertainty()
+        lock(&self.queue).clock.uncertainty()
     }
 
     /// Returns the reason why the port stopped working, if it did.
-    pub fn lost_port(&self) -> Option<String> {
-        lock(&self.books).lost_port.clone()
+    pub fn port_error(&self) -> Option<String> {
+        lock(&self.queue).port_error.clone()
     }
 
     /// Returns the present time on the clock of capture times, s.
@@ -194,29 +196,29 @@ impl Drop for TactileLink {
     }
 }
 
-fn greet(port: &SerialPort, path: &Path, expected: usize) -> Result<Board, LinkError> {
-    let failed = |source| LinkError::Port { port: path.to_owned(), source };
+fn greet(port: &SerialPort, path: &Path, expected: usize) -> Result<BoardIdentity, TactileLinkError> {
+    let failed = |source| TactileLinkError::Port { port: path.to_owned(), source };
     // A leading delimiter ends an unfinished frame of an earlier host.
-    let hello = [vec![frame::DELIMITER], frame::encode(&Message::Hello)].concat();
+    let hello = [vec![frame::DELIMITER], frame::encode(&LinkMessage::Hello)].concat();
     port.write_all(&hello).map_err(failed)?;
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + HELLO_TIMEOUT;
     let mut deframer = Deframer::default();
     let mut buffer = [0; 4096];
     while Instant::now() < deadline {
         let Some(count) = read_some(port, &mut buffer).map_err(failed)? else { continue };
         for message in deframer.push(&buffer[..count]).into_iter().flatten() {
-            if let Message::Welcome { version, serial, cameras } = message {
+            if let LinkMessage::Welcome { version, serial, cameras } = message {
                 if version != VERSION {
-                    return Err(LinkError::Version { port: path.to_owned(), found: version });
+                    return Err(TactileLinkError::Version { port: path.to_owned(), found: version });
                 }
                 if usize::from(cameras) != expected {
-                    return Err(LinkError::Cameras { port: path.to_owned(), found: cameras, expected });
+                    return Err(TactileLinkError::Cameras { port: path.to_owned(), found: cameras, expected });
                 }
-                return Ok(Board { serial, cameras });
+                return Ok(BoardIdentity { serial, cameras });
             }
         }
     }
-    Err(LinkError::Silent { port: path.to_owned() })
+    Err(TactileLinkError::Silent { port: path.to_owned() })
 }
 
 /// Reads the bytes that come within the port's time-out, if any.
@@ -231,15 +233,15 @@ fn read_some(port: &SerialPort, buffer: &mut [u8]) -> std::io::Result<Option<usi
 
 struct Reader {
     port: SerialPort,
-    books: Arc<Mutex<Books>>,
-    images: SyncSender<(Image, f64)>,
+    queue: Arc<Mutex<ImageQueue>>,
+    images: SyncSender<(LinkImage, f64)>,
     clock: Clock,
 }
 
 impl Reader {
     fn run(self, stop: &AtomicBool) {
         if let Err(error) = self.read_until(stop) {
-            lock(&self.books).lost_port = Some(error.to_string());
+            lock(&self.queue).port_error = Some(error.to_string());
         }
     }
 
@@ -250,14 +252,14 @@ impl Reader {
         while !stop.load(Ordering::Relaxed) {
             if Instant::now() >= next_question {
                 next_question = Instant::now() + CLOCK_PERIOD;
-                self.port.write_all(&frame::encode(&Message::WhatTime { host_us: self.now_us() }))?;
+                self.port.write_all(&frame::encode(&LinkMessage::WhatTime { host_us: self.now_us() }))?;
             }
             let Some(count) = read_some(&self.port, &mut buffer)? else { continue };
-            if let Some(tap) = &lock(&self.books).tap {
-                tap.packet(Direction::Received, &buffer[..count]);
+            if let Some(tap) = &lock(&self.queue).tap {
+                tap.copy_packet(Direction::Received, &buffer[..count]);
             }
             for message in deframer.push(&buffer[..count]) {
-                self.take_in(message);
+                self.handle_message(message);
             }
         }
         Ok(())
@@ -267,27 +269,27 @@ impl Reader {
         (self.clock.now() * 1e6) as u64
     }
 
-    fn take_in(&self, message: Result<Message, frame::FrameError>) {
-        let mut books = lock(&self.books);
+    fn handle_message(&self, message: Result<LinkMessage, frame::FrameError>) {
+        let mut books = lock(&self.queue);
         let Ok(message) = message else {
             books.line.damaged += 1;
             return;
         };
         books.line.frames += 1;
         match message {
-            Message::Time { host_us, board_us } => {
-                books.clock.note(host_us as f64 * 1e-6, self.now_us() as f64 * 1e-6, board_us as f64 * 1e-6);
+            LinkMessage::Time { host_us, board_us } => {
+                books.clock.add_sample(host_us as f64 * 1e-6, self.now_us() as f64 * 1e-6, board_us as f64 * 1e-6);
             }
-            Message::CameraFault { camera, .. } => match books.cameras.get_mut(usize::from(camera)) {
+            LinkMessage::CameraFault { camera, .. } => match books.cameras.get_mut(usize::from(camera)) {
                 Some(camera) => camera.faults += 1,
-                None => books.line.strangers += 1,
+                None => books.line.unknown_cameras += 1,
             },
-            Message::Image(image) => {
+            LinkMessage::Image(image) => {
                 // Images are requested only after the first clock exchange.
                 let captured = books.clock.host_time(image.captured_us as f64 * 1e-6);
                 let camera = usize::from(image.camera);
                 let (Some(captured), true) = (captured, camera < books.cameras.len()) else {
-                    books.line.strangers += 1;
+                    books.line.unknown_cameras += 1;
                     return;
                 };
                 books.cameras[camera].note_arrival(image.sequence, frame::digest(&image.data));
@@ -295,12 +297,12 @@ impl Reader {
                     books.cameras[camera].overrun += 1;
                 }
             }
-            Message::Hello | Message::Welcome { .. } | Message::WhatTime { .. } | Message::Capture => {}
+            LinkMessage::Hello | LinkMessage::Welcome { .. } | LinkMessage::WhatTime { .. } | LinkMessage::Capture => {}
         }
     }
 }
 
-fn decode_images(queue: &Receiver<(Image, f64)>, books: &Mutex<Books>) {
+fn decode_images(queue: &Receiver<(LinkImage, f64)>, books: &Mutex<ImageQueue>) {
     // Ends when the reader, which holds the other end, does.
     while let Ok((image, captured)) = queue.recv() {
         let camera = usize::from(image.camera);
@@ -308,7 +310,7 @@ fn decode_images(queue: &Receiver<(Image, f64)>, books: &Mutex<Books>) {
         let mut books = lock(books);
         match decoded {
             Ok(pixels) => {
-                books.cameras[camera].note_good(captured);
+                books.cameras[camera].note_decoded(captured);
                 let sequence = u64::from(image.sequence);
                 books.ready.push(TactileFrame { camera, time: captured, sequence, image: Arc::new(pixels) });
             }

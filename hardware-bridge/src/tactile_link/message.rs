@@ -1,7 +1,7 @@
 //! Messages between host and camera board.
 //!
 //! The host asks and the board answers; the board never speaks first. `Hello` opens a session and is answered with
-//! `Welcome`. `WhatTime` is answered at once with `Time`. `Capture` is answered with one `Image` of every camera, in
+//! `Welcome`. `WhatTime` is answered at once with `Time`. `CaptureFailed` is answered with one `LinkImage` of every camera, in
 //! camera order, each as soon as it has been read out, or with `CameraFault` instead.
 //!
 //! postcard writes an enum as its variant's number (in the order below) followed by the fields, integers above 8 bits
@@ -14,7 +14,7 @@ pub const VERSION: u16 = 1;
 
 /// Encoding of an image's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Encoding {
+pub enum PixelEncoding {
     /// A baseline JPEG, from SOI to EOI.
     Jpeg,
     /// Two bytes per pixel, high byte first: RRRRRGGG GGGBBBBB.
@@ -23,7 +23,7 @@ pub enum Encoding {
 
 /// One image as it was taken.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Image {
+pub struct LinkImage {
     /// Index of the camera, 0 to 17, in the hand model's order.
     pub camera: u8,
     /// Sequence number of this camera's image; it increases with each image taken, sent or not.
@@ -35,7 +35,7 @@ pub struct Image {
     /// Rows.
     pub height: u16,
     /// Encoding of `data`.
-    pub encoding: Encoding,
+    pub encoding: PixelEncoding,
     /// Encoded pixels.
     pub data: Vec<u8>,
 }
@@ -53,7 +53,7 @@ pub enum CameraFault {
 
 /// One message. The numbers of the variants are part of the protocol.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Message {
+pub enum LinkMessage {
     /// 0, host: opens a session.
     Hello,
     /// 1, board: protocol version, serial number, number of cameras.
@@ -80,7 +80,7 @@ pub enum Message {
     /// 4, host: asks for one image of every camera.
     Capture,
     /// 5, board: an image.
-    Image(Image),
+    Image(LinkImage),
     /// 6, board: no image of this camera.
     CameraFault {
         /// Index of the camera.

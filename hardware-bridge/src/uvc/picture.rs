@@ -46,9 +46,9 @@ pub struct Picture {
 }
 
 /// Marker for a webcam's JPEG that leaves out its Huffman tables: with it, decoders use the standard tables.
-const AVI1: [u8; 18] = *b"\xFF\xE0\x00\x10AVI1\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00";
+const AVI1_MARKER: [u8; 18] = *b"\xFF\xE0\x00\x10AVI1\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00";
 /// Marker that begins a Huffman table.
-const HUFFMAN: [u8; 2] = [0xFF, 0xC4];
+const HUFFMAN_MARKER: [u8; 2] = [0xFF, 0xC4];
 
 impl Picture {
     /// Decodes a frame of a motion-JPEG stream, which must have this `size`.
@@ -59,8 +59,8 @@ impl Picture {
         let Some(rest) = data.strip_prefix(&[0xFF, 0xD8]) else {
             return Err(PictureError::Jpeg("no start marker FF D8".to_owned()));
         };
-        let complete = rest.windows(2).any(|pair| pair == HUFFMAN);
-        let data = if complete { data.to_vec() } else { [&[0xFF, 0xD8], &AVI1[..], rest].concat() };
+        let complete = rest.windows(2).any(|pair| pair == HUFFMAN_MARKER);
+        let data = if complete { data.to_vec() } else { [&[0xFF, 0xD8], &AVI1_MARKER[..], rest].concat() };
         let failed = |error: image::ImageError| PictureError::Jpeg(error.to_string());
         let decoder = JpegDecoder::new(std::io::Cursor::new(data)).map_err(failed)?;
         let found = decoder.dimensions();

@@ -99,10 +99,10 @@ fn only_balls_have_any_size() {
 /// A size sweep is cyclic. A scaled object has the requested size and the corresponding mass.
 #[test]
 fn sizes_go_round() {
-    let sweep = SizeSweep { object: Which::First, diameters: vec![0.04, 0.05] };
+    let sweep = SizeSweep { object: TargetObject::First, diameters: vec![0.04, 0.05] };
     assert_eq!([0, 1, 2].map(|trial| sweep.diameter(trial)), [0.04, 0.05, 0.04]);
-    let wrong = WrongSize { object: Which::Second, factor: 1.2 };
-    let sizes = Disturbances { wrong_size: Some(wrong), ..Disturbances::default() }.sizes();
+    let wrong = WrongSize { object: TargetObject::Second, factor: 1.2 };
+    let sizes = Disturbances { wrong_size: Some(wrong), ..Disturbances::default() }.size_factors();
     assert_eq!(sizes, [1.0, 1.2, 1.0]);
     let set = ObjectSet::standard();
     for object in set.iter() {

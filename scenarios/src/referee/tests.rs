@@ -1,12 +1,12 @@
 use super::*;
 
 const RULES: RefereeRules = RefereeRules { palm_distance: 0.15, slip: 0.05, knock_distance: 0.01 };
-const LIMITS: Limits = Limits { hold: 3.0, trial: 120.0 };
+const LIMITS: RefereeLimits = RefereeLimits { hold: 3.0, trial: 120.0 };
 const TICK: f64 = 1.0 / 240.0;
 
-/// Returns the scene of a perfect trial of `objects` objects in `phase`.
+/// Returns the scene of a perfect trial of `object_names` objects in `phase`.
 fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
-    let palm = Isometry3::translation(0.5, 0.0, if phase.lifts(0) { 0.3 } else { 0.1 });
+    let palm = Isometry3::translation(0.5, 0.0, if phase.has_begun_lift(0) { 0.3 } else { 0.1 });
     let in_palm = |up: bool, y: f64| {
         if up { palm * Isometry3::translation(0.0, y, -0.05) } else { Isometry3::translation(0.5, y, 0.02) }
     };
@@ -15,12 +15,12 @@ fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
         phase,
         objects: (0..objects)
             .map(|object| {
-                let up = phase.lifts(object);
+                let up = phase.has_begun_lift(object);
                 ObjectTruth {
-                    free_digits: 2 * usize::from(object > 0 && phase.closes(object)),
-                    hand_contacts: 3 * usize::from(phase.closes(object)),
+                    free_digits: 2 * usize::from(object > 0 && phase.has_begun_grasp(object)),
+                    hand_contacts: 3 * usize::from(phase.has_begun_grasp(object)),
                     on_table: !up,
-                    ..ObjectTruth::standing(in_palm(up, [0.04, -0.06, 0.09][object]))
+                    ..ObjectTruth::resting_on_table(in_palm(up, [0.04, -0.06, 0.09][object]))
                 }
             })
             .collect(),
@@ -31,7 +31,7 @@ fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
 /// Returns the phases of a trial that begins with putting an object down and stepping aside to look.
 fn phases() -> Vec<Phase> {
     let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Phase::run(skill, 0));
-    aside.into_iter().chain(Phase::of_trial(2)).collect()
+    aside.into_iter().chain(Phase::trial_phases(2)).collect()
 }
 
 /// Duration of each phase, s.
@@ -45,7 +45,7 @@ fn run(change: impl Fn(&mut SceneTruth)) -> Verdict {
         for _ in 0..(PHASE_TIME / TICK).round() as usize {
             let mut truth = perfect(2, phase, time);
             change(&mut truth);
-            referee.see(&truth);
+            referee.observe(&truth);
             time += TICK;
         }
     }
@@ -60,7 +60,7 @@ fn cause(change: impl Fn(&mut SceneTruth)) -> Option<FailureCause> {
 
 /// True from the approach to the second object on.
 fn approached(truth: &SceneTruth) -> bool {
-    truth.phase.begins(1) && truth.phase.skill != Skill::Palpate
+    truth.phase.has_begun(1) && truth.phase.skill != Skill::Palpate
 }
 
 /// Sets whether the first object touches the second.
@@ -83,7 +83,7 @@ fn a_perfect_trial_succeeds_without_contact() {
 fn touch_by_the_held_object_is_a_contact_until_the_grasp_has_closed() {
     for phase in phases() {
         let verdict = run(|truth| press(truth, truth.phase == phase));
-        assert_eq!(verdict.contact, phase.lifts(0) && !phase.lifts(1), "{phase}");
+        assert_eq!(verdict.contact, phase.has_begun_lift(0) && !phase.has_begun_lift(1), "{phase}");
         assert!(verdict.success);
     }
     let verdict = run(|truth| press(truth, approached(truth)));
@@ -133,11 +133,11 @@ fn loose_objects_and_objects_in_the_hand_may_touch_each_other() {
 #[test]
 fn the_time_limit_is_judged() {
     let late = |limit: f64| {
-        let mut referee = Referee::new(RULES, Limits { trial: limit, ..LIMITS });
+        let mut referee = Referee::new(RULES, RefereeLimits { trial: limit, ..LIMITS });
         let mut time = 0.0;
         for phase in phases() {
             for _ in 0..(PHASE_TIME / TICK).round() as usize {
-                referee.see(&perfect(2, phase, time));
+                referee.observe(&perfect(2, phase, time));
                 time += TICK;
             }
         }
@@ -152,16 +152,16 @@ fn tries_are_told_apart() {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
     let again = [Phase::run(Skill::Approach, 1), Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1)];
-    for (n, phase) in phases().into_iter().filter(|phase| !phase.carries()).chain(again).enumerate() {
+    for (n, phase) in phases().into_iter().filter(|phase| !phase.has_begun_carry()).chain(again).enumerate() {
         for step in 0..240 {
             let mut truth = perfect(2, phase, time);
             if n > 20 && phase == Phase::run(Skill::Approach, 1) {
                 truth.objects[1].holding_digits_touch = true;
                 let force = f64::from(step);
                 truth.objects[1].pressed_by =
-                    vec![Touch { by: Toucher::Link(13), holding: true, point: Point3::origin(), force }];
+                    vec![TouchEvent { by: ContactingBody::Link(13), holding: true, point: Point3::origin(), force }];
             }
-            referee.see(&truth);
+            referee.observe(&truth);
             time += TICK;
         }
     }
@@ -174,14 +174,14 @@ fn tries_are_told_apart() {
     let contact = tries[2].contact.unwrap();
     assert_eq!(
         (contact.by, contact.force, contact.phase),
-        (Some(Toucher::Link(13)), 239.0, Phase::run(Skill::Approach, 1))
+        (Some(ContactingBody::Link(13)), 239.0, Phase::run(Skill::Approach, 1))
     );
 }
 
 #[test]
 fn a_blow_too_short_to_be_seen_is_a_contact() {
     let push = |truth: &mut SceneTruth, by: f64| {
-        if approached(truth) && !truth.phase.lifts(1) {
+        if approached(truth) && !truth.phase.has_begun_lift(1) {
             truth.objects[1].world_from_object.translation.x += by;
         }
     };
@@ -196,7 +196,7 @@ fn a_blow_too_short_to_be_seen_is_a_contact() {
 
 /// True from the hold on.
 fn holds(phase: Phase) -> bool {
-    phase.carries() && phase.skill != Skill::Carry
+    phase.has_begun_carry() && phase.skill != Skill::Carry
 }
 
 #[test]
@@ -208,12 +208,12 @@ fn failures_are_told_apart() {
             }
         })
     };
-    assert_eq!(drop(0, |phase| phase.closes(0)), Some(FailureCause::FirstNotPicked));
-    assert_eq!(drop(0, Phase::carries), Some(FailureCause::FirstDropped));
-    assert_eq!(drop(1, |phase| phase.closes(1)), Some(FailureCause::SecondNotPicked));
+    assert_eq!(drop(0, |phase| phase.has_begun_grasp(0)), Some(FailureCause::FirstNotPicked));
+    assert_eq!(drop(0, Phase::has_begun_carry), Some(FailureCause::FirstDropped));
+    assert_eq!(drop(1, |phase| phase.has_begun_grasp(1)), Some(FailureCause::SecondNotPicked));
     assert_eq!(drop(1, holds), Some(FailureCause::SecondDropped));
     let both = cause(|truth| {
-        if truth.phase.carries() {
+        if truth.phase.has_begun_carry() {
             fall(truth, 0);
             fall(truth, 1);
         }
@@ -223,10 +223,10 @@ fn failures_are_told_apart() {
 
 #[test]
 fn an_object_lost_while_it_is_lifted_was_not_picked() {
-    let before = phases().iter().position(|phase| phase.lifts(1)).expect("a lift");
+    let before = phases().iter().position(|phase| phase.has_begun_lift(1)).expect("a lift");
     let middle = PHASE_TIME * (before as f64 + 0.5);
     let late = cause(|truth| {
-        if truth.phase.has_lifted(1) || (truth.phase.lifts(1) && truth.time > middle) {
+        if truth.phase.has_lifted(1) || (truth.phase.has_begun_lift(1) && truth.time > middle) {
             fall(truth, 1);
         }
     });
@@ -256,13 +256,13 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
     let mut time = 0.0;
     for phase in phases() {
         for _ in 0..240 {
-            referee.see(&perfect(2, phase, time));
+            referee.observe(&perfect(2, phase, time));
             time += TICK;
         }
     }
     assert_eq!(referee.verdict().cause, Some(FailureCause::NotFinished));
     let mut early = Referee::new(RULES, LIMITS);
-    early.see(&perfect(2, Phase::run(Skill::Approach, 0), 0.0));
+    early.observe(&perfect(2, Phase::run(Skill::Approach, 0), 0.0));
     early.give_up(FailureCause::Unreachable);
     early.give_up(FailureCause::RobotFault);
     assert_eq!(early.verdict().cause, Some(FailureCause::Unreachable));
@@ -282,7 +282,7 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
             if slips && phase == Phase::run(Skill::Carry, 0) && step > 480 {
                 truth.objects[1].world_from_object.translation.y -= 0.06;
             }
-            referee.see(&truth);
+            referee.observe(&truth);
             time += TICK;
         }
         if slips && phase == Phase::run(Skill::Carry, 0) {
@@ -292,15 +292,15 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     assert_eq!(referee.verdict().cause, None);
 }
 
-/// Runs a trial of `objects` objects, all phases in turn, with the scene altered by `change`.
+/// Runs a trial of `object_names` objects, all phases in turn, with the scene altered by `change`.
 fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize) {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
-    for phase in Phase::of_trial(objects) {
+    for phase in Phase::trial_phases(objects) {
         for _ in 0..(3.1 / TICK).round() as usize {
             let mut truth = perfect(objects, phase, time);
             change(&mut truth);
-            referee.see(&truth);
+            referee.observe(&truth);
             time += TICK;
         }
     }
@@ -313,14 +313,14 @@ fn a_list_of_one_or_three_is_judged_object_by_object() {
     for objects in [1, 3] {
         let (verdict, tries) = run_list(objects, |_| ());
         assert!(verdict.success && !verdict.contact && tries == objects, "{objects}: {verdict:?}");
-        for (object, causes) in OF_OBJECT.iter().enumerate().take(objects) {
+        for (object, causes) in CAUSES_BY_OBJECT.iter().enumerate().take(objects) {
             let dropped = run_list(objects, |truth| {
-                if truth.phase.carries() {
+                if truth.phase.has_begun_carry() {
                     fall(truth, object);
                 }
             });
             let never = run_list(objects, |truth| {
-                if truth.phase.closes(object) {
+                if truth.phase.has_begun_grasp(object) {
                     fall(truth, object);
                 }
             });
@@ -328,7 +328,7 @@ fn a_list_of_one_or_three_is_judged_object_by_object() {
         }
     }
     let (lost, _) = run_list(3, |truth| {
-        if truth.phase.carries() {
+        if truth.phase.has_begun_carry() {
             fall(truth, 0);
             fall(truth, 2);
         }
@@ -353,7 +353,7 @@ fn each_held_object_must_keep_off_the_next() {
     assert_eq!(digit.first_contact.map(|contact| contact.with), Some(ContactWith::HoldingDigits));
     // The second object lies on the table until its turn and may touch the third there.
     let (lying, _) = run_list(3, |truth| {
-        if !truth.phase.lifts(1) {
+        if !truth.phase.has_begun_lift(1) {
             truth.objects[2].touching_objects = vec![1];
         }
     });

@@ -5,13 +5,13 @@ use std::path::Path;
 use ftac_platform::data::DataError;
 
 use super::definition::{Scenario, VERSION};
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 use world::objects::ObjectSet;
 
 /// Greatest number of names in a list.
-const MOST_NAMES: usize = 1000;
+const MAX_NAMES: usize = 1000;
 /// Greatest number of combinations.
-const MOST_COMBINATIONS: usize = 1_000_000;
+const MAX_COMBINATIONS: usize = 1_000_000;
 
 impl Scenario {
     /// Checks that `set` contains every object named and that the objects stand clear of each other; `path` is named in
@@ -29,13 +29,13 @@ impl Scenario {
             Ok::<_, DataError>(widest)
         };
         let reaches =
-            self.lists().into_iter().map(|(field, names)| reach(field, names)).collect::<Result<Vec<_>, _>>()?;
+            self.object_lists().into_iter().map(|(field, names)| reach(field, names)).collect::<Result<Vec<_>, _>>()?;
         self.check_sweep(set, path)?;
         let places = self.layout.places();
         let standing: Vec<_> = reaches.iter().zip(&places).collect();
         for (n, (one, here)) in standing.iter().enumerate() {
             for (other, there) in &standing[..n] {
-                let (needed, apart) = (*one + *other, self.layout.least_distance(here, there));
+                let (needed, apart) = (*one + *other, self.layout.min_distance(here, there));
                 if apart < needed {
                     let found = format!("places that may be {apart:.3} m apart");
                     let expected = format!("at least {needed:.3} m for the largest objects");
@@ -49,8 +49,9 @@ impl Scenario {
     /// Checks that a size sweep applies to balls only: no other shape can have any diameter.
     fn check_sweep(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
         let Some(sweep) = &self.disturbance.size_sweep else { return Ok(()) };
-        let Some((field, names)) = self.lists().into_iter().nth(sweep.object.index()) else { return Ok(()) };
-        let ball = |name: &&String| set.get(name).is_some_and(|object| matches!(object.shape, Shape::Sphere { .. }));
+        let Some((field, names)) = self.object_lists().into_iter().nth(sweep.object.index()) else { return Ok(()) };
+        let ball =
+            |name: &&String| set.get(name).is_some_and(|object| matches!(object.shape, ObjectShape::Sphere { .. }));
         match names.iter().find(|name| !ball(name)) {
             None => Ok(()),
             Some(name) => {
@@ -77,31 +78,31 @@ impl Scenario {
         if !self.third.is_empty() && self.layout.third.is_none() {
             return Err(DataError::field(path, "layout.third", "none", "the place of the third object"));
         }
-        let objects = self.lists().len();
+        let objects = self.object_lists().len();
         if let Some((field, index)) = self.disturbance.objects().into_iter().find(|(_, index)| *index >= objects) {
             let found = ["first", "second"][index];
             let expected = format!("an object of the trial, which has {objects}");
             return Err(DataError::field(path, format!("disturbance.{field}"), found, expected));
         }
-        for (field, names) in self.lists() {
+        for (field, names) in self.object_lists() {
             if names.is_empty() {
                 return Err(DataError::field(path, field, "no object", "at least one"));
             }
-            if names.len() > MOST_NAMES {
+            if names.len() > MAX_NAMES {
                 return Err(DataError::field(
                     path,
                     field,
                     format!("{} names", names.len()),
-                    format!("at most {MOST_NAMES}"),
+                    format!("at most {MAX_NAMES}"),
                 ));
             }
             if let Some(n) = (1..names.len()).find(|&n| names[..n].contains(&names[n])) {
                 return Err(DataError::field(path, field, format!("{:?} twice", names[n]), "every name once"));
             }
         }
-        if self.combinations() > MOST_COMBINATIONS {
-            let found = format!("{} combinations", self.combinations());
-            return Err(DataError::field(path, "first, second, third", found, format!("at most {MOST_COMBINATIONS}")));
+        if self.combination_count() > MAX_COMBINATIONS {
+            let found = format!("{} combinations", self.combination_count());
+            return Err(DataError::field(path, "first, second, third", found, format!("at most {MAX_COMBINATIONS}")));
         }
         self.check_numbers(path)?;
         self.layout.check(path)?;

@@ -18,7 +18,7 @@ pub const VERSION: u32 = 1;
 /// Heights, distances and times of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Protocol {
+pub struct TrialProtocol {
     /// Height by which an object is lifted, m.
     pub lift_height: f64,
     /// Distance over which the held objects are carried, m.
@@ -32,7 +32,7 @@ pub struct Protocol {
 /// Start pose of the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Start {
+pub struct StartPose {
     /// Position of the palm in the world frame, m. The palm points away from the arm, level unless the robot's file
     /// pitches it.
     pub palm: [f64; 3],
@@ -61,9 +61,9 @@ pub struct Scenario {
     /// Standard deviations of execution and perception errors.
     pub noise: NoiseLevels,
     /// Start pose of the hand.
-    pub start: Start,
+    pub start: StartPose,
     /// Heights, distances and times.
-    pub protocol: Protocol,
+    pub protocol: TrialProtocol,
     /// Thresholds of the referee.
     pub referee: RefereeRules,
     /// Effects of a real robot and table that an ideal one does not have.
@@ -103,7 +103,7 @@ impl Scenario {
 
     /// Returns the lists of objects with their field names, in picking order: one to three, of which a combination
     /// takes one name each.
-    pub fn lists(&self) -> Vec<(&'static str, &[String])> {
+    pub fn object_lists(&self) -> Vec<(&'static str, &[String])> {
         let all = [("first", &self.first[..]), ("second", &self.second[..]), ("third", &self.third[..])];
         all.into_iter()
             .enumerate()
@@ -113,20 +113,20 @@ impl Scenario {
     }
 
     /// Returns the names of all objects of all lists, each once, in alphabetical order.
-    pub fn objects(&self) -> Vec<String> {
+    pub fn object_names(&self) -> Vec<String> {
         let names: std::collections::BTreeSet<&String> =
-            self.lists().into_iter().flat_map(|(_, names)| names).collect();
+            self.object_lists().into_iter().flat_map(|(_, names)| names).collect();
         names.into_iter().cloned().collect()
     }
 
     /// True if the scenario has neither noise nor effects: an ideal robot at an ideal table, with nothing drawn at
     /// random.
-    pub fn is_exact(&self) -> bool {
+    pub fn is_ideal(&self) -> bool {
         self.noise == self.noise.scaled(0.0) && self.effects == Effects::default()
     }
 
     /// Returns the number of different combinations.
-    pub fn combinations(&self) -> usize {
-        self.lists().into_iter().map(|(_, names)| names.len()).product()
+    pub fn combination_count(&self) -> usize {
+        self.object_lists().into_iter().map(|(_, names)| names.len()).product()
     }
 }

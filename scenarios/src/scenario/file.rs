@@ -6,11 +6,11 @@
 use std::path::{Path, PathBuf};
 
 use ftac_platform::data::{DataError, parse_toml, read_text};
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::definition::{Protocol, Scenario, Start};
+use super::definition::{Scenario, StartPose, TrialProtocol};
 use crate::disturbance::Disturbances;
 use crate::effects::{Effect, Effects};
 use crate::noise::NoiseLevels;
@@ -19,12 +19,12 @@ use world::layout::Layout;
 use world::objects::{ObjectFile, ObjectSet};
 
 /// Text of the built-in benchmark, which is also its documentation.
-pub const BENCHMARK: &str = include_str!("../../data/benchmark.toml");
+pub const BENCHMARK_TOML: &str = include_str!("../../data/benchmark.toml");
 
 /// Base scenarios that a file can extend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Base {
+enum BaseScenario {
     Benchmark,
 }
 
@@ -36,7 +36,7 @@ struct ScenarioFile {
     name: String,
     /// Base scenario; already merged in.
     #[serde(rename = "extends")]
-    _extends: Option<Base>,
+    _extends: Option<BaseScenario>,
     /// Paths of files with the user's own objects, relative to this file.
     #[serde(default)]
     objects: Vec<PathBuf>,
@@ -50,8 +50,8 @@ struct ScenarioFile {
     third: Vec<String>,
     layout: Option<Layout>,
     noise: Option<NoiseLevels>,
-    start: Option<Start>,
-    protocol: Option<Protocol>,
+    start: Option<StartPose>,
+    protocol: Option<TrialProtocol>,
     referee: Option<RefereeRules>,
     /// Effects; all off if the file omits them.
     effects: Option<Effects>,
@@ -65,7 +65,7 @@ struct ScenarioFile {
 }
 
 /// Fields inherited from the benchmark. Of a table, the extending file may state some fields only, at any depth.
-const INHERITED: [&str; 8] = ["first", "second", "layout", "noise", "start", "protocol", "referee", "effects"];
+const INHERITED_FIELDS: [&str; 8] = ["first", "second", "layout", "noise", "start", "protocol", "referee", "effects"];
 
 /// Adds to `own` the fields that only `base` has.
 fn merge(own: &mut Table, base: &Table) {
@@ -87,8 +87,8 @@ impl ScenarioFile {
         if !own.contains_key("extends") {
             return parse_toml(text, path);
         }
-        let mut base: Table = parse_toml(BENCHMARK, Path::new("benchmark.toml"))?;
-        base.retain(|key, _| INHERITED.contains(&key));
+        let mut base: Table = parse_toml(BENCHMARK_TOML, Path::new("benchmark.toml"))?;
+        base.retain(|key, _| INHERITED_FIELDS.contains(&key));
         merge(&mut own, &base);
         match own.try_into() {
             Ok(file) => Ok(file),
@@ -100,8 +100,8 @@ impl ScenarioFile {
         }
     }
 
-    /// Builds the scenario, with the object files that are within `reach`; `path` is named in errors.
-    fn complete(mut self, path: &Path, reach: Reach) -> Result<Scenario, DataError> {
+    /// Builds the scenario, with the object files that are within `file_access`; `path` is named in errors.
+    fn into_scenario(mut self, path: &Path, reach: FileAccess) -> Result<Scenario, DataError> {
         // Recordings from before scenarios had a start pose all began at that of the benchmark.
         let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
         for (n, file) in self.objects.iter().enumerate() {
@@ -115,7 +115,7 @@ impl ScenarioFile {
             let own = |name: &String| self.object.iter().any(|object| object.name == *name);
             given.into_iter().map(|name| if own(&name) { name } else { built_in_name(name) }).collect()
         };
-        let first = names(given("first", self.first, path)?);
+        let first = names(required("first", self.first, path)?);
         let [second, third] = [self.second, self.third].map(names);
         Ok(Scenario {
             version: self.version,
@@ -124,11 +124,11 @@ impl ScenarioFile {
             first,
             second,
             third,
-            layout: given("layout", self.layout, path)?,
-            noise: given("noise", self.noise, path)?,
+            layout: required("layout", self.layout, path)?,
+            noise: required("noise", self.noise, path)?,
             start,
-            protocol: given("protocol", self.protocol, path)?,
-            referee: given("referee", self.referee, path)?,
+            protocol: required("protocol", self.protocol, path)?,
+            referee: required("referee", self.referee, path)?,
             effects: self
                 .without
                 .iter()
@@ -151,10 +151,10 @@ fn built_in_name(name: String) -> String {
 }
 
 fn built_in() -> Result<Scenario, DataError> {
-    Scenario::parse(BENCHMARK, Path::new("benchmark.toml"))
+    Scenario::parse(BENCHMARK_TOML, Path::new("benchmark.toml"))
 }
 
-fn given<T>(field: &str, value: Option<T>, path: &Path) -> Result<T, DataError> {
+fn required<T>(field: &str, value: Option<T>, path: &Path) -> Result<T, DataError> {
     value.ok_or_else(|| {
         let expected = format!("a value, or extends = \"benchmark\" to take the benchmark's {field}");
         DataError::field(path, field, "nothing", expected)
@@ -173,26 +173,26 @@ impl Scenario {
     /// Reads and checks the text of a scenario that refers to no other files, as sessions and results store it. `path`
     /// is named in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
-        Self::parse_within(text, path, Reach::Nothing)
+        Self::parse_within(text, path, FileAccess::Nothing)
     }
 
-    /// Like [`Self::parse`], for a text that may refer to object files within `reach`, relative to `path`.
-    pub fn parse_within(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
+    /// Like [`Self::parse`], for a text that may refer to object files within `file_access`, relative to `path`.
+    pub fn parse_within(text: &str, path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let file = ScenarioFile::parse(text, path)?;
-        let scenario = file.complete(path, reach)?;
+        let scenario = file.into_scenario(path, reach)?;
         scenario.check(path)?;
         Ok(scenario)
     }
 
     /// Reads and checks a scenario file. Its object files must be below its folder.
     pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse_within(&read_text(path)?, path, Reach::beside(path))
+        Self::parse_within(&read_text(path)?, path, FileAccess::in_folder_of(path))
     }
 
     /// Returns a text of the same scenario that needs no other file: `text` itself or, if it refers to object files, a
     /// text that contains these and their meshes. A run stores this text, so that it can be continued or replayed
     /// elsewhere.
-    pub fn self_contained(text: &str, path: &Path, reach: Reach) -> Result<String, DataError> {
+    pub fn self_contained(text: &str, path: &Path, reach: FileAccess) -> Result<String, DataError> {
         let scenario = Self::parse_within(text, path, reach)?;
         if scenario.object.is_empty() {
             return Ok(text.to_owned());

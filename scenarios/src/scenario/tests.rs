@@ -14,7 +14,7 @@ fn error(from: &str, to: &str) -> String {
 fn the_benchmark_is_sound() {
     let scenario = Scenario::benchmark();
     scenario.check_objects(&ObjectSet::standard(), Path::new("benchmark.toml")).unwrap();
-    assert!(scenario.combinations() >= 60);
+    assert!(scenario.combination_count() >= 60);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn the_table_lies_under_every_place_within_reach() {
 /// Robots drawn from one model differ in encoders and mount by as much as the arms of the benchmark's trials.
 #[test]
 fn individuals_and_trials_have_the_same_arms() {
-    use plant::spread::{Quantity, parameters};
+    use plant::prior::{Quantity, parameters};
     let arm = Scenario::benchmark().effects.arm.unwrap();
     let all = parameters(&hand_model::RobotModel::ftac_gen3());
     for (quantity, sigma) in [
@@ -95,7 +95,7 @@ fn individuals_and_trials_have_the_same_arms() {
         (Quantity::MountTurn, arm.mount_rotation_sigma),
     ] {
         let of_quantity = all.iter().filter(|parameter| parameter.quantity == quantity);
-        assert!(of_quantity.map(|parameter| parameter.spread.sigma).all(|found| found == sigma));
+        assert!(of_quantity.map(|parameter| parameter.prior.sigma).all(|found| found == sigma));
     }
 }
 
@@ -108,7 +108,7 @@ fn one_two_or_three_lists() {
     let error = |text: &str| parse(text).expect_err("refused").to_string();
     let counts = |text: &str| {
         let scenario = parse(text).expect("a scenario");
-        (scenario.lists().len(), scenario.combinations())
+        (scenario.object_lists().len(), scenario.combination_count())
     };
     let third = "third = [\"lemon\"]\nlayout = { third = { x = 0.62, y = 0.0, yaw = 0.0 }, spread_xy = 0.0 }";
     assert_eq!(counts("first = [\"egg\", \"gem\"]\nsecond = []"), (1, 2));

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use statistics::{Difference, Interval};
+use statistics::{ConfidenceInterval, PairedDifference};
 
 use super::rates::{combination_rates, pair_up};
 use crate::ablation::Ablation;
@@ -16,13 +16,13 @@ pub struct AblationSummary {
     /// Trials run.
     pub trials: usize,
     /// Mean success rate.
-    pub success: Interval,
+    pub success: ConfidenceInterval,
     /// Mean rate of clean success.
-    pub clean_success: Interval,
+    pub clean_success: ConfidenceInterval,
     /// Mean contact rate.
-    pub contact: Interval,
+    pub contact: ConfidenceInterval,
     /// Clean success rate less that of the unablated policy on the same combinations.
-    pub against_full: Interval,
+    pub against_full: ConfidenceInterval,
 }
 
 impl AblationSummary {
@@ -34,15 +34,17 @@ impl AblationSummary {
             let trials: Vec<TrialRecord> =
                 ablated.iter().filter(|trial| trial.ablation == ablation).map(|trial| trial.record.clone()).collect();
             let rates = combination_rates(&trials, Condition::Touch);
-            let mean =
-                |rate: &[f64]| Difference::of(&rate.iter().map(|rate| (*rate, 0.0)).collect::<Vec<_>>()).difference;
+            let mean = |rate: &[f64]| {
+                PairedDifference::from_pairs(&rate.iter().map(|rate| (*rate, 0.0)).collect::<Vec<_>>()).difference
+            };
             (!rates.is_empty()).then(|| Self {
                 ablation,
                 trials: trials.len(),
                 success: mean(&rates.iter().map(|rates| rates.success_rate).collect::<Vec<_>>()),
                 clean_success: mean(&rates.iter().map(|rates| rates.clean_success_rate).collect::<Vec<_>>()),
                 contact: mean(&rates.iter().map(|rates| rates.contact_rate).collect::<Vec<_>>()),
-                against_full: Difference::of(&pair_up(&rates, &full, |rates| rates.clean_success_rate)).difference,
+                against_full: PairedDifference::from_pairs(&pair_up(&rates, &full, |rates| rates.clean_success_rate))
+                    .difference,
             })
         };
         Ablation::ALL.into_iter().filter_map(of).collect()

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use statistics::{Difference, McNemar, MeanSd, Mixed, TTest, paired_t_test, percentile};
+use statistics::{McNemar, MeanSd, MixedEffects, PairedDifference, TTest, paired_t_test, percentile};
 
 use super::ablation::AblationSummary;
 use super::pairs::{paired_outcomes, risk_prediction};
@@ -60,7 +60,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 
 impl<T> PerCondition<T> {
     /// Returns the value of `condition`.
-    pub fn of(&self, condition: Condition) -> &T {
+    pub fn get(&self, condition: Condition) -> &T {
         match condition {
             Condition::Ideal => &self.ideal,
             Condition::Blind => &self.blind,
@@ -73,14 +73,14 @@ impl<T> PerCondition<T> {
 
 impl PerCondition<ConditionSummary> {
     /// Returns the conditions with at least one trial, in order. Nothing is reported of the others.
-    pub fn played(&self) -> Vec<Condition> {
-        Condition::ALL.into_iter().filter(|condition| self.of(*condition).trials > 0).collect()
+    pub fn conditions_with_trials(&self) -> Vec<Condition> {
+        Condition::ALL.into_iter().filter(|condition| self.get(*condition).trials > 0).collect()
     }
 }
 
 /// One-sided paired t-tests over combinations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Tests {
+pub struct SignificanceTests {
     /// Tests for more contacts in `blind` than in `ideal`.
     #[serde(rename = "collision")]
     pub contact: TTest,
@@ -94,31 +94,31 @@ pub struct Tests {
 
 /// Effect sizes of the comparisons, which the paper does not report.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Differences {
+pub struct EffectSizes {
     /// Contacts, `blind` less `ideal`, over combinations.
-    pub contact: Difference,
+    pub contact: PairedDifference,
     /// Success, `touch` less `blind`, over combinations.
-    pub success: Difference,
+    pub success: PairedDifference,
     /// Clean success, `touch` less `blind`, over combinations.
-    pub clean_success: Difference,
+    pub clean_success: PairedDifference,
     /// Clean success, `touch` less `reflex`, over combinations.
-    pub touch_over_reflex: Difference,
+    pub touch_over_reflex: PairedDifference,
     /// Success of `touch` against `blind`, trial by trial.
     pub mcnemar: McNemar,
     /// Mixed-model differences of paired trials within combinations.
     #[serde(default)]
-    pub mixed: MixedDifferences,
+    pub mixed: MixedEffectSizes,
 }
 
 /// Differences of outcomes, trial by trial, with the variance between combinations separated from that within them.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct MixedDifferences {
+pub struct MixedEffectSizes {
     /// Clean success, `touch` less `blind`.
-    pub clean_success: Mixed,
+    pub clean_success: MixedEffects,
     /// Clean success, `touch` less `reflex`.
-    pub touch_over_reflex: Mixed,
+    pub touch_over_reflex: MixedEffects,
     /// Unwanted contact, `blind` less `touch`.
-    pub contact: Mixed,
+    pub contact: MixedEffects,
 }
 
 /// Decision latency, ms.
@@ -179,10 +179,10 @@ pub struct Summary {
     /// Rates and failures of each condition.
     pub conditions: PerCondition<ConditionSummary>,
     /// One-sided t-tests, paired over combinations.
-    pub t_test: Tests,
+    pub t_test: SignificanceTests,
     /// Effect sizes with intervals, the exact test over trials, and the power with fewer combinations.
     #[serde(default)]
-    pub differences: Differences,
+    pub differences: EffectSizes,
     /// Ablations of the policy `touch`, if they were run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ablations: Vec<AblationSummary>,
@@ -241,24 +241,26 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             touch: summary(Condition::Touch, touch),
             own: summary(Condition::Own, own),
         },
-        t_test: Tests {
+        t_test: SignificanceTests {
             contact: paired_t_test(&pair_up(blind, ideal, contact)),
             success: paired_t_test(&pair_up(touch, blind, success)),
             clean_success: paired_t_test(&pair_up(touch, blind, clean)),
             touch_over_reflex: paired_t_test(&pair_up(touch, reflex, clean)),
         },
-        differences: Differences {
-            contact: Difference::of(&pair_up(blind, ideal, contact)),
-            success: Difference::of(&pair_up(touch, blind, success)),
-            clean_success: Difference::of(&pair_up(touch, blind, clean)),
-            touch_over_reflex: Difference::of(&pair_up(touch, reflex, clean)),
-            mcnemar: McNemar::of(paired(Condition::Touch, Condition::Blind, |record| record.success)),
-            mixed: MixedDifferences {
-                clean_success: Mixed::of(paired(Condition::Touch, Condition::Blind, |record| record.clean_success)),
-                touch_over_reflex: Mixed::of(paired(Condition::Touch, Condition::Reflex, |record| {
+        differences: EffectSizes {
+            contact: PairedDifference::from_pairs(&pair_up(blind, ideal, contact)),
+            success: PairedDifference::from_pairs(&pair_up(touch, blind, success)),
+            clean_success: PairedDifference::from_pairs(&pair_up(touch, blind, clean)),
+            touch_over_reflex: PairedDifference::from_pairs(&pair_up(touch, reflex, clean)),
+            mcnemar: McNemar::from_pairs(paired(Condition::Touch, Condition::Blind, |record| record.success)),
+            mixed: MixedEffectSizes {
+                clean_success: MixedEffects::from_pairs(paired(Condition::Touch, Condition::Blind, |record| {
                     record.clean_success
                 })),
-                contact: Mixed::of(paired(Condition::Blind, Condition::Touch, |record| record.contact)),
+                touch_over_reflex: MixedEffects::from_pairs(paired(Condition::Touch, Condition::Reflex, |record| {
+                    record.clean_success
+                })),
+                contact: MixedEffects::from_pairs(paired(Condition::Blind, Condition::Touch, |record| record.contact)),
             },
         },
         ablations: AblationSummary::all(records, ablated),
@@ -291,14 +293,14 @@ fn condition_summary(records: &[TrialRecord], condition: Condition, rates: &[Com
             *failures.entry(cause).or_default() += 1;
         }
     }
-    let over = |pick: fn(&CombinationRates) -> f64| MeanSd::of(&rates.iter().map(pick).collect::<Vec<f64>>());
+    let over = |pick: fn(&CombinationRates) -> f64| MeanSd::from_values(&rates.iter().map(pick).collect::<Vec<f64>>());
     ConditionSummary {
         trials,
         contact_rate: over(|rates| rates.contact_rate),
         collision_rate: over(|rates| rates.contact_rate),
         success_rate: over(|rates| rates.success_rate),
         clean_success_rate: over(|rates| rates.clean_success_rate),
-        risk_rate: MeanSd::of(&rates.iter().filter_map(|rates| rates.risk_rate).collect::<Vec<f64>>()),
+        risk_rate: MeanSd::from_values(&rates.iter().filter_map(|rates| rates.risk_rate).collect::<Vec<f64>>()),
         trial_s: over(|rates| rates.trial_s),
         switched,
         failures,

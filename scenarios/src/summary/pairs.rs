@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use statistics::Prediction;
+use statistics::PredictionQuality;
 
 use crate::record::{Condition, TrialRecord};
 
@@ -22,9 +22,9 @@ pub fn paired_outcomes(
 
 /// Evaluates the predicted risk of blind trials as a prediction of unwanted contact. Trials without a predicted risk
 /// are left out.
-pub fn risk_prediction(records: &[TrialRecord]) -> Option<Prediction> {
+pub fn risk_prediction(records: &[TrialRecord]) -> Option<PredictionQuality> {
     let blind = records.iter().filter(|record| record.condition == Condition::Blind);
-    Prediction::of(blind.filter_map(|record| Some((record.risk?, record.contact))).collect())
+    PredictionQuality::from_scored(blind.filter_map(|record| Some((record.risk?, record.contact))).collect())
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::record::{Condition, TrialRecord};
 /// Rates of one combination under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CombinationRates {
-    /// Number of the combination, [`crate::Combination::id`].
+    /// Number of the combination, [`crate::CombinationRow::id`].
     pub combination: usize,
     /// Name of the first object.
     pub first: String,
@@ -48,7 +48,7 @@ pub fn combination_rates(records: &[TrialRecord], condition: Condition) -> Vec<C
                 contact_rate: rate(group.iter().filter(|record| record.contact).count()),
                 success_rate: rate(group.iter().filter(|record| record.success).count()),
                 clean_success_rate: rate(group.iter().filter(|record| record.clean_success).count()),
-                risk_rate: MeanSd::of(&group.iter().filter_map(|record| record.risk).collect::<Vec<_>>()).mean,
+                risk_rate: MeanSd::from_values(&group.iter().filter_map(|record| record.risk).collect::<Vec<_>>()).mean,
                 trial_s: group.iter().map(|record| record.sim_seconds).sum::<f64>() / group.len() as f64,
             }
         })

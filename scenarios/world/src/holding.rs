@@ -6,7 +6,7 @@
 
 /// State of one object at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Support {
+pub struct SupportState {
     /// True if the hand, or something that the hand holds, touches it.
     pub held: bool,
     /// True if the table touches it.
@@ -21,27 +21,27 @@ pub struct Support {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HoldingRule {
     /// Greatest distance from the palm's origin, m.
-    pub reach: f64,
+    pub max_distance: f64,
     /// Height over the table above which the object counts as lifted, m; negative infinity if no lift is required.
-    pub lifted: f64,
+    pub min_height: f64,
 }
 
 /// Rule for the proof of a grasp, and for a policy that is told what it holds: the object must be lifted.
-pub const LIFTED: HoldingRule = HoldingRule { reach: 0.16, lifted: 0.08 };
-/// Like [`LIFTED`], but at any height.
-pub const GRIPPED: HoldingRule = HoldingRule { lifted: f64::NEG_INFINITY, ..LIFTED };
+pub const LIFTED_RULE: HoldingRule = HoldingRule { max_distance: 0.16, min_height: 0.08 };
+/// Like [`LIFTED_RULE`], but at any height.
+pub const GRIPPED_RULE: HoldingRule = HoldingRule { min_height: f64::NEG_INFINITY, ..LIFTED_RULE };
 /// Rule for balls in a transport, which may be small or lie behind others.
-pub const TRANSPORTED: HoldingRule = HoldingRule { reach: 0.17, lifted: 0.07 };
+pub const TRANSPORTED_RULE: HoldingRule = HoldingRule { max_distance: 0.17, min_height: 0.07 };
 
 impl HoldingRule {
     /// Returns the rule that tests the distance only.
-    pub fn within(reach: f64) -> Self {
-        Self { reach, lifted: f64::NEG_INFINITY }
+    pub fn distance_only(reach: f64) -> Self {
+        Self { max_distance: reach, min_height: f64::NEG_INFINITY }
     }
 
     /// True if the object is in the hand.
-    pub fn holds(&self, object: &Support) -> bool {
-        object.held && !object.on_table && object.distance <= self.reach && object.height > self.lifted
+    pub fn holds(&self, object: &SupportState) -> bool {
+        object.held && !object.on_table && object.distance <= self.max_distance && object.height > self.min_height
     }
 }
 
@@ -49,20 +49,20 @@ impl HoldingRule {
 mod tests {
     use super::*;
 
-    const HELD: Support = Support { held: true, on_table: false, distance: 0.1, height: 0.2 };
+    const HELD: SupportState = SupportState { held: true, on_table: false, distance: 0.1, height: 0.2 };
 
     #[test]
     fn every_part_of_the_rule_is_needed() {
-        assert!(LIFTED.holds(&HELD));
-        assert!(!LIFTED.holds(&Support { held: false, ..HELD }));
-        assert!(!LIFTED.holds(&Support { on_table: true, ..HELD }));
-        assert!(!LIFTED.holds(&Support { distance: 0.17, ..HELD }));
-        assert!(!LIFTED.holds(&Support { height: 0.05, ..HELD }));
+        assert!(LIFTED_RULE.holds(&HELD));
+        assert!(!LIFTED_RULE.holds(&SupportState { held: false, ..HELD }));
+        assert!(!LIFTED_RULE.holds(&SupportState { on_table: true, ..HELD }));
+        assert!(!LIFTED_RULE.holds(&SupportState { distance: 0.17, ..HELD }));
+        assert!(!LIFTED_RULE.holds(&SupportState { height: 0.05, ..HELD }));
     }
 
     #[test]
     fn what_hangs_low_is_gripped_and_not_lifted() {
-        let low = Support { height: 0.03, ..HELD };
-        assert!(GRIPPED.holds(&low) && HoldingRule::within(0.15).holds(&low) && !LIFTED.holds(&low));
+        let low = SupportState { height: 0.03, ..HELD };
+        assert!(GRIPPED_RULE.holds(&low) && HoldingRule::distance_only(0.15).holds(&low) && !LIFTED_RULE.holds(&low));
     }
 }

@@ -1,4 +1,4 @@
-//! Layout: places of the objects of a trial, one to [`MOST_OBJECTS`].
+//! Layout: places of the objects of a trial, one to [`MAX_OBJECTS`].
 //!
 //! The centre of the first object is at `layout.first`, the second's at `layout.second`, the third's at `layout.third` (world
 //! x, y; m). Each object is rotated from its resting pose by `yaw` about the vertical, and its lowest point touches the table.
@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 use crate::objects::ObjectModel;
 
 /// Greatest number of objects in a trial.
-pub const MOST_OBJECTS: usize = 3;
+pub const MAX_OBJECTS: usize = 3;
 
 /// Nominal place of an object on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Place {
+pub struct TablePlacement {
     /// x in the world frame, m.
     pub x: f64,
     /// y in the world frame, m.
@@ -29,10 +29,10 @@ pub struct Place {
     pub yaw: f64,
 }
 
-impl Place {
+impl TablePlacement {
     /// Returns the place moved by `shift`.
     #[must_use]
-    pub fn shifted(&self, shift: &Shift) -> Self {
+    pub fn shifted(&self, shift: &PlacementShift) -> Self {
         Self { x: self.x + shift.x, y: self.y + shift.y, yaw: self.yaw + shift.yaw }
     }
 
@@ -47,7 +47,7 @@ impl Place {
 
 /// Shift of an object from its place in the layout.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Shift {
+pub struct PlacementShift {
     /// Along x of the world frame, m.
     pub x: f64,
     /// Along y of the world frame, m.
@@ -61,12 +61,12 @@ pub struct Shift {
 #[serde(deny_unknown_fields)]
 pub struct Layout {
     /// Place of the first object.
-    pub first: Place,
+    pub first: TablePlacement,
     /// Place of the second object; ignored in a trial of one.
-    pub second: Place,
+    pub second: TablePlacement,
     /// Place of the third object; none if no trial has three.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub third: Option<Place>,
+    pub third: Option<TablePlacement>,
     /// Greatest shift along x and along y, m.
     pub spread_xy: f64,
     /// Greatest yaw shift, rad.
@@ -79,12 +79,12 @@ pub struct Layout {
 
 impl Layout {
     /// Returns all places, in the order in which their objects are picked.
-    pub fn places(&self) -> Vec<Place> {
+    pub fn places(&self) -> Vec<TablePlacement> {
         [self.first, self.second].into_iter().chain(self.third).collect()
     }
 
     /// Returns the least possible distance between the centres of objects in two of the places, given the spread, m.
-    pub fn least_distance(&self, one: &Place, other: &Place) -> f64 {
+    pub fn min_distance(&self, one: &TablePlacement, other: &TablePlacement) -> f64 {
         (one.x - other.x).hypot(one.y - other.y) - 2.0 * std::f64::consts::SQRT_2 * self.spread_xy
     }
 

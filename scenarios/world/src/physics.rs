@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// The table, a box.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Table {
+pub struct TablePhysics {
     /// Centre in the world frame, m.
     pub center: [f64; 3],
     /// Half extents, m.
@@ -23,7 +23,7 @@ pub struct Table {
 /// Contact law: a spring and damper along the normal.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Contact {
+pub struct ContactParameters {
     /// Natural frequency, Hz; doubled for contact with a fixed body.
     pub frequency: f64,
     /// Damping ratio: damping divided by critical damping.
@@ -35,7 +35,7 @@ pub struct Contact {
 /// Bristle friction model: sticking surfaces spring back to their original position.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sticking {
+pub struct BristleFriction {
     /// Fraction of the tangential displacement that is undone per step.
     pub back: f64,
     /// Elastic limit: tangential displacement beyond which the surfaces slide, m.
@@ -49,11 +49,11 @@ pub struct Sticking {
 #[serde(deny_unknown_fields)]
 pub struct Physics {
     /// The table on which the objects stand.
-    pub table: Table,
+    pub table: TablePhysics,
     /// Contact law between bodies.
-    pub contact: Contact,
+    pub contact: ContactParameters,
     /// Friction model between the hand and the objects it holds.
-    pub sticking: Sticking,
+    pub sticking: BristleFriction,
 }
 
 static STANDARD: LazyLock<Physics> = LazyLock::new(|| {

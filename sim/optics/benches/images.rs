@@ -6,15 +6,15 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hand_model::Hand;
-use hand_model::pads::Camera;
+use hand_model::pads::PadCamera;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
-use tactile_optics::shapes::SHAPES;
+use tactile_optics::shapes::TEST_SHAPES;
 use tactile_optics::{IndentationMap, Sensor, press};
 
 /// Force on each pad, N.
-const FORCE: f64 = 2.0;
+const PRESS_FORCE: f64 = 2.0;
 
 /// Creates a sensor for the first camera of each pad.
 fn sensors(hand: &Hand) -> Vec<Sensor> {
@@ -29,12 +29,12 @@ fn scenes(hand: &Hand) -> Scenes {
         let inside = 0.02f64.powi(2) - x * x - y * y;
         (inside > 0.0).then(|| 0.02 - inside.sqrt())
     };
-    let bumpy = SHAPES.iter().find(|(name, _)| *name == "random").map(|(_, shape)| *shape);
+    let bumpy = TEST_SHAPES.iter().find(|(name, _)| *name == "random").map(|(_, shape)| *shape);
     let maps = |shape: &dyn Fn(f64, f64) -> Option<f64>| -> Vec<IndentationMap> {
         let one = |pad: &hand_model::pads::Pad| {
-            let camera: &Camera = &hand.cameras[pad.cameras[0]];
+            let camera: &PadCamera = &hand.cameras[pad.cameras[0]];
             let moved = |x: f64, y: f64| shape(x, y - camera.center_y);
-            press(pad, &[camera], &hand.gel(), FORCE, moved).map(|mut pressed| pressed.maps.remove(0))
+            press(pad, &[camera], &hand.gel(), PRESS_FORCE, moved).map(|mut pressed| pressed.maps.remove(0))
         };
         hand.pads.iter().map(one).collect::<Result<_, _>>().unwrap_or_default()
     };
@@ -80,7 +80,7 @@ fn on_cpu(criterion: &mut Criterion) {
 fn on_gpu(criterion: &mut Criterion) {
     use std::sync::Arc;
 
-    use tactile_optics::{GpuRenderer, Job, Renderer};
+    use tactile_optics::{GpuRenderer, RenderJob, Renderer};
     let hand = Hand::ftac();
     let gpu = match GpuRenderer::new(Arc::new(sensors(&hand))) {
         Ok(gpu) => gpu,
@@ -92,9 +92,14 @@ fn on_gpu(criterion: &mut Criterion) {
     for (name, maps) in scenes(&hand) {
         let mut group = criterion.benchmark_group(format!("{name} on {}", gpu.device()));
         for hands in [1, 256] {
-            let jobs: Vec<Job<'_>> = (0..hands)
+            let jobs: Vec<RenderJob<'_>> = (0..hands)
                 .flat_map(|hand| maps.iter().enumerate().map(move |map| (hand, map)))
-                .map(|(hand, (sensor, indentation))| Job { sensor, indentation, noise: hand, brightness: 1.0 })
+                .map(|(hand, (sensor, indentation))| RenderJob {
+                    sensor,
+                    indentation,
+                    noise_seed: hand,
+                    brightness: 1.0,
+                })
                 .collect();
             group.sample_size(10).throughput(Throughput::Elements(jobs.len() as u64));
             group.bench_function(format!("17 x {hands}"), |bencher| bencher.iter(|| black_box(gpu.render(&jobs))));

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use hand_model::Hand;
-use hand_model::pads::{Camera, IMAGE_SIZE};
+use hand_model::pads::{IMAGE_SIZE, PadCamera};
 use hand_model::robot::TactileImage;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut sheet = image::RgbImage::new(PADS.len() as u32 * (size + 4), 5 * (size + 4));
     for (column, name) in PADS.iter().enumerate() {
         let pad = hand.pads.iter().find(|pad| pad.name == *name).ok_or("no such pad")?;
-        let cameras: Vec<&Camera> = pad.cameras.iter().map(|&index| &hand.cameras[index]).collect();
+        let cameras: Vec<&PadCamera> = pad.cameras.iter().map(|&index| &hand.cameras[index]).collect();
         let started = Instant::now();
         let sensor = Sensor::unit(pad, cameras[0], column as u64);
         println!("{name}: sensor built in {:.1} ms", 1e3 * started.elapsed().as_secs_f64());

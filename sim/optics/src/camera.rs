@@ -1,17 +1,17 @@
 //! The camera behind the gel: a pinhole, and the response that turns radiance into grey levels.
 //!
 //! A pinhole parallel to the pad's plane sees that plane without distortion. The image rectified to the camera's
-//! rectangle (`Camera::pixel_center`) is therefore the pinhole's own image of the undeformed gel, and the camera enters
+//! rectangle (`PadCamera::pixel_center`) is therefore the pinhole's own image of the undeformed gel, and the camera enters
 //! the shading only as the direction v to the viewer. The sideways shift of points pressed towards the camera is left to
 //! the rectification. The response is the paper's (Mitsunaga's): the radiance `G(M)` is a third-order polynomial of the
 //! measured intensity M.
 
-use hand_model::pads::{Camera, IMAGE_SIZE};
+use hand_model::pads::{IMAGE_SIZE, PadCamera};
 use nalgebra::{Matrix3, Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::wide::whole;
+use crate::wide::integer_part;
 
 /// A perspective camera that looks along the pad's +z.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -24,13 +24,13 @@ pub struct Pinhole {
 
 impl Pinhole {
     /// Computes the unit direction from a surface point to the camera (the paper's v).
-    pub fn viewer(&self, point: &Point3<f64>) -> Vector3<f64> {
+    pub fn direction_to_camera(&self, point: &Point3<f64>) -> Vector3<f64> {
         (self.position - point).normalize()
     }
 
     /// Computes the intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y
     /// and z of the pad; mirrored, because the rectified image shows the pad as seen from outside.
-    pub fn intrinsics(&self, camera: &Camera) -> Matrix3<f64> {
+    pub fn intrinsics(&self, camera: &PadCamera) -> Matrix3<f64> {
         let ((dx, dy), (x0, y0)) = (camera.pixel_size(), camera.pixel_center(0, 0));
         let depth = -self.position.z;
         Matrix3::new(
@@ -48,14 +48,14 @@ impl Pinhole {
 
     /// Projects a point of the pad frame to column and row (fractional; pixel centres are whole numbers): `x = K X /
     /// Z`.
-    pub fn project(&self, camera: &Camera, point: &Point3<f64>) -> (f64, f64) {
+    pub fn project(&self, camera: &PadCamera, point: &Point3<f64>) -> (f64, f64) {
         let v = point - self.position;
         let image = self.intrinsics(camera) * Vector3::new(v.x, -v.y, v.z) / v.z;
         (image.x, image.y)
     }
 
     /// True if the point is within the image.
-    pub fn sees(&self, camera: &Camera, point: &Point3<f64>) -> bool {
+    pub fn is_in_view(&self, camera: &PadCamera, point: &Point3<f64>) -> bool {
         let (column, row) = self.project(camera, point);
         let inside = -0.5..IMAGE_SIZE as f64 - 0.5;
         inside.contains(&column) && inside.contains(&row)
@@ -65,12 +65,12 @@ impl Pinhole {
 /// Photometric response of one channel: `G(M) = g1 M + g2 M^2 + g3 M^3`, M in 0..1; G(1) = 1 is the full scale.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Response {
+pub struct CameraResponse {
     /// Coefficients g1, g2, g3.
     pub coefficients: [f64; 3],
 }
 
-impl Response {
+impl CameraResponse {
     pub const LINEAR: Self = Self { coefficients: [1.0, 0.0, 0.0] };
 
     /// Computes G: radiance from measured intensity.
@@ -123,13 +123,14 @@ pub(crate) struct ResponseTable {
 }
 
 impl ResponseTable {
-    const CELLS: usize = 1024;
+    const TABLE_CELLS: usize = 1024;
     /// Radiance at the end of the table.
-    const END: f64 = 4.0;
+    const MAX_RADIANCE: f64 = 4.0;
 
-    pub(crate) fn new(response: &Response) -> Self {
-        let value = |cell| 255.0 * response.measured(cell as f64 * Self::END / Self::CELLS as f64) as f32;
-        Self { grey: (0..=Self::CELLS + 1).map(value).collect() }
+    pub(crate) fn new(response: &CameraResponse) -> Self {
+        let value =
+            |cell| 255.0 * response.measured(cell as f64 * Self::MAX_RADIANCE / Self::TABLE_CELLS as f64) as f32;
+        Self { grey: (0..=Self::TABLE_CELLS + 1).map(value).collect() }
     }
 
     #[cfg(feature = "gpu")]
@@ -140,8 +141,9 @@ impl ResponseTable {
     /// Returns the grey level of a radiance, by linear interpolation in the table.
     #[inline(always)]
     pub(crate) fn grey(&self, radiance: f32) -> f32 {
-        let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);
-        let cell = whole(at).min(Self::CELLS as u32) as usize;
+        let at =
+            (radiance * (Self::TABLE_CELLS as f64 / Self::MAX_RADIANCE) as f32).clamp(0.0, Self::TABLE_CELLS as f32);
+        let cell = integer_part(at).min(Self::TABLE_CELLS as u32) as usize;
         let part = at - cell as i32 as f32;
         let [low, high] = [0, 1].map(|next| self.grey[cell + next]);
         low + part * (high - low)

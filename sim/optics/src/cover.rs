@@ -6,35 +6,35 @@
 //! component on a patch is the pressure times the area of the patch projected onto the plane, whatever its tilt. A cover
 //! of curvature 0 is the flat pad.
 
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use nalgebra::{Point3, Vector3};
 
-use crate::error::{OpticsError, check_force, positive};
-use crate::foundation::Foundation;
-use crate::indentation::{IndentationMap, PIXELS, Press, press_on};
+use crate::error::{OpticsError, check_force, check_positive};
+use crate::foundation::GelFoundation;
+use crate::indentation::{IndentationMap, PIXEL_COUNT, PressResult, press_on};
 
 /// Shape of a pad's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cover {
+pub struct PadCover {
     /// One over the cylinder's radius, 1/m; 0 is flat.
     curvature: f64,
 }
 
 /// Largest ratio of half a pad's width to the radius: a steeper cover is outside the view of its camera and lamps.
-const WIDEST: f64 = 0.8;
-/// Spacing of the first pass of [`Cover::press`], pixels.
-const COARSE: usize = 4;
+const MAX_WIDTH_RATIO: f64 = 0.8;
+/// Spacing of the first pass of [`PadCover::press`], pixels.
+const COARSE_SPACING: usize = 4;
 /// Largest number of iterations of a search, and the tolerance of the intersection along a normal, m.
-const STEPS: usize = 12;
-const MET: f64 = 1e-8;
+const MAX_ITERATIONS: usize = 12;
+const INTERSECTION_TOLERANCE: f64 = 1e-8;
 
-impl Cover {
+impl PadCover {
     /// The flat pad.
     pub const FLAT: Self = Self { curvature: 0.0 };
 
     /// Creates a part of a cylinder of this radius (m) with its axis along y behind the pad.
     pub fn cylinder(radius: f64) -> Result<Self, OpticsError> {
-        positive("cover radius", radius)?;
+        check_positive("cover radius", radius)?;
         Ok(Self { curvature: 1.0 / radius })
     }
 
@@ -44,8 +44,8 @@ impl Cover {
 
     /// Returns an error if the pad is too wide for the cylinder.
     pub fn check(&self, pad: &Pad) -> Result<(), OpticsError> {
-        let most = 2.0 * WIDEST / self.curvature;
-        if pad.w <= most { Ok(()) } else { Err(OpticsError::CoverWidth { found: pad.w, most }) }
+        let most = 2.0 * MAX_WIDTH_RATIO / self.curvature;
+        if pad.w <= most { Ok(()) } else { Err(OpticsError::CoverWidth { found: pad.w, max: most }) }
     }
 
     /// Computes the height (m, never positive) over the pad's plane.
@@ -83,9 +83,9 @@ impl Cover {
         };
         let Some(mut before) = inside(0.0)? else { return Ok(None) };
         let (mut last, mut depth) = (0.0, before / normal.z);
-        for _ in 0..STEPS {
+        for _ in 0..MAX_ITERATIONS {
             let Some(here) = inside(depth)? else { return Ok(None) };
-            if here.abs() < MET || here == before {
+            if here.abs() < INTERSECTION_TOLERANCE || here == before {
                 break;
             }
             let next = depth - here * (depth - last) / (here - before);
@@ -98,48 +98,48 @@ impl Cover {
     pub fn press(
         &self,
         pad: &Pad,
-        cameras: &[&Camera],
-        gel: &Foundation,
+        cameras: &[&PadCamera],
+        gel: &GelFoundation,
         force: f64,
         z_object: impl FnMut(f64, f64) -> Option<f64>,
-    ) -> Result<Press, OpticsError> {
+    ) -> Result<PressResult, OpticsError> {
         if self.is_flat() {
             return press_on(pad, cameras, gel, force, z_object);
         }
         check_force(force)?;
         gel.check()?;
         self.check(pad)?;
-        let untouched = || Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); cameras.len()] };
+        let untouched = || PressResult { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); cameras.len()] };
         if force == 0.0 {
             return Ok(untouched());
         }
-        let mut contact = Contact { cover: self, pad, cameras, gel, z_object };
+        let mut contact = CoverContact { cover: self, pad, cameras, gel, z_object };
         let Some(shift) = contact.bisect(force)? else { return Ok(untouched()) };
         let (shift, force, maps) = contact.balance(shift, force)?;
-        debug_assert!(maps.iter().all(|map| map.len() == PIXELS));
+        debug_assert!(maps.iter().all(|map| map.len() == PIXEL_COUNT));
         let maps: Result<Vec<_>, _> = maps.into_iter().map(IndentationMap::from_depth).collect();
-        Ok(Press { shift, force, maps: maps? })
+        Ok(PressResult { shift, force, maps: maps? })
     }
 }
 
 /// An object above a curved pad, for the search for the shift at which the gel bears a given force.
-struct Contact<'a, F> {
-    cover: &'a Cover,
+struct CoverContact<'a, F> {
+    cover: &'a PadCover,
     pad: &'a Pad,
-    cameras: &'a [&'a Camera],
-    gel: &'a Foundation,
+    cameras: &'a [&'a PadCamera],
+    gel: &'a GelFoundation,
     z_object: F,
 }
 
-impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
+impl<F: FnMut(f64, f64) -> Option<f64>> CoverContact<'_, F> {
     /// Computes the force (N) that the gel bears with the object moved in by `shift` (m), and the indentation (m) on
     /// every `spacing`-th row and column of each camera.
-    fn loads(&mut self, shift: f64, spacing: usize) -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
+    fn force_and_indentation(&mut self, shift: f64, spacing: usize) -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
         let (mut sum, mut all) = (0.0, Vec::with_capacity(self.cameras.len()));
         for camera in self.cameras {
             let (dx, dy) = camera.pixel_size();
-            positive("camera width", dx)?;
-            positive("camera height", dy)?;
+            check_positive("camera width", dx)?;
+            check_positive("camera height", dy)?;
             let mut depths = Vec::new();
             for row in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
                 for column in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
@@ -156,7 +156,7 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
     }
 
     fn coarse_force(&mut self, shift: f64) -> Result<f64, OpticsError> {
-        Ok(self.loads(shift, COARSE)?.0)
+        Ok(self.force_and_indentation(shift, COARSE_SPACING)?.0)
     }
 
     /// Finds the shift (m) at which a coarse grid bears `force` (N); `None` if nothing is above the pad.
@@ -164,14 +164,14 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
         // The height of the object's lowest point is unknown: move out until the contact is lost, then in until the gel
         // bears the force.
         let (mut low, mut high) = (-self.gel.thickness, self.gel.thickness);
-        for _ in 0..STEPS {
+        for _ in 0..MAX_ITERATIONS {
             if self.coarse_force(low)? <= force {
                 break;
             }
             (low, high) = (2.0 * low, low);
         }
         let mut most = self.coarse_force(high)?;
-        for _ in 0..STEPS {
+        for _ in 0..MAX_ITERATIONS {
             if most >= force {
                 break;
             }
@@ -195,14 +195,14 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
     /// approximate shift.
     fn balance(&mut self, start: f64, force: f64) -> Result<(f64, f64, Vec<Vec<f32>>), OpticsError> {
         let (mut shift, mut last) = (start, None);
-        let mut found = self.loads(shift, 1)?;
-        for _ in 0..STEPS {
+        let mut found = self.force_and_indentation(shift, 1)?;
+        for _ in 0..MAX_ITERATIONS {
             if (found.0 - force).abs() < 1e-6 * force {
                 break;
             }
             let slope = match last {
                 Some((shift_before, force_before)) => (found.0 - force_before) / (shift - shift_before),
-                None => (self.loads(shift + 1e-6, 1)?.0 - found.0) / 1e-6,
+                None => (self.force_and_indentation(shift + 1e-6, 1)?.0 - found.0) / 1e-6,
             };
             let step = (force - found.0) / slope;
             if !step.is_finite() || step.abs() > self.gel.thickness {
@@ -210,7 +210,7 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
             }
             last = Some((shift, found.0));
             shift += step;
-            found = self.loads(shift, 1)?;
+            found = self.force_and_indentation(shift, 1)?;
         }
         Ok((shift, found.0, found.1))
     }
@@ -223,19 +223,19 @@ mod tests {
     use super::*;
 
     /// A phalanx pad with sharp edges, so that only the cover is curved.
-    fn pad() -> (Pad, Camera) {
+    fn pad() -> (Pad, PadCamera) {
         let hand = Hand::ftac();
         let pad = hand.pads.iter().find(|pad| pad.name == "index_distal").unwrap();
         (Pad { edge_radius: 0.0, ..pad.clone() }, hand.cameras[pad.cameras[0]].clone())
     }
 
-    const GEL: Foundation = Foundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
+    const GEL: GelFoundation = GelFoundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
 
     #[test]
     fn a_plate_on_a_cylinder_touches_a_stripe_of_the_analytic_width_and_force() {
         let (pad, camera) = pad();
         for (radius, force) in [(0.02, 1.0), (0.03, 4.0), (0.05, 8.0)] {
-            let cover = Cover::cylinder(radius).unwrap();
+            let cover = PadCover::cylinder(radius).unwrap();
             let press = cover.press(&pad, &[&camera], &GEL, force, |_, _| Some(0.0)).unwrap();
             let deep = press.shift;
             // Chord of the circle at this depth.
@@ -251,7 +251,7 @@ mod tests {
             let (dx, _) = camera.pixel_size();
             assert_eq!(contact.height(), IMAGE_SIZE, "a line along the digit");
             assert!((contact.width() as f64 * dx - 2.0 * half).abs() < 1.01 * dx, "{} {half}", contact.width());
-            assert!((f64::from(press.maps[0].deepest()) - deep).abs() < 1e-6);
+            assert!((f64::from(press.maps[0].max_depth()) - deep).abs() < 1e-6);
         }
     }
 
@@ -259,7 +259,7 @@ mod tests {
     fn a_concentric_hollow_is_at_the_same_depth_everywhere() {
         let (pad, camera) = pad();
         let radius = 0.025;
-        let cover = Cover::cylinder(radius).unwrap();
+        let cover = PadCover::cylinder(radius).unwrap();
         // A hollow of a larger cylinder about the same axis, 0.3 mm inside the gel: the distance along every normal.
         let inner: f64 = radius - 0.3e-3;
         let hollow = |x: f64, _: f64| Some((inner * inner - x * x).max(0.0).sqrt() - radius);
@@ -274,27 +274,27 @@ mod tests {
     fn a_flat_cover_is_the_flat_pad_to_the_bit() {
         let hand = Hand::ftac();
         let pad = &hand.pads[5];
-        let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
+        let cameras: Vec<&PadCamera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
         let ball = |x: f64, y: f64| {
             let inside = 1e-4 - x * x - y * y;
             (inside > 0.0).then(|| 0.01 - inside.sqrt())
         };
-        let gel = Foundation::winkler(&hand.parameters.gel);
+        let gel = GelFoundation::winkler(&hand.parameters.gel);
         let flat = press_on(pad, &cameras, &gel, 1.3, ball).unwrap();
-        assert_eq!(Cover::FLAT.press(pad, &cameras, &gel, 1.3, ball).unwrap(), flat);
+        assert_eq!(PadCover::FLAT.press(pad, &cameras, &gel, 1.3, ball).unwrap(), flat);
         // A cylinder of 100 m is flat but for rounding.
-        let nearly = Cover::cylinder(100.0).unwrap().press(pad, &cameras, &gel, 1.3, ball).unwrap();
+        let nearly = PadCover::cylinder(100.0).unwrap().press(pad, &cameras, &gel, 1.3, ball).unwrap();
         assert!((nearly.shift - flat.shift).abs() < 1e-6, "{} {}", nearly.shift, flat.shift);
     }
 
     #[test]
     fn impossible_covers_are_refused() {
         let (pad, camera) = pad();
-        assert!(Cover::cylinder(0.0).is_err() && Cover::cylinder(f64::NAN).is_err());
-        let narrow = Cover::cylinder(0.4 * pad.w).unwrap();
+        assert!(PadCover::cylinder(0.0).is_err() && PadCover::cylinder(f64::NAN).is_err());
+        let narrow = PadCover::cylinder(0.4 * pad.w).unwrap();
         let text = narrow.press(&pad, &[&camera], &GEL, 1.0, |_, _| Some(0.0)).unwrap_err().to_string();
         assert!(text.contains("cover") && text.contains("expected"), "{text}");
-        let cover = Cover::cylinder(0.03).unwrap();
+        let cover = PadCover::cylinder(0.03).unwrap();
         assert!(cover.press(&pad, &[&camera], &GEL, 1.0, |_, _| Some(f64::NAN)).is_err());
         let nothing = cover.press(&pad, &[&camera], &GEL, 1.0, |_, _| None).unwrap();
         assert!(nothing.maps[0].contact().is_none() && nothing.force == 0.0);

@@ -6,7 +6,7 @@
 //! support 3 r to each side and standard deviation `sqrt(r (r + 1))` pixels. It is close to a Gaussian, exactly zero
 //! beyond its support, and equally cheap at any width.
 
-use hand_model::pads::{Camera, IMAGE_SIZE};
+use hand_model::pads::{IMAGE_SIZE, PadCamera};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -55,21 +55,21 @@ impl DeformedGel {
 
 impl Elastomer {
     /// Computes the deformed gel of an indentation map; `None` for an untouched pad.
-    pub fn deform(&self, camera: &Camera, map: &IndentationMap) -> Option<DeformedGel> {
+    pub fn deform(&self, camera: &PadCamera, map: &IndentationMap) -> Option<DeformedGel> {
         self.deform_over(camera, map, 0.0)
     }
 
     /// Like [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
-    pub fn deform_over(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
+    pub fn deform_over(&self, camera: &PadCamera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
         let rectangle = self.rectangle(camera, map, reach)?;
-        let pixel = Raster::of(camera, map.side()).pixel_size();
-        let depth = self.smooth(map.cut(&rectangle), rectangle.width(), rectangle.height(), pixel);
+        let pixel = Raster::with_side(camera, map.side()).pixel_size();
+        let depth = self.smooth(map.crop(&rectangle), rectangle.width(), rectangle.height(), pixel);
         Some(DeformedGel { rectangle, depth })
     }
 
     /// Computes the rectangle over which [`Self::deform_over`] computes the gel; `None` for an untouched pad.
-    pub(crate) fn rectangle(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
-        let (dx, dy) = Raster::of(camera, map.side()).pixel_size();
+    pub(crate) fn rectangle(&self, camera: &PadCamera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
+        let (dx, dy) = Raster::with_side(camera, map.side()).pixel_size();
         let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
         let margin = self.margin((dx, dy));
         Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1), map.side()).even(map.side()))
@@ -89,12 +89,12 @@ impl Elastomer {
     pub fn smooth(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         widest(
             #[inline(always)]
-            || self.passes(own, width, height, pixel),
+            || self.smoothing_passes(own, width, height, pixel),
         )
     }
 
     #[inline(always)]
-    fn passes(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
+    fn smoothing_passes(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         let mut depth = own.clone();
         let mut other = vec![0.0; depth.len()];
         for (rx, ry) in self.radii(pixel) {
@@ -119,7 +119,7 @@ impl Elastomer {
 
     /// Dilates an object by the coating: its penetration (m, negative above the surface, negative infinity without an object)
     /// becomes that of its offset surface, moved back by the coating's thickness.
-    pub fn grow(&self, penetration: &[f32], width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
+    pub fn dilate_by_coating(&self, penetration: &[f32], width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         let t = self.coating;
         if t <= 0.0 {
             return penetration.to_vec();
@@ -136,7 +136,7 @@ impl Elastomer {
         }
         widest(
             #[inline(always)]
-            || dilated(penetration, width, height, &cap, -(t as f32)),
+            || max_filter(penetration, width, height, &cap, -(t as f32)),
         )
     }
 }
@@ -144,7 +144,7 @@ impl Elastomer {
 /// Computes the maximum of the values around each pixel, each lowered according to `cap` (column offset, row offset,
 /// reduction). Values of at most `least` are left out, because they touch nothing even when dilated.
 #[inline(always)]
-fn dilated(values: &[f32], width: usize, height: usize, cap: &[(isize, isize, f32)], least: f32) -> Vec<f32> {
+fn max_filter(values: &[f32], width: usize, height: usize, cap: &[(isize, isize, f32)], least: f32) -> Vec<f32> {
     let mut grown = vec![f32::NEG_INFINITY; values.len()];
     let kept: Vec<f32> = values.iter().map(|value| if *value > least { *value } else { f32::NEG_INFINITY }).collect();
     // The columns that hold a value, row by row.

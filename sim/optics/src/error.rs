@@ -42,12 +42,12 @@ pub enum OpticsError {
     #[error("ball diameter is {0} mm; expected 0.5 to 60 mm")]
     BallDiameter(f64),
     /// A pad is too wide for its cover's cylinder.
-    #[error("cover: the pad is {found} m wide; expected at most {most} m, 0.8 of the cylinder's diameter")]
+    #[error("cover: the pad is {found} m wide; expected at most {max} m, 0.8 of the cylinder's diameter")]
     CoverWidth {
         /// The pad's width, m.
         found: f64,
         /// Largest width that fits, m.
-        most: f64,
+        max: f64,
     },
     /// A calibration file is not well-formed or contains an impossible value.
     #[error("sensor calibration: {0}")]
@@ -87,6 +87,6 @@ pub(crate) fn check_force(force: f64) -> Result<(), OpticsError> {
     if force.is_finite() && force >= 0.0 { Ok(()) } else { Err(OpticsError::Force(force)) }
 }
 
-pub(crate) fn positive(what: &'static str, value: f64) -> Result<(), OpticsError> {
+pub(crate) fn check_positive(what: &'static str, value: f64) -> Result<(), OpticsError> {
     if value > 0.0 && value.is_finite() { Ok(()) } else { Err(OpticsError::NotPositive { what, value }) }
 }

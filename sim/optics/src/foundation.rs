@@ -4,7 +4,7 @@
 //! e^exponent / (1 - e)^hardening`, `e = d / thickness`. Winkler's foundation is the linear case: exponent 1, no
 //! hardening.
 //!
-//! [`Foundation::paper`] reproduces the paper's probe: a ball of 1.5 mm radius, with pressure defined as force over the
+//! [`GelFoundation::paper`] reproduces the paper's probe: a ball of 1.5 mm radius, with pressure defined as force over the
 //! ball's cross-section and response as the change of the gel's thickness in per cent.
 //!
 //! # Stiffness of the gel
@@ -13,7 +13,7 @@
 //! gel. For that case [`bonded_layer_force`] gives, with the same E and nothing fitted, the paper's response to 5 %
 //! (`ftac optics eval --force`: 0.50 and 0.28 for 0.48 and 0.30 per kPa), while free columns give 0.90 and 0.59. So the
 //! modulus is right, and the columns are 2.8 times too soft for this probe: Winkler columns of 0.42 MPa
-//! ([`WINKLER_LIKE_PAPER`]) respond like the paper's gel.
+//! ([`PAPER_WINKLER_MODULUS`]) respond like the paper's gel.
 //!
 //! The hand's pads use the soft columns nevertheless. The simulator and the touch pipeline share the value, so a pad's
 //! force read from its image agrees with the physics either way. A stiffer gel would change every image of the trials,
@@ -21,11 +21,11 @@
 
 use hand_model::parameters::Gel;
 
-use crate::error::{OpticsError, positive};
+use crate::error::{OpticsError, check_positive};
 
 /// Pressure law of a gel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Foundation {
+pub struct GelFoundation {
     /// Thickness of the gel, m.
     pub thickness: f64,
     /// Pressure scale, Pa.
@@ -37,7 +37,7 @@ pub struct Foundation {
 }
 
 /// Modulus (Pa) of Winkler columns that give the paper's probe the paper's response.
-pub const WINKLER_LIKE_PAPER: f64 = 0.42e6;
+pub const PAPER_WINKLER_MODULUS: f64 = 0.42e6;
 
 /// Computes the force (N) on a ball of this radius (m), pressed to this depth (m) into an incompressible elastic layer
 /// of Young's `modulus` (Pa) and `thickness` (m) bonded to a rigid base: Hertz' law with the correction for the base
@@ -50,9 +50,9 @@ pub fn bonded_layer_force(modulus: f64, thickness: f64, radius: f64, depth: f64)
 }
 
 /// Relative indentation beyond which the pressure no longer rises: the hardening law has a pole at 1.
-const PRESSED_FLAT: f64 = 0.98;
+const MAX_RELATIVE_INDENTATION: f64 = 0.98;
 
-impl Foundation {
+impl GelFoundation {
     /// Returns the Winkler foundation of the hand's parameter file.
     pub fn winkler(gel: &Gel) -> Self {
         Self { thickness: gel.thickness, modulus: gel.stiffness * gel.thickness, exponent: 1.0, hardening: 0.0 }
@@ -65,9 +65,9 @@ impl Foundation {
 
     /// Checks for impossible values.
     pub fn check(&self) -> Result<(), OpticsError> {
-        positive("gel thickness", self.thickness)?;
-        positive("gel modulus", self.modulus)?;
-        positive("gel exponent", self.exponent)?;
+        check_positive("gel thickness", self.thickness)?;
+        check_positive("gel modulus", self.modulus)?;
+        check_positive("gel exponent", self.exponent)?;
         if self.hardening >= 0.0 && self.hardening.is_finite() {
             Ok(())
         } else {
@@ -81,17 +81,17 @@ impl Foundation {
         if self.exponent == 1.0 && self.hardening == 0.0 {
             return self.modulus * part;
         }
-        let part = part.min(PRESSED_FLAT);
+        let part = part.min(MAX_RELATIVE_INDENTATION);
         self.modulus * part.powf(self.exponent) / (1.0 - part).powf(self.hardening)
     }
 
     /// Computes the force (N) on a ball of this radius (m) pressed to this depth (m).
     pub fn ball_force(&self, radius: f64, depth: f64) -> f64 {
-        const RINGS: usize = 400;
+        const RING_COUNT: usize = 400;
         let deep = depth.min(radius);
         let edge = (2.0 * radius * deep - deep * deep).max(0.0).sqrt();
-        let ring = edge / RINGS as f64;
-        (0..RINGS)
+        let ring = edge / RING_COUNT as f64;
+        (0..RING_COUNT)
             .map(|i| (i as f64 + 0.5) * ring)
             .map(|r| {
                 let indentation = (radius * radius - r * r).sqrt() - (radius - depth);
@@ -122,14 +122,14 @@ pub struct Sensitivity {
 /// Radius of the paper's probe, m.
 pub const PROBE_RADIUS: f64 = 1.5e-3;
 
-/// Computes the response of a gel to the paper's probe at `count` pressures, evenly spread up to `most` (kPa).
-pub fn probe_response(gel: &Foundation, most: f64, count: usize) -> Vec<ProbePoint> {
-    response_to(gel.thickness, |depth| gel.ball_force(PROBE_RADIUS, depth), most, count)
+/// Computes the response of a gel to the paper's probe at `count` pressures, evenly spread up to `max_sizes` (kPa).
+pub fn probe_response(gel: &GelFoundation, most: f64, count: usize) -> Vec<ProbePoint> {
+    response_to_force(gel.thickness, |depth| gel.ball_force(PROBE_RADIUS, depth), most, count)
 }
 
 /// Like [`probe_response`], for a gel of this `thickness` (m); `force` is the force (N) on the probe at a depth (m),
 /// increasing with depth.
-pub fn response_to(thickness: f64, force: impl Fn(f64) -> f64, most: f64, count: usize) -> Vec<ProbePoint> {
+pub fn response_to_force(thickness: f64, force: impl Fn(f64) -> f64, most: f64, count: usize) -> Vec<ProbePoint> {
     let section = std::f64::consts::PI * PROBE_RADIUS * PROBE_RADIUS;
     let at = |pressure: f64| {
         let (mut low, mut high) = (0.0, thickness);
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn the_papers_probe_gives_the_papers_response() {
-        let points = probe_response(&Foundation::paper(0.0025), 160.0, 161);
+        let points = probe_response(&GelFoundation::paper(0.0025), 160.0, 161);
         let (low, all) = (sensitivity(&points, 50.0), sensitivity(&points, 160.0));
         assert!((low.per_kpa - 0.48).abs() < 0.01 && low.r_squared >= 0.973, "{low:?}");
         assert!((all.per_kpa - 0.30).abs() < 0.006 && all.r_squared >= 0.967, "{all:?}");
@@ -170,7 +170,7 @@ mod tests {
     fn the_hands_own_modulus_bonded_to_its_window_responds_as_the_paper_says() {
         let thickness = 0.0025;
         let slopes = |force: &dyn Fn(f64) -> f64| {
-            let points = response_to(thickness, force, 160.0, 161);
+            let points = response_to_force(thickness, force, 160.0, 161);
             [sensitivity(&points, 50.0).per_kpa, sensitivity(&points, 160.0).per_kpa]
         };
         let near = |found: [f64; 2], within: f64| {
@@ -178,10 +178,10 @@ mod tests {
         };
         let bonded = slopes(&|depth| bonded_layer_force(0.15e6, thickness, PROBE_RADIUS, depth));
         assert!(near(bonded, 0.07), "{bonded:?}");
-        let columns = |modulus: f64| Foundation { thickness, modulus, exponent: 1.0, hardening: 0.0 };
+        let columns = |modulus: f64| GelFoundation { thickness, modulus, exponent: 1.0, hardening: 0.0 };
         let loose = slopes(&|depth| columns(0.15e6).ball_force(PROBE_RADIUS, depth));
         assert!(loose[0] > 1.8 * 0.48 && loose[1] > 1.8 * 0.30, "{loose:?}");
-        let stiff = slopes(&|depth| columns(WINKLER_LIKE_PAPER).ball_force(PROBE_RADIUS, depth));
+        let stiff = slopes(&|depth| columns(PAPER_WINKLER_MODULUS).ball_force(PROBE_RADIUS, depth));
         assert!(near(stiff, 0.03), "{stiff:?}");
     }
 
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_ball_on_winkler() {
-        let gel = Foundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
+        let gel = GelFoundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
         let (radius, depth) = (0.01, 0.6e-3);
         // k times the cap's volume.
         let exact = 1.5e5 / 0.0025 * std::f64::consts::PI * depth * depth * (radius - depth / 3.0);

@@ -2,23 +2,23 @@
 //!
 //! The penetration of a pixel is `Pad::surface_height(x, y) - z_object(x, y)`, pad frame, metres: positive where the
 //! object, at its given height, would lie below the undeformed surface. The height that a rigid-body engine gives is not
-//! physical, so the object is moved along the pad's z by the [`Press::shift`] at which the gel, a [`Foundation`], bears
+//! physical, so the object is moved along the pad's z by the [`PressResult::shift`] at which the gel, a [`GelFoundation`], bears
 //! the given force: the sum of the pressures under `penetration + shift`, times the pixels' area. The hand's own gel is a
 //! Winkler foundation.
 
 mod balance;
 
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use hand_model::parameters::Gel;
 
-use crate::error::{OpticsError, check_force, positive};
-use crate::foundation::Foundation;
+use crate::error::{OpticsError, check_force, check_positive};
+use crate::foundation::GelFoundation;
 use crate::raster::Raster;
-use balance::{Balanced, balance};
+use balance::{ForceBalance, balance};
 
-pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
+pub const PIXEL_COUNT: usize = IMAGE_SIZE * IMAGE_SIZE;
 /// Largest spacing of the coarse pass of [`press`], pixels, and smallest number of blocks along a side.
-const BLOCK: (usize, usize) = (4, 32);
+const COARSE_BLOCK: (usize, usize) = (4, 32);
 
 /// A rectangle of pixels, half open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns the rectangle extended by `columns` and `rows` on each side, clipped to an image of `side` x `side`
+    /// Returns the rectangle extended by `columns` and `render_rows` on each side, clipped to an image of `side` x `side`
     /// pixels.
     pub(crate) fn grown(&self, columns: usize, rows: usize, side: usize) -> Self {
         Self {
@@ -72,7 +72,7 @@ impl GapMap {
     /// Evaluates every pixel. `z_object(x, y)` is the lowest point (m, pad frame) of the object along the pad's z.
     pub fn sample(
         pad: &Pad,
-        camera: &Camera,
+        camera: &PadCamera,
         z_object: impl FnMut(f64, f64) -> Option<f64>,
     ) -> Result<Self, OpticsError> {
         Self::sample_on(pad, &Raster::full(camera), z_object)
@@ -95,7 +95,7 @@ impl GapMap {
     }
 
     /// Creates a map from given values, row-major, m.
-    pub fn from_penetration(camera: &Camera, penetration: Vec<f32>) -> Result<Self, OpticsError> {
+    pub fn from_penetration(camera: &PadCamera, penetration: Vec<f32>) -> Result<Self, OpticsError> {
         check(&penetration, "a number below infinity", |value| value < f32::INFINITY)?;
         Ok(Self { side: IMAGE_SIZE, pixel_area: pixel_area(&Raster::full(camera))?, penetration })
     }
@@ -154,7 +154,7 @@ impl IndentationMap {
 
     /// Combines two maps of the same side by their larger depth at every pixel, as for bodies that press side by side.
     #[must_use]
-    pub fn deeper(&self, other: &Self) -> Self {
+    pub fn pixelwise_max(&self, other: &Self) -> Self {
         let (Some(a), Some(b)) = (self.contact, other.contact) else {
             return if self.contact.is_some() { self.clone() } else { other.clone() };
         };
@@ -174,7 +174,7 @@ impl IndentationMap {
     }
 
     /// Copies the depths of a rectangle, row-major.
-    pub(crate) fn cut(&self, rectangle: &Rectangle) -> Vec<f32> {
+    pub(crate) fn crop(&self, rectangle: &Rectangle) -> Vec<f32> {
         if self.depth.is_empty() {
             return vec![0.0; rectangle.width() * rectangle.height()];
         }
@@ -190,7 +190,7 @@ impl IndentationMap {
     }
 
     /// Returns the largest depth, m.
-    pub fn deepest(&self) -> f32 {
+    pub fn max_depth(&self) -> f32 {
         let contact = self.contact.iter().flat_map(|contact| self.rows(contact));
         contact.flatten().copied().fold(0.0, f32::max)
     }
@@ -201,13 +201,13 @@ impl IndentationMap {
 
     /// Returns 240 x 240 values, row-major, m.
     pub fn to_depths(&self) -> Vec<f32> {
-        if self.depth.is_empty() { vec![0.0; PIXELS] } else { self.depth.clone() }
+        if self.depth.is_empty() { vec![0.0; PIXEL_COUNT] } else { self.depth.clone() }
     }
 }
 
 /// An object pressed into a pad.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Press {
+pub struct PressResult {
     /// Displacement of the object into the pad, m; negative if it was moved out.
     pub shift: f64,
     /// Force that the gel bears, N: the requested one, unless nothing is above the pad (0) or the gel is fully compressed.
@@ -222,22 +222,22 @@ pub struct Press {
 /// cost grows with the contact's area. Isolated parts of an object that are narrower than 4 pixels may be missed.
 pub fn press(
     pad: &Pad,
-    cameras: &[&Camera],
+    cameras: &[&PadCamera],
     gel: &Gel,
     force: f64,
     z_object: impl FnMut(f64, f64) -> Option<f64>,
-) -> Result<Press, OpticsError> {
-    press_on(pad, cameras, &Foundation::winkler(gel), force, z_object)
+) -> Result<PressResult, OpticsError> {
+    press_on(pad, cameras, &GelFoundation::winkler(gel), force, z_object)
 }
 
 /// Like [`press`], on a gel with any pressure law.
 pub fn press_on(
     pad: &Pad,
-    cameras: &[&Camera],
-    gel: &Foundation,
+    cameras: &[&PadCamera],
+    gel: &GelFoundation,
     force: f64,
     z_object: impl FnMut(f64, f64) -> Option<f64>,
-) -> Result<Press, OpticsError> {
+) -> Result<PressResult, OpticsError> {
     let rasters: Vec<Raster> = cameras.iter().map(|camera| Raster::full(camera)).collect();
     press_rasters(pad, &rasters, gel, force, z_object)
 }
@@ -247,13 +247,13 @@ pub fn press_on(
 pub fn press_rasters(
     pad: &Pad,
     rasters: &[Raster],
-    gel: &Foundation,
+    gel: &GelFoundation,
     force: f64,
     mut z_object: impl FnMut(f64, f64) -> Option<f64>,
-) -> Result<Press, OpticsError> {
+) -> Result<PressResult, OpticsError> {
     check_force(force)?;
     if force == 0.0 {
-        return Ok(Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); rasters.len()] });
+        return Ok(PressResult { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); rasters.len()] });
     }
     let mut coarse = Vec::with_capacity(rasters.len());
     for raster in rasters {
@@ -274,10 +274,10 @@ pub fn press_rasters(
     loop {
         for ((raster, blocks), gap) in rasters.iter().zip(&mut coarse).zip(&mut gaps) {
             for block in 0..blocks.penetration.len() {
-                if blocks.seen[block] || !blocks.near(block, -reach as f32) {
+                if blocks.sampled[block] || !blocks.is_near_contact(block, -reach as f32) {
                     continue;
                 }
-                blocks.seen[block] = true;
+                blocks.sampled[block] = true;
                 for (column, row) in blocks.pixels(block) {
                     let (x, y) = raster.pixel_center(column, row);
                     gap.penetration[row * raster.side() + column] = penetration_at(pad, x, y, &mut z_object)?;
@@ -287,7 +287,7 @@ pub fn press_rasters(
         let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
         match found {
             Some(found) if found.shift > reach => reach = found.shift + 1e-5,
-            Some(found) => return Ok(finish(&gaps, gel, found)),
+            Some(found) => return Ok(press_result(&gaps, gel, found)),
             None => return press_gaps_on(&gaps, gel, force),
         }
     }
@@ -305,7 +305,7 @@ struct Blocks {
     /// Penetration at the blocks' centres, like that of a [`GapMap`], row-major.
     penetration: Vec<f32>,
     /// True for blocks whose pixels were sampled.
-    seen: Vec<bool>,
+    sampled: Vec<bool>,
 }
 
 impl Blocks {
@@ -315,7 +315,7 @@ impl Blocks {
         z_object: &mut impl FnMut(f64, f64) -> Option<f64>,
     ) -> Result<Self, OpticsError> {
         let (side, ((x0, y0), (dx, dy))) = (raster.side(), (raster.pixel_center(0, 0), raster.pixel_size()));
-        let block = (side / BLOCK.1).clamp(1, BLOCK.0);
+        let block = (side / COARSE_BLOCK.1).clamp(1, COARSE_BLOCK.0);
         let (count, middle) = (side.div_ceil(block), 0.5 * (block - 1) as f64);
         let mut penetration = Vec::with_capacity(count * count);
         for at in 0..count * count {
@@ -323,11 +323,11 @@ impl Blocks {
             penetration.push(penetration_at(pad, x0 + column * dx, y0 - row * dy, z_object)?);
         }
         let area = pixel_area(raster)? * (block * block) as f64;
-        Ok(Self { side, block, count, area, penetration, seen: vec![false; count * count] })
+        Ok(Self { side, block, count, area, penetration, sampled: vec![false; count * count] })
     }
 
     /// True if a block or one of its eight neighbours penetrates by more than `threshold`.
-    fn near(&self, block: usize, threshold: f32) -> bool {
+    fn is_near_contact(&self, block: usize, threshold: f32) -> bool {
         let (column, row) = (block % self.count, block / self.count);
         let around = |at: usize| at.saturating_sub(1)..(at + 2).min(self.count);
         around(row).any(|r| around(column).any(|c| self.penetration[r * self.count + c] > threshold))
@@ -342,27 +342,27 @@ impl Blocks {
 }
 
 /// Like [`press`], from gap maps, one per camera of the pad.
-pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<Press, OpticsError> {
-    press_gaps_on(gaps, &Foundation::winkler(gel), force)
+pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<PressResult, OpticsError> {
+    press_gaps_on(gaps, &GelFoundation::winkler(gel), force)
 }
 
 /// Like [`press_gaps`], on a gel with any pressure law.
-pub fn press_gaps_on(gaps: &[GapMap], gel: &Foundation, force: f64) -> Result<Press, OpticsError> {
+pub fn press_gaps_on(gaps: &[GapMap], gel: &GelFoundation, force: f64) -> Result<PressResult, OpticsError> {
     check_force(force)?;
     let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
     match found {
-        Some(balanced) if force > 0.0 => Ok(finish(gaps, gel, balanced)),
-        _ => Ok(Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); gaps.len()] }),
+        Some(balanced) if force > 0.0 => Ok(press_result(gaps, gel, balanced)),
+        _ => Ok(PressResult { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); gaps.len()] }),
     }
 }
 
-fn finish(gaps: &[GapMap], gel: &Foundation, balanced: Balanced) -> Press {
+fn press_result(gaps: &[GapMap], gel: &GelFoundation, balanced: ForceBalance) -> PressResult {
     let (shift, limit) = (balanced.shift as f32, gel.thickness as f32);
     let map = |gap: &GapMap| {
         let depth = gap.penetration.iter().map(|p| (p + shift).clamp(0.0, limit)).collect();
         IndentationMap::of_depth(gap.side, depth)
     };
-    Press { shift: balanced.shift, force: balanced.force, maps: gaps.iter().map(map).collect() }
+    PressResult { shift: balanced.shift, force: balanced.force, maps: gaps.iter().map(map).collect() }
 }
 
 fn penetration_at(
@@ -381,8 +381,8 @@ fn penetration_at(
 }
 
 fn check(map: &[f32], expected: &'static str, good: impl Fn(f32) -> bool) -> Result<(), OpticsError> {
-    if map.len() != PIXELS {
-        return Err(OpticsError::MapSize { found: map.len(), expected: PIXELS });
+    if map.len() != PIXEL_COUNT {
+        return Err(OpticsError::MapSize { found: map.len(), expected: PIXEL_COUNT });
     }
     match map.iter().position(|&value| !good(value)) {
         None => Ok(()),
@@ -394,7 +394,7 @@ fn check(map: &[f32], expected: &'static str, good: impl Fn(f32) -> bool) -> Res
 
 fn pixel_area(raster: &Raster) -> Result<f64, OpticsError> {
     let (dx, dy) = raster.pixel_size();
-    positive("camera width", dx)?;
-    positive("camera height", dy)?;
+    check_positive("camera width", dx)?;
+    check_positive("camera height", dy)?;
     Ok(dx * dy)
 }

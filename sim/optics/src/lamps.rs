@@ -40,7 +40,7 @@ impl Lamp {
     }
 
     /// Computes the unit direction s from a surface point to the lamp, and kappa (1/m2) at the point.
-    pub fn at(&self, point: &Point3<f64>) -> (Vector3<f64>, f64) {
+    pub fn direction_and_irradiance(&self, point: &Point3<f64>) -> (Vector3<f64>, f64) {
         let to_lamp = self.position - point;
         let square = to_lamp.norm_squared();
         let s = to_lamp / square.sqrt();
@@ -52,7 +52,7 @@ impl Lamp {
     /// Computes the visible share of the lamp above a horizon. Horizon and lamp are given as tangents of their
     /// elevation over the pad's plane, seen from the point; the lamp is at `distance` (m) along the plane. The lamp is
     /// `2 size` high, and the share rises from 0 to 1 in a smooth step.
-    pub fn share_above(&self, horizon: f64, elevation: f64, distance: f64) -> f64 {
+    pub fn visible_share(&self, horizon: f64, elevation: f64, distance: f64) -> f64 {
         let over = ((elevation - horizon) * distance / self.size.max(1e-6)).clamp(-1.0, 1.0);
         let part = 0.5 * (over + 1.0);
         part * part * (3.0 - 2.0 * part)

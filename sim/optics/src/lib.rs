@@ -66,7 +66,7 @@
 //! # std::fs::write(folder.join("labels.csv"), labels)?;
 //! # let pixel = 0.2e-3;
 //! # let effort = Effort { per_press: 120, ..Effort::default() };
-//! // Balls of 6.31 mm. For a Mini: `let pixel = 0.0634e-3;` (metres) and `let effort = Effort::default();`.
+//! // Balls of 6.31 mm. For a Mini: `let pixel = 0.0634e-3;` (metres) and `let effort = FitEffort::default();`.
 //! let (fitted, held_out) = PressFolder::read(&folder, 6.31e-3, false)?.even_odd();
 //! let fit = BallFit::new(&fitted, Assumptions::full(Some(pixel)), &effort, 1)?;
 //! let quality = fit.evaluate(&held_out).ok_or("nothing was held out")?;
@@ -134,15 +134,15 @@ pub mod shapes;
 mod versioned;
 mod wide;
 
-pub use cover::Cover;
+pub use cover::PadCover;
 pub use error::OpticsError;
-pub use foundation::Foundation;
+pub use foundation::GelFoundation;
 #[cfg(feature = "gpu")]
 pub use gpu::GpuRenderer;
-pub use indentation::{IndentationMap, Press, press};
-pub use model::{SensorModel, Variation};
+pub use indentation::{IndentationMap, PressResult, press};
+pub use model::{SensorModel, UnitVariation};
 pub use raster::Raster;
-pub use renderer::{CpuRenderer, Job, Renderer};
+pub use renderer::{CpuRenderer, RenderJob, Renderer};
 pub use sensor::Sensor;
 pub use sensor::curved::CurvedSensor;
 pub use sensor::reduced::ReducedSensor;

@@ -1,6 +1,6 @@
 //! All parameters of one camera unit's image formation, their nominal values, and the variation between units.
 
-use hand_model::pads::{Camera, Pad};
+use hand_model::pads::{Pad, PadCamera};
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use rand_distr::StandardNormal;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{Pinhole, Response};
+use crate::camera::{CameraResponse, Pinhole};
 use crate::elastomer::Elastomer;
 use crate::error::OpticsError;
 use crate::lamps::Lamp;
@@ -30,7 +30,7 @@ pub struct SensorModel {
     pub ambient: [f64; 3],
     pub camera: Pinhole,
     pub reflectance: Reflectance,
-    pub response: [Response; 3],
+    pub response: [CameraResponse; 3],
     pub elastomer: Elastomer,
     pub lamps: Vec<Lamp>,
 }
@@ -38,7 +38,7 @@ pub struct SensorModel {
 /// Variation between units: standard deviations, relative where no unit is given.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Variation {
+pub struct UnitVariation {
     /// Lamp positions, each axis, m.
     pub lamp_place: f64,
     /// Lamp directions, each axis, rad.
@@ -58,7 +58,7 @@ pub struct Variation {
     pub texture: [f64; 2],
 }
 
-impl Default for Variation {
+impl Default for UnitVariation {
     /// Returns values typical of hand-assembled units: lamps within 0.2 mm and 3 degrees, and 5 % of their strength.
     fn default() -> Self {
         Self {
@@ -79,13 +79,13 @@ impl Default for Variation {
 pub const NOMINAL_GREY: f64 = 115.0;
 
 /// Smallest distance (m) of a lamp from the gel, in a file and in a fit.
-pub(crate) const NEAREST_LAMP: f64 = 1e-3;
+pub(crate) const MIN_LAMP_DISTANCE: f64 = 1e-3;
 
 /// Largest width of a kernel and thickness of a coating, m.
-const THICKEST: f64 = 0.02;
+const MAX_THICKNESS: f64 = 0.02;
 
 /// Distance (m) of the lamps outside the camera's rectangle, inside the housing.
-const RIM: f64 = 0.0015;
+const LAMP_RIM_DISTANCE: f64 = 0.0015;
 
 impl SensorModel {
     /// Returns the design: red lamps along +x, green along -x, blue at +y, yellow at -y, and two white ones beside the
@@ -94,7 +94,7 @@ impl SensorModel {
     /// Red minus green gives the slope across, blue against both the slope along, and no slope is dark in all channels.
     /// The lamps have lenses and are aimed beyond the centre, so that their light varies little over the pad. A pad with
     /// two cameras has one such ring per camera.
-    pub fn nominal(_pad: &Pad, camera: &Camera) -> Self {
+    pub fn nominal(_pad: &Pad, camera: &PadCamera) -> Self {
         let (half_w, half_h, middle) = (0.5 * camera.w, 0.5 * camera.h, camera.center_y);
         let depth = (0.3 * camera.w.max(camera.h)).clamp(0.010, 0.016);
         let at = |x: f64, y: f64, z: f64| Point3::new(x, middle + y, z);
@@ -106,14 +106,14 @@ impl SensorModel {
         };
         for (sign, color) in [(1.0, [1.0, 0.05, 0.05]), (-1.0, [0.05, 1.0, 0.05])] {
             for (y, share) in along(camera.h) {
-                let position = at(sign * (half_w + RIM), y, -depth);
+                let position = at(sign * (half_w + LAMP_RIM_DISTANCE), y, -depth);
                 lamps.push(Lamp::aimed(position, at(-sign * 0.55 * half_w, y, 0.0), share, 1.5, color));
             }
         }
         let reach = 0.55 * camera.h / camera.w;
         for (sign, color) in [(1.0, [0.05, 0.05, 1.0]), (-1.0, [0.8, 0.8, 0.05])] {
             for (x, share) in along(camera.w) {
-                let position = at(x, sign * (half_h + RIM), -depth);
+                let position = at(x, sign * (half_h + LAMP_RIM_DISTANCE), -depth);
                 lamps.push(Lamp::aimed(position, at(x, -sign * 0.9 * half_h, 0.0), reach * share, 2.5, color));
             }
         }
@@ -121,7 +121,7 @@ impl SensorModel {
             let position = at(0.0, sign * 0.55 * half_h, -depth - 0.004);
             lamps.push(Lamp::aimed(position, at(0.0, sign * 0.6 * half_h, 0.0), 0.15, 1.0, [1.0; 3]));
         }
-        let compressive = Response { coefficients: [0.75, 0.15, 0.10] };
+        let compressive = CameraResponse { coefficients: [0.75, 0.15, 0.10] };
         let mut model = Self {
             gain: [1.0; 3],
             noise: 0.7,
@@ -133,12 +133,12 @@ impl SensorModel {
             elastomer: Elastomer::default(),
             lamps,
         };
-        model.balance(camera);
+        model.balance_gains(camera);
         model
     }
 
     /// Samples the model of one unit of a series; `seed` is its serial number.
-    pub fn varied(&self, by: &Variation, seed: u64) -> Self {
+    pub fn varied(&self, by: &UnitVariation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut vary = |deviation: f64| deviation * rng.sample::<f64, _>(StandardNormal);
         let mut model = self.clone();
@@ -162,17 +162,22 @@ impl SensorModel {
     /// Computes the radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference
     /// implementation, in double precision.
     pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
-        self.radiance_past(point, slope, |_| 1.0)
+        self.radiance_with_shadows(point, slope, |_| 1.0)
     }
 
     /// Like [`Self::radiance`], with the visible share of each lamp.
-    pub fn radiance_past(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
+    pub fn radiance_with_shadows(
+        &self,
+        point: &Point3<f64>,
+        slope: [f64; 2],
+        share: impl Fn(usize) -> f64,
+    ) -> [f64; 3] {
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
-        let viewer = self.camera.viewer(point);
+        let viewer = self.camera.direction_to_camera(point);
         // A tilted surface receives diffuse light from a smaller part of the half space.
         let mut sum = self.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
         for (k, lamp) in self.lamps.iter().enumerate() {
-            let (s, kappa) = lamp.at(point);
+            let (s, kappa) = lamp.direction_and_irradiance(point);
             let kappa = share(k) * kappa;
             let radiance = self.reflectance.radiance(kappa, &normal, &s, &viewer);
             for c in 0..3 {
@@ -189,17 +194,21 @@ impl SensorModel {
     }
 
     /// Sets the gains so that the flat gel's mean grey level is [`NOMINAL_GREY`] in each channel.
-    fn balance(&mut self, camera: &Camera) {
-        const POINTS: usize = 12;
+    fn balance_gains(&mut self, camera: &PadCamera) {
+        const SAMPLES_PER_SIDE: usize = 12;
         let mut sum = [0.0; 3];
-        for i in 0..POINTS * POINTS {
-            let place = |k: usize| (k as f64 + 0.5) / POINTS as f64 - 0.5;
-            let point = Point3::new(place(i % POINTS) * camera.w, camera.center_y + place(i / POINTS) * camera.h, 0.0);
+        for i in 0..SAMPLES_PER_SIDE * SAMPLES_PER_SIDE {
+            let place = |k: usize| (k as f64 + 0.5) / SAMPLES_PER_SIDE as f64 - 0.5;
+            let point = Point3::new(
+                place(i % SAMPLES_PER_SIDE) * camera.w,
+                camera.center_y + place(i / SAMPLES_PER_SIDE) * camera.h,
+                0.0,
+            );
             let radiance = self.radiance(&point, [0.0; 2]);
             (0..3).for_each(|c| sum[c] += radiance[c]);
         }
         for ((gain, sum), response) in self.gain.iter_mut().zip(sum).zip(&self.response) {
-            let mean = sum / (POINTS * POINTS) as f64;
+            let mean = sum / (SAMPLES_PER_SIDE * SAMPLES_PER_SIDE) as f64;
             *gain *= response.radiance(NOMINAL_GREY / 255.0) / mean;
         }
     }
@@ -238,8 +247,8 @@ impl SensorModel {
             return fault(format!("response has {value}; expected finite numbers"));
         }
         let Elastomer { kernels, coating } = &self.elastomer;
-        if let Some(value) = kernels.iter().chain([coating]).find(|value| !(0.0..=THICKEST).contains(*value)) {
-            return fault(format!("elastomer has {value} m; expected 0 to {THICKEST} m"));
+        if let Some(value) = kernels.iter().chain([coating]).find(|value| !(0.0..=MAX_THICKNESS).contains(*value)) {
+            return fault(format!("elastomer has {value} m; expected 0 to {MAX_THICKNESS} m"));
         }
         for (k, lamp) in self.lamps.iter().enumerate() {
             if !(lamp.direction.norm() - 1.0).abs().le(&1e-3) {
@@ -248,9 +257,9 @@ impl SensorModel {
             if !(lamp.eta >= 0.0 && lamp.mu >= 0.0 && lamp.eta.is_finite() && lamp.mu.is_finite()) {
                 return fault(format!("lamps[{k}]: eta {} and mu {} must be finite and at least 0", lamp.eta, lamp.mu));
             }
-            if !lamp.position.z.le(&-NEAREST_LAMP) {
+            if !lamp.position.z.le(&-MIN_LAMP_DISTANCE) {
                 return fault(format!(
-                    "lamps[{k}].position.z is {} m; expected it behind the gel (at most -{NEAREST_LAMP})",
+                    "lamps[{k}].position.z is {} m; expected it behind the gel (at most -{MIN_LAMP_DISTANCE})",
                     lamp.position.z
                 ));
             }

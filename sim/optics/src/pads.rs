@@ -9,11 +9,11 @@ use std::fmt::Write as _;
 use std::sync::OnceLock;
 
 use hand_model::Hand;
-use hand_model::pads::{Camera, Pad};
+use hand_model::pads::{Pad, PadCamera};
 use serde::{Deserialize, Serialize};
 
 use crate::error::OpticsError;
-use crate::model::{SensorModel, Variation};
+use crate::model::{SensorModel, UnitVariation};
 use crate::versioned;
 
 /// Version of the file format.
@@ -41,12 +41,12 @@ pub struct PadOptics {
     /// Size along the digit, mm.
     pub height_mm: f64,
     /// Variation of units around the models below.
-    pub variation: Variation,
+    pub variation: UnitVariation,
     /// Models of the cameras, in the order of the pad's cameras.
     pub camera: Vec<CameraOptics>,
 }
 
-const COMMENT: &str = "\
+const FILE_COMMENT: &str = "\
 # Frame: the pad's, origin in the middle of its surface, x across, y along the digit, z out of the gel; lamps and camera at negative z.
 # Lengths in metres unless the name says mm.
 # [variation]: standard deviations from unit to unit; lamp_turn in rad, texture in grey levels, those without a unit relative.
@@ -69,7 +69,7 @@ impl PadOptics {
             configuration: pad.configuration,
             width_mm: 1e3 * pad.w,
             height_mm: 1e3 * pad.h,
-            variation: Variation::default(),
+            variation: UnitVariation::default(),
             camera: pad.cameras.iter().map(camera).collect(),
         }
     }
@@ -81,8 +81,8 @@ impl PadOptics {
             camera.model = camera.model.varied(&self.variation, serial);
         }
         let none =
-            Variation { lamp_place: 0.0, lamp_turn: 0.0, lamp_strength: 0.0, lamp_pattern: 0.0, ..self.variation };
-        unit.variation = Variation { camera_place: 0.0, albedo: 0.0, gain: 0.0, roughness: 0.0, ..none };
+            UnitVariation { lamp_place: 0.0, lamp_turn: 0.0, lamp_strength: 0.0, lamp_pattern: 0.0, ..self.variation };
+        unit.variation = UnitVariation { camera_place: 0.0, albedo: 0.0, gain: 0.0, roughness: 0.0, ..none };
         unit
     }
 
@@ -96,7 +96,7 @@ impl PadOptics {
             "# Optics of pad `{}`, configuration {}; see sim/optics/src/pads.rs.",
             self.pad, self.configuration
         );
-        Ok(text + COMMENT + "\n" + &body)
+        Ok(text + FILE_COMMENT + "\n" + &body)
     }
 
     /// Reads and checks the text of a file.
@@ -138,7 +138,7 @@ impl PadOptics {
 }
 
 // The shipped files.
-const SHIPPED: [&str; 17] = [
+const SHIPPED_FILES: [&str; 17] = [
     include_str!("../data/pads/index_distal.toml"),
     include_str!("../data/pads/index_middle.toml"),
     include_str!("../data/pads/index_proximal.toml"),
@@ -159,26 +159,26 @@ const SHIPPED: [&str; 17] = [
 ];
 
 /// Returns the shipped designs. Invalid files are skipped; a test checks that there are none.
-pub fn shipped() -> &'static [PadOptics] {
-    static ALL: OnceLock<Vec<PadOptics>> = OnceLock::new();
-    ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadOptics::parse(text)).collect())
+pub fn shipped_designs() -> &'static [PadOptics] {
+    static DESIGNS: OnceLock<Vec<PadOptics>> = OnceLock::new();
+    DESIGNS.get_or_init(|| SHIPPED_FILES.iter().flat_map(|text| PadOptics::parse(text)).collect())
 }
 
 /// Returns the design model and variation of a camera: from the pad's file, or nominal for a pad without one.
-pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
-    let known = shipped().iter().find(|calibration| calibration.fits(pad));
+pub fn design(pad: &Pad, camera: &PadCamera) -> (SensorModel, UnitVariation) {
+    let known = shipped_designs().iter().find(|calibration| calibration.fits(pad));
     let model =
         known.and_then(|known| known.camera.iter().find(|other| other.name == camera.name).map(|own| (own, known)));
     match model {
         Some((own, known)) => (own.model.clone(), known.variation),
-        None => (SensorModel::nominal(pad, camera), Variation::default()),
+        None => (SensorModel::nominal(pad, camera), UnitVariation::default()),
     }
 }
 
 impl SensorModel {
     /// Samples one unit of a series: the shipped design ([`design`]) with the variation shipped with it; `seed` is the
     /// unit's serial number.
-    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+    pub fn unit(pad: &Pad, camera: &PadCamera, seed: u64) -> Self {
         let (design, variation) = design(pad, camera);
         design.varied(&variation, seed)
     }
@@ -191,9 +191,9 @@ mod tests {
     #[test]
     fn the_shipped_files_are_the_design() {
         let hand = Hand::ftac();
-        assert_eq!(shipped().len(), hand.pads.len());
+        assert_eq!(shipped_designs().len(), hand.pads.len());
         for pad in &hand.pads {
-            let found = shipped().iter().find(|calibration| calibration.pad == pad.name).unwrap();
+            let found = shipped_designs().iter().find(|calibration| calibration.pad == pad.name).unwrap();
             assert_eq!(*found, PadOptics::nominal(&hand, pad), "run `ftac optics pads --out sim/optics/data/pads`");
             assert_eq!(found.models(&hand, pad).unwrap().len(), pad.cameras.len());
         }

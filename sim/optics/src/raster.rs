@@ -1,8 +1,8 @@
 //! The pixel grid over the rectangle that a camera sees: that of its images, or a coarser one.
 
-use hand_model::pads::{Camera, IMAGE_SIZE};
+use hand_model::pads::{IMAGE_SIZE, PadCamera};
 
-/// A grid of `side` x `side` pixels over a camera's rectangle. Row 0 is the distal edge, as in [`Camera::pixel_center`].
+/// A grid of `side` x `side` pixels over a camera's rectangle. Row 0 is the distal edge, as in [`PadCamera::pixel_center`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Raster {
     side: usize,
@@ -13,12 +13,12 @@ pub struct Raster {
 
 impl Raster {
     /// Returns the grid of the camera's own pixels.
-    pub fn full(camera: &Camera) -> Self {
-        Self::of(camera, IMAGE_SIZE)
+    pub fn full(camera: &PadCamera) -> Self {
+        Self::with_side(camera, IMAGE_SIZE)
     }
 
     /// Returns a grid of `side` x `side` pixels.
-    pub fn of(camera: &Camera, side: usize) -> Self {
+    pub fn with_side(camera: &PadCamera, side: usize) -> Self {
         Self { side, center_y: camera.center_y, h: camera.h, w: camera.w }
     }
 
@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn the_full_raster_is_the_camera_s_and_a_coarse_pixel_lies_in_the_middle_of_fine_ones() {
         for camera in &Hand::ftac().cameras {
-            let (full, coarse) = (Raster::full(camera), Raster::of(camera, IMAGE_SIZE / 3));
+            let (full, coarse) = (Raster::full(camera), Raster::with_side(camera, IMAGE_SIZE / 3));
             assert_eq!(full.pixel_size(), camera.pixel_size());
             for (column, row) in [(0, 0), (17, 101), (79, 40)] {
                 assert_eq!(full.pixel_center(column, row), camera.pixel_center(column, row));

@@ -16,12 +16,12 @@ use crate::sensor::Sensor;
 
 /// One image to render.
 #[derive(Debug, Clone, Copy)]
-pub struct Job<'a> {
+pub struct RenderJob<'a> {
     /// Index of the renderer's sensor.
     pub sensor: usize,
     pub indentation: &'a IndentationMap,
     /// Seed of the read-out noise.
-    pub noise: u64,
+    pub noise_seed: u64,
     /// Factor on all grey levels except the noise: 1 is the sensor as calibrated.
     pub brightness: f32,
 }
@@ -31,12 +31,12 @@ pub trait Renderer: Send + Sync + std::fmt::Debug {
     /// Returns the name of the device, for messages.
     fn device(&self) -> String;
 
-    /// Returns the sensors, in the order of [`Job::sensor`].
+    /// Returns the sensors, in the order of [`RenderJob::sensor`].
     fn sensors(&self) -> &[Sensor];
 
     /// Renders one image per job, in order. Returns an error if a job names a sensor that does not exist, or if the
     /// device fails.
-    fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError>;
+    fn render(&self, jobs: &[RenderJob<'_>]) -> Result<Vec<TactileImage>, OpticsError>;
 }
 
 /// Renders on the CPU, images in parallel.
@@ -60,17 +60,21 @@ impl Renderer for CpuRenderer {
         &self.sensors
     }
 
-    fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
+    fn render(&self, jobs: &[RenderJob<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
         jobs.par_iter()
             .map(|job| {
                 let sensor = sensor_of(&self.sensors, job)?;
-                Ok(sensor.render_at(job.indentation, job.brightness, &mut ChaCha8Rng::seed_from_u64(job.noise)))
+                Ok(sensor.render_with_brightness(
+                    job.indentation,
+                    job.brightness,
+                    &mut ChaCha8Rng::seed_from_u64(job.noise_seed),
+                ))
             })
             .collect()
     }
 }
 
 /// Returns the sensor that a job names.
-pub(crate) fn sensor_of<'a>(sensors: &'a [Sensor], job: &Job<'_>) -> Result<&'a Sensor, OpticsError> {
+pub(crate) fn sensor_of<'a>(sensors: &'a [Sensor], job: &RenderJob<'_>) -> Result<&'a Sensor, OpticsError> {
     sensors.get(job.sensor).ok_or(OpticsError::NoSensor { found: job.sensor, count: sensors.len() })
 }

@@ -6,7 +6,7 @@ pub mod reduced;
 
 use std::sync::Arc;
 
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use hand_model::robot::TactileImage;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ use crate::elastomer::DeformedGel;
 use crate::error::OpticsError;
 #[cfg(feature = "gpu")]
 use crate::indentation::Rectangle;
-use crate::indentation::{IndentationMap, PIXELS};
+use crate::indentation::{IndentationMap, PIXEL_COUNT};
 use crate::lamps::Lamp;
 use crate::model::SensorModel;
 use crate::noise::{ReadOutNoise, quantise, texture};
@@ -30,13 +30,13 @@ use crate::wide::widest;
 const FLAT_DEPTH: f32 = 1e-6;
 const FLAT_SLOPE: f32 = 2e-3;
 /// Limit of the rest surface's slope in the background: the clear body under the gel is moulded with softer edges.
-const REST_SLOPE: f64 = 0.6;
+const MAX_REST_SLOPE: f64 = 0.6;
 
 /// One camera unit of a pad.
 #[derive(Debug, Clone)]
 pub struct Sensor {
     model: SensorModel,
-    camera: Camera,
+    camera: PadCamera,
     shading: Shading,
     response: [ResponseTable; 3],
     noise: ReadOutNoise,
@@ -50,27 +50,27 @@ pub struct Sensor {
 
 impl Sensor {
     /// Creates the design unit: no variation between units, no texture, but read-out noise.
-    pub fn nominal(pad: &Pad, camera: &Camera) -> Self {
+    pub fn nominal(pad: &Pad, camera: &PadCamera) -> Self {
         Self::build(pad, camera, crate::pads::design(pad, camera).0, 0)
     }
 
     /// Creates one unit of a series; the seed is its serial number.
-    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+    pub fn unit(pad: &Pad, camera: &PadCamera, seed: u64) -> Self {
         Self::build(pad, camera, SensorModel::unit(pad, camera, seed), seed)
     }
 
     /// Creates a sensor with a calibrated model; `seed` determines its background's texture.
-    pub fn with_model(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Result<Self, OpticsError> {
+    pub fn with_model(pad: &Pad, camera: &PadCamera, model: SensorModel, seed: u64) -> Result<Self, OpticsError> {
         model.check()?;
         Ok(Self::build(pad, camera, model, seed))
     }
 
-    fn build(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Self {
+    fn build(pad: &Pad, camera: &PadCamera, model: SensorModel, seed: u64) -> Self {
         let shading = Shading::new(&model.lamps, &model.reflectance, model.gain, model.ambient);
         let response = model.response.each_ref().map(ResponseTable::new);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7465_7874_7572_6573);
         let mut background_grey = texture(model.texture[0], model.texture[1], &mut rng);
-        let mut correction = Vec::with_capacity(3 * PIXELS);
+        let mut correction = Vec::with_capacity(3 * PIXEL_COUNT);
         let mut row = SurfaceRow::new();
         let ((x0, _), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
         for index in 0..IMAGE_SIZE {
@@ -81,7 +81,7 @@ impl Sensor {
                 let height = |x, y| pad.surface_height(x, y);
                 let zx = (height(x + 0.5 * dx, y) - height(x - 0.5 * dx, y)) / dx;
                 let zy = (height(x, y + 0.5 * dy) - height(x, y - 0.5 * dy)) / dy;
-                let softer = (REST_SLOPE / zx.hypot(zy).max(REST_SLOPE)) as f32;
+                let softer = (MAX_REST_SLOPE / zx.hypot(zy).max(MAX_REST_SLOPE)) as f32;
                 *rest = height(x, y) as f32 * softer;
                 (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
             }
@@ -117,7 +117,7 @@ impl Sensor {
         &self.model
     }
 
-    pub fn camera(&self) -> &Camera {
+    pub fn camera(&self) -> &PadCamera {
         &self.camera
     }
 
@@ -130,7 +130,7 @@ impl Sensor {
     /// untouched pad.
     #[cfg(feature = "gpu")]
     pub(crate) fn gel_rectangle(&self, indentation: &IndentationMap) -> Option<Rectangle> {
-        let reach = self.shadow_reach(f64::from(indentation.deepest()));
+        let reach = self.shadow_reach(f64::from(indentation.max_depth()));
         self.model.elastomer.rectangle(&self.camera, indentation, reach)
     }
 
@@ -162,13 +162,18 @@ impl Sensor {
 
     /// Renders the tactile image of an indentation, with read-out noise from `rng`.
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
-        self.render_at(indentation, 1.0, rng)
+        self.render_with_brightness(indentation, 1.0, rng)
     }
 
     /// Like [`Self::render`], with all grey levels except the noise scaled by `brightness`, because lamps and exposure
     /// drift.
-    pub fn render_at(&self, indentation: &IndentationMap, brightness: f32, rng: &mut impl Rng) -> TactileImage {
-        let reach = self.shadow_reach(f64::from(indentation.deepest()));
+    pub fn render_with_brightness(
+        &self,
+        indentation: &IndentationMap,
+        brightness: f32,
+        rng: &mut impl Rng,
+    ) -> TactileImage {
+        let reach = self.shadow_reach(f64::from(indentation.max_depth()));
         let gel = self.model.elastomer.deform_over(&self.camera, indentation, reach);
         let shadows = gel.as_ref().map_or_else(Vec::new, |gel| self.shadows(gel));
         self.expose(gel.as_ref(), &shadows, brightness, rng)
@@ -222,19 +227,19 @@ impl Sensor {
     ) -> TactileImage {
         widest(
             #[inline(always)]
-            || self.rows(gel, shadows, brightness, rng),
+            || self.render_rows(gel, shadows, brightness, rng),
         )
     }
 
     #[inline(always)]
-    fn rows(
+    fn render_rows(
         &self,
         gel: Option<&DeformedGel>,
         shadows: &[Option<Shadow>],
         brightness: f32,
         rng: &mut impl Rng,
     ) -> TactileImage {
-        let (mut rgb, raster) = (vec![0; 3 * PIXELS], Raster::full(&self.camera));
+        let (mut rgb, raster) = (vec![0; 3 * PIXEL_COUNT], Raster::full(&self.camera));
         let mut row = SurfaceRow::new();
         let mut grey = [0.0f32; 3 * IMAGE_SIZE];
         for (index, bytes) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).enumerate() {

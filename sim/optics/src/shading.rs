@@ -8,22 +8,22 @@ use crate::lamps::Lamp;
 use crate::reflectance::Reflectance;
 use crate::shadows::Shadow;
 
-type Line = [f32; IMAGE_SIZE];
+type PixelRow = [f32; IMAGE_SIZE];
 
 /// The surface of one row of pixels. Only the first `len` entries are valid.
 #[derive(Debug)]
 pub(crate) struct SurfaceRow {
     len: usize,
-    x: Line,
+    x: PixelRow,
     y: f32,
-    z: Line,
+    z: PixelRow,
     /// Unit normal towards the camera.
-    normal: [Line; 3],
+    normal: [PixelRow; 3],
     /// Unit direction to the viewer.
-    viewer: [Line; 3],
-    cos_r: Line,
+    viewer: [PixelRow; 3],
+    cos_r: PixelRow,
     /// Radiance in red, green and blue.
-    pub(crate) radiance: [Line; 3],
+    pub(crate) radiance: [PixelRow; 3],
 }
 
 impl SurfaceRow {
@@ -71,7 +71,7 @@ impl SurfaceRow {
                     (normal[axis][i], viewer[axis][i]) = (n[axis], v[axis]);
                 }
             }
-            let set = |into: &mut Line, lanes: [f32; LANES]| into.as_chunks_mut::<LANES>().0[k] = lanes;
+            let set = |into: &mut PixelRow, lanes: [f32; LANES]| into.as_chunks_mut::<LANES>().0[k] = lanes;
             set(&mut self.x, line);
             set(&mut self.z, z);
             set(&mut self.cos_r, cos_r);
@@ -133,7 +133,7 @@ impl Shading {
         let mut light = [0.0; IMAGE_SIZE];
         let mut share = [0.0; IMAGE_SIZE];
         for (k, lamp) in self.lamps.iter().enumerate() {
-            self.light_of(lamp, row, &mut light);
+            self.lamp_light(lamp, row, &mut light);
             if let Some(shadow) = shadows.get(k).and_then(Option::as_ref) {
                 shadow.row(place.1, place.0, &mut share[..row.len]);
                 light[..row.len].iter_mut().zip(&share).for_each(|(light, share)| *light *= share);
@@ -149,10 +149,10 @@ impl Shading {
     /// Computes `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, [`LANES`] pixels at a
     /// time; values beyond the row's end are not used.
     #[inline(always)]
-    fn light_of(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut Line) {
+    fn lamp_light(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut PixelRow) {
         let ([lx, ly, lz], [px, py, pz]) = (lamp.position, lamp.direction);
         let sy = ly - row.y;
-        let lanes = |line: &Line, k: usize| line.as_chunks::<LANES>().0[k];
+        let lanes = |line: &PixelRow, k: usize| line.as_chunks::<LANES>().0[k];
         for (k, light) in light.as_chunks_mut::<LANES>().0.iter_mut().enumerate().take(row.len.div_ceil(LANES)) {
             let (x, z, cos_r) = (lanes(&row.x, k), lanes(&row.z, k), lanes(&row.cos_r, k));
             let [nx, ny, nz] = row.normal.each_ref().map(|line| lanes(line, k));
@@ -183,7 +183,7 @@ const _: () = assert!(IMAGE_SIZE.is_multiple_of(LANES));
 /// vectorises.
 #[inline(always)]
 fn power(base: f32, exponent: f32) -> f32 {
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.
+    const ROUNDING_OFFSET: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.
     let bits = base.max(1e-6).to_bits();
     let whole = ((bits >> 23) as i32 - 127) as f32;
     let m = f32::from_bits(bits & 0x007f_ffff | 0x3f80_0000);
@@ -195,9 +195,9 @@ fn power(base: f32, exponent: f32) -> f32 {
     let p = p * m - 3.324_199;
     let p = p * m + 3.115_79;
     let y = (exponent * (whole + p * (m - 1.0))).max(-100.0);
-    let shifted = y + ROUND;
-    let f = y - (shifted - ROUND);
-    let two = f32::from_bits((shifted.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127)) << 23);
+    let shifted = y + ROUNDING_OFFSET;
+    let f = y - (shifted - ROUNDING_OFFSET);
+    let two = f32::from_bits((shifted.to_bits().wrapping_sub(ROUNDING_OFFSET.to_bits()).wrapping_add(127)) << 23);
     // Taylor series of 2^f on [-0.5, 0.5].
     let q = 0.001_333_355_8_f32;
     let q = q * f + 0.009_618_129;
@@ -241,10 +241,10 @@ mod tests {
             row.set(&camera, (x, y), 1e-4, &[z as f32], [&[zx as f32], &[zy as f32]]);
             Shading::new(&[lamp], &reflectance, [1.0; 3], [40.0, 0.0, 200.0]).shade(&mut row, &[], (0, 0));
             let point = Point3::new(x, y, z);
-            let (s, kappa) = lamp.at(&point);
+            let (s, kappa) = lamp.direction_and_irradiance(&point);
             // With an exponent near 0 a lamp's light ends abruptly to its side, where rounding decides.
             prop_assume!(s.dot(&lamp.direction).abs() > 1e-5);
-            let exact = reflectance.radiance(kappa, &Vector3::new(zx, zy, -1.0).normalize(), &s, &camera.viewer(&point));
+            let exact = reflectance.radiance(kappa, &Vector3::new(zx, zy, -1.0).normalize(), &s, &camera.direction_to_camera(&point));
             for c in 0..3 {
                 let open = 0.5 * (1.0 + 1.0 / (1.0 + zx * zx + zy * zy).sqrt());
                 let exact = exact[c] * lamp.color[c] + open * [40.0, 0.0, 200.0][c];

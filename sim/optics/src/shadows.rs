@@ -4,7 +4,7 @@
 //! the tangent `m = (h - lamp's depth) / D`; it is hidden if m is below the largest m before it. This running maximum,
 //! and the distance at which it occurred, is propagated from cell to cell outwards from the lamp, interpolated between
 //! the two cells that the line passes: a few operations per cell, for shadows of any length. A lamp that is too high for
-//! the gel's slopes to cast a shadow is skipped. Lamps have a size, so shadows have soft borders ([`Lamp::share_above`]).
+//! the gel's slopes to cast a shadow is skipped. Lamps have a size, so shadows have soft borders ([`Lamp::visible_share`]).
 //! Cells are 2 x 2 pixels, which is fine enough for these shadows.
 //!
 //! The tests compare with the paper's method, hidden-point removal (Katz et al.), and with ray casting as the reference
@@ -28,9 +28,9 @@ use crate::lamps::Lamp;
 use crate::shadows::trace::{Axes, Depths, Grid, Horizons, trace};
 
 /// Pixels along a cell's side.
-const CELL: usize = 2;
+const CELL_PIXELS: usize = 2;
 /// Visible share above which, everywhere, a lamp casts no shadow.
-const UNSHADED: f32 = 0.995;
+const UNSHADED_SHARE: f32 = 0.995;
 
 /// A height field: pixel (column, row) is at `x0 + column dx`, `y0 - row dy` (m) and `depth` (m) behind the untouched
 /// gel. Outside the field the gel is untouched.
@@ -69,7 +69,7 @@ struct Cells {
 
 /// Safety factor on a lamp's height over what the gel's steepest slope requires: slopes are taken between cells, and
 /// tangents are interpolated.
-const CLEARANCE: f32 = 1.25;
+const CLEARANCE_FACTOR: f32 = 1.25;
 
 impl HeightField<'_> {
     /// Computes the shadow of a lamp; `None` if it casts none.
@@ -97,13 +97,13 @@ impl HeightField<'_> {
             rows: Axes { outer: (height, place.1, size.1), inner: (width, place.0, size.0) },
         };
         let share = trace(&grid, &cells.depths, horizons);
-        if !share.iter().any(|&share| share < UNSHADED) {
+        if !share.iter().any(|&share| share < UNSHADED_SHARE) {
             return None;
         }
         let own: Vec<Option<(usize, usize)>> = share
             .chunks_exact(width)
             .map(|row| {
-                let shaded = |share: &f32| *share < UNSHADED;
+                let shaded = |share: &f32| *share < UNSHADED_SHARE;
                 row.iter().position(shaded).zip(row.iter().rposition(shaded))
             })
             .collect();
@@ -127,23 +127,23 @@ impl HeightField<'_> {
         let beside = !(-dx..w).contains(&x) || !(-dy..h).contains(&y);
         let farthest = x.abs().max((w - x).abs()).hypot(y.abs().max((h - y).abs())) as f32;
         let clear = (-lamp.position.z - lamp.size) as f32 - cells.deepest;
-        beside && clear > CLEARANCE * cells.steepest * farthest
+        beside && clear > CLEARANCE_FACTOR * cells.steepest * farthest
     }
 
     /// Returns the centre of the first cell, and a cell's size.
     fn grid(&self) -> ((f64, f64), (f32, f32)) {
-        let size = ((CELL as f64 * self.pixel.0) as f32, (CELL as f64 * self.pixel.1) as f32);
-        let middle = 0.5 * (CELL - 1) as f64;
+        let size = ((CELL_PIXELS as f64 * self.pixel.0) as f32, (CELL_PIXELS as f64 * self.pixel.1) as f32);
+        let middle = 0.5 * (CELL_PIXELS - 1) as f64;
         ((self.first.0 + middle * self.pixel.0, self.first.1 - middle * self.pixel.1), size)
     }
 
     fn cells(&self) -> Cells {
-        let (width, height) = (self.width.div_ceil(CELL), self.height.div_ceil(CELL));
+        let (width, height) = (self.width.div_ceil(CELL_PIXELS), self.height.div_ceil(CELL_PIXELS));
         let mut depth = Vec::with_capacity(width * height);
         for row in 0..height {
             let line = |row: usize| &self.depth[row * self.width..(row + 1) * self.width];
-            let (above, below) = (line(CELL * row), line((CELL * row + 1).min(self.height - 1)));
-            let pairs = above.chunks(CELL).zip(below.chunks(CELL));
+            let (above, below) = (line(CELL_PIXELS * row), line((CELL_PIXELS * row + 1).min(self.height - 1)));
+            let pairs = above.chunks(CELL_PIXELS).zip(below.chunks(CELL_PIXELS));
             depth.extend(pairs.map(|(above, below)| {
                 let sum = |pair: &[f32]| pair[0] + pair[pair.len() - 1];
                 0.25 * (sum(above) + sum(below))
@@ -173,7 +173,8 @@ impl Shadow {
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, first: usize, out: &mut [f32]) {
         let place = |pixel: usize, count: usize| {
-            let at = ((pixel as f32 - 0.5 * (CELL - 1) as f32) / CELL as f32).clamp(0.0, (count - 1) as f32);
+            let at =
+                ((pixel as f32 - 0.5 * (CELL_PIXELS - 1) as f32) / CELL_PIXELS as f32).clamp(0.0, (count - 1) as f32);
             let cell = (at as usize).min(count.max(2) - 2);
             (cell, (cell + 1).min(count - 1), at - cell as f32)
         };
@@ -190,30 +191,31 @@ impl Shadow {
             mix(left, right, across)
         };
         // Two pixels lie between two neighbouring cell centres; the remainder at both ends is done one by one.
-        let start = usize::from(first.is_multiple_of(CELL)).min(out.len());
-        let cell = (first + start) / CELL;
-        let pairs = ((out.len() - start) / CELL).min((self.width - 1).saturating_sub(cell));
+        let start = usize::from(first.is_multiple_of(CELL_PIXELS)).min(out.len());
+        let cell = (first + start) / CELL_PIXELS;
+        let pairs = ((out.len() - start) / CELL_PIXELS).min((self.width - 1).saturating_sub(cell));
         (0..start).for_each(|i| out[i] = single(i));
         let lines = above[cell..].iter().zip(&above[cell..][1..]).zip(below[cell..].iter().zip(&below[cell..][1..]));
-        for (pair, ((a, b), (c, d))) in out[start..start + CELL * pairs].chunks_exact_mut(CELL).zip(lines) {
+        for (pair, ((a, b), (c, d))) in out[start..start + CELL_PIXELS * pairs].chunks_exact_mut(CELL_PIXELS).zip(lines)
+        {
             for (slot, across) in pair.iter_mut().zip([0.25, 0.75]) {
                 let (top, bottom) = (a + across * (b - a), c + across * (d - c));
                 *slot = top + down * (bottom - top);
             }
         }
-        (start + CELL * pairs..out.len()).for_each(|i| out[i] = single(i));
+        (start + CELL_PIXELS * pairs..out.len()).for_each(|i| out[i] = single(i));
     }
 
     /// Returns the first and last column of a row that are notably shaded.
     pub fn extent(&self, row: usize) -> Option<(usize, usize)> {
-        let (first, last) = self.shaded[(row / CELL).min(self.height - 1)]?;
-        Some((CELL * first.saturating_sub(1), CELL * (last + 1) + CELL - 1))
+        let (first, last) = self.shaded[(row / CELL_PIXELS).min(self.height - 1)]?;
+        Some((CELL_PIXELS * first.saturating_sub(1), CELL_PIXELS * (last + 1) + CELL_PIXELS - 1))
     }
 
     /// Interpolates the visible share of the lamp at a point, in columns and rows of pixels.
-    pub fn at(&self, column: f64, row: f64) -> f64 {
+    pub fn visible_share_at(&self, column: f64, row: f64) -> f64 {
         let place = |pixel: f64, count: usize| {
-            let at = ((pixel - 0.5 * (CELL - 1) as f64) / CELL as f64).clamp(0.0, (count - 1) as f64);
+            let at = ((pixel - 0.5 * (CELL_PIXELS - 1) as f64) / CELL_PIXELS as f64).clamp(0.0, (count - 1) as f64);
             let cell = (at as usize).min(count.max(2) - 2);
             (cell, (cell + 1).min(count - 1), at - cell as f64)
         };
@@ -254,7 +256,7 @@ mod tests {
                 let place = (((lamp.position.x - first.0) as f32) / size.0, ((first.1 - lamp.position.y) as f32) / size.1);
                 let rows = Axes { outer: (cells.height, place.1, size.1), inner: (cells.width, place.0, size.0) };
                 let grid = Grid { lamp_depth: high as f32, soft: (1.0 / lamp.size) as f32, rows };
-                prop_assert!(trace(&grid, &cells.depths, &mut Horizons::default()).iter().all(|&share| share >= UNSHADED));
+                prop_assert!(trace(&grid, &cells.depths, &mut Horizons::default()).iter().all(|&share| share >= UNSHADED_SHARE));
             }
         }
     }
@@ -268,7 +270,7 @@ mod tests {
                 let mut out = vec![0.0; 14 - first - row % 3];
                 shadow.row(row, first, &mut out);
                 for (i, found) in out.iter().enumerate() {
-                    let exact = shadow.at((first + i) as f64, row as f64);
+                    let exact = shadow.visible_share_at((first + i) as f64, row as f64);
                     assert!((f64::from(*found) - exact).abs() < 1e-6, "{row} {first} {i}");
                 }
             }

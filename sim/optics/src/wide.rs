@@ -4,27 +4,27 @@
 
 /// Returns the integer part of a number from 0 to 2^22, in arithmetic that vectorises; `as` does not.
 #[inline(always)]
-pub(crate) fn whole(number: f32) -> u32 {
-    const ROUND: f32 = 8_388_608.0; // 2^23: adding it rounds to a whole number, left in the low bits.
-    let rounded = number + ROUND;
-    let above = u32::from(rounded - ROUND > number);
-    rounded.to_bits().wrapping_sub(ROUND.to_bits() + above)
+pub(crate) fn integer_part(number: f32) -> u32 {
+    const ROUNDING_OFFSET: f32 = 8_388_608.0; // 2^23: adding it rounds to a whole number, left in the low bits.
+    let rounded = number + ROUNDING_OFFSET;
+    let above = u32::from(rounded - ROUNDING_OFFSET > number);
+    rounded.to_bits().wrapping_sub(ROUNDING_OFFSET.to_bits() + above)
 }
 
 /// Transposes rows of `width` values each.
 #[inline(always)]
 pub(crate) fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usize) {
-    const TILE: usize = 8;
-    let (columns, rows) = (width / TILE * TILE, height / TILE * TILE);
-    for top in (0..rows).step_by(TILE) {
-        for left in (0..columns).step_by(TILE) {
-            let mut tile = [[0.0; TILE]; TILE];
+    const TILE_SIZE: usize = 8;
+    let (columns, rows) = (width / TILE_SIZE * TILE_SIZE, height / TILE_SIZE * TILE_SIZE);
+    for top in (0..rows).step_by(TILE_SIZE) {
+        for left in (0..columns).step_by(TILE_SIZE) {
+            let mut tile = [[0.0; TILE_SIZE]; TILE_SIZE];
             for (row, line) in tile.iter_mut().enumerate() {
-                line.copy_from_slice(&from[(top + row) * width + left..][..TILE]);
+                line.copy_from_slice(&from[(top + row) * width + left..][..TILE_SIZE]);
             }
-            for column in 0..TILE {
-                let line: [f32; TILE] = std::array::from_fn(|row| tile[row][column]);
-                to[(left + column) * height + top..][..TILE].copy_from_slice(&line);
+            for column in 0..TILE_SIZE {
+                let line: [f32; TILE_SIZE] = std::array::from_fn(|row| tile[row][column]);
+                to[(left + column) * height + top..][..TILE_SIZE].copy_from_slice(&line);
             }
         }
     }
@@ -63,7 +63,7 @@ mod tests {
         for at in 0..=1024 * 64 {
             let number = at as f32 / 64.0;
             for near in [number, number.next_up(), number.next_down().max(0.0)] {
-                assert_eq!(whole(near), near as u32, "{near}");
+                assert_eq!(integer_part(near), near as u32, "{near}");
             }
         }
     }

@@ -8,9 +8,10 @@ use std::path::PathBuf;
 use hand_model::Hand;
 use nalgebra::Point3;
 use tactile_optics::SensorModel;
-use tactile_optics::calibration::background::background_of;
+use tactile_optics::calibration::background::estimate_background;
 use tactile_optics::calibration::{
-    Assumptions, BallFit, BallPress, CalibratedSensor, Effort, Lens, Photo, PressFolder, SensorCalibration, similarity,
+    Assumptions, BallFit, BallPress, CalibratedSensor, FitEffort, Lens, Photo, PressFolder, SensorCalibration,
+    similarity,
 };
 use tactile_optics::camera::Pinhole;
 use tactile_optics::elastomer::Elastomer;
@@ -81,7 +82,11 @@ fn write_presses(path: &std::path::Path, labels: bool) -> Vec<([f64; 2], f64)> {
         .enumerate()
     {
         let radius = 19.0 + n as f64 % 3.0;
-        sensor.render(&sensor.ball([x, y], radius, BALL)).unwrap().write(&path.join(format!("{n:02}.png"))).unwrap();
+        sensor
+            .render(&sensor.ball_penetration([x, y], radius, BALL))
+            .unwrap()
+            .write(&path.join(format!("{n:02}.png")))
+            .unwrap();
         csv += &format!("{n:02}.png,{x},{y},{radius}\n");
         marks.push(([x, y], radius));
     }
@@ -97,7 +102,7 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
     write_presses(&path, true);
     let all = PressFolder::read(&path, BALL, false).unwrap();
     let (fitted, held_out) = all.even_odd();
-    let effort = Effort { per_press: 200, starts: 1, steps: [15, 10], split: false };
+    let effort = FitEffort { per_press: 200, starts: 1, steps: [15, 10], split: false };
     let fit = BallFit::new(&fitted, Assumptions::full(Some(1e-3 * PIXEL_MM)), &effort, 1).unwrap();
     let held = fit.evaluate(&held_out).unwrap();
     assert!(held.rendered.crop.psnr > held.floor.crop.psnr + 10.0 && held.rendered.crop.psnr > 32.0, "{held:?}");
@@ -156,7 +161,7 @@ fn images_of_single_lamps_find_the_lamps_from_a_single_press() {
     let all = PressFolder::read(&path, BALL, false).unwrap();
     assert_eq!(all.lamps.len(), 3);
     let (fitted, held_out) = all.split(|index, _| index == 2);
-    let effort = Effort { per_press: 200, starts: 1, steps: [15, 10], split: false };
+    let effort = FitEffort { per_press: 200, starts: 1, steps: [15, 10], split: false };
     let assumptions = Assumptions::full(Some(1e-3 * PIXEL_MM));
     let fit = BallFit::new(&fitted, assumptions, &effort, 1).unwrap();
     // Lamps are fitted in the order of their images.
@@ -248,7 +253,7 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
         }
     }
     for (n, (center, radius)) in marks.iter().enumerate() {
-        let [x, y] = lens.distorted(*center);
+        let [x, y] = lens.distort_point(*center);
         csv += &format!("{n:02}.png,{x},{y},{radius}\n");
     }
     fs::write(path.join("labels.csv"), csv).unwrap();
@@ -258,7 +263,7 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
     let single = |photo: &Photo| photo.rgb.iter().map(|&grey| f32::from(grey)).collect::<Vec<f32>>();
     for ((press, raw), (center, radius)) in rectified.presses.iter().zip(&raw.presses).zip(&marks) {
         assert!((press.center[0] - center[0]).hypot(press.center[1] - center[1]) < 1e-3);
-        let truth = sensor.render(&sensor.ball(*center, *radius, BALL)).unwrap();
+        let truth = sensor.render(&sensor.ball_penetration(*center, *radius, BALL)).unwrap();
         let psnr = |photo: &Photo| {
             similarity::compare(&single(photo), &single(&truth), SIZE.0, 30..SIZE.0 - 30, 25..SIZE.1 - 25).psnr
         };
@@ -305,10 +310,10 @@ fn drift_leaves_no_edges() {
         background: photo(&gel),
         presses: presses.collect(),
         lamps: Vec::new(),
-        left_out: Vec::new(),
+        skipped: Vec::new(),
         depth: None,
     };
-    let found = background_of(&folder);
+    let found = estimate_background(&folder);
     let mean = |x: f64| (0..16).map(|n| gain(n, x)).sum::<f64>() / 16.0;
     for (i, found) in found.iter().enumerate() {
         let (x, y, c) = (((i / 3) % width) as f64, (i / 3 / width) as f64, i % 3);

@@ -3,12 +3,12 @@
 #![allow(clippy::unwrap_used)]
 
 use hand_model::Hand;
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use tactile_optics::{Cover, CurvedSensor, Foundation, IndentationMap, Sensor, SensorModel, press};
+use tactile_optics::{CurvedSensor, GelFoundation, IndentationMap, PadCover, Sensor, SensorModel, press};
 
-fn index() -> (Hand, Pad, Camera) {
+fn index() -> (Hand, Pad, PadCamera) {
     let hand = Hand::ftac();
     let pad = hand.pads.iter().find(|pad| pad.name == "index_distal").unwrap().clone();
     let camera = hand.cameras[pad.cameras[0]].clone();
@@ -22,7 +22,7 @@ fn ball(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
     }
 }
 
-fn curved(pad: &Pad, camera: &Camera, cover: Cover) -> CurvedSensor {
+fn curved(pad: &Pad, camera: &PadCamera, cover: PadCover) -> CurvedSensor {
     CurvedSensor::new(pad, camera, SensorModel::unit(pad, camera, 3), cover, 3).unwrap()
 }
 
@@ -36,7 +36,7 @@ fn differences(a: &[u8], b: &[u8]) -> (u8, f64) {
 fn without_curvature_the_images_are_bit_identical_to_the_flat_pads() {
     let (hand, pad, camera) = index();
     let sensor = Sensor::with_model(&pad, &camera, SensorModel::unit(&pad, &camera, 3), 3).unwrap();
-    let flat = curved(&pad, &camera, Cover::FLAT);
+    let flat = curved(&pad, &camera, PadCover::FLAT);
     for force in [0.0, 0.4, 3.0] {
         let map = press(&pad, &[&camera], &hand.gel(), force, ball(0.006)).unwrap().maps.remove(0);
         let mut seeds = [ChaCha8Rng::seed_from_u64(5), ChaCha8Rng::seed_from_u64(5)];
@@ -50,7 +50,7 @@ fn a_nearly_flat_cover_looks_nearly_flat() {
     let (hand, pad, camera) = index();
     let quiet = SensorModel { noise: 0.0, ..SensorModel::unit(&pad, &camera, 3) };
     let sensor = Sensor::with_model(&pad, &camera, quiet.clone(), 3).unwrap();
-    let cover = Cover::cylinder(50.0).unwrap();
+    let cover = PadCover::cylinder(50.0).unwrap();
     let nearly = CurvedSensor::new(&pad, &camera, quiet, cover, 3).unwrap();
     // Shadows dim a few pixels beside the foot of a lamp above the gel (a known flaw), already in the background.
     let (a, b) = (nearly.background(), sensor.background());
@@ -70,7 +70,7 @@ fn a_nearly_flat_cover_looks_nearly_flat() {
 fn the_relief_is_the_circle_that_pressing_along_the_normals_leaves() {
     let (_, pad, camera) = index();
     let radius = 0.02;
-    let sensor = curved(&pad, &camera, Cover::cylinder(radius).unwrap());
+    let sensor = curved(&pad, &camera, PadCover::cylinder(radius).unwrap());
     let deep = 0.4e-3;
     let relief = sensor.relief(&vec![deep as f32; IMAGE_SIZE * IMAGE_SIZE]);
     for column in [0, 50, 119, 200] {
@@ -83,10 +83,10 @@ fn the_relief_is_the_circle_that_pressing_along_the_normals_leaves() {
 #[test]
 fn a_plate_shows_as_a_stripe_along_the_digit() {
     let (_, pad, camera) = index();
-    let cover = Cover::cylinder(0.015).unwrap();
+    let cover = PadCover::cylinder(0.015).unwrap();
     let quiet = SensorModel { noise: 0.0, ..SensorModel::unit(&pad, &camera, 3) };
     let sensor = CurvedSensor::new(&pad, &camera, quiet, cover, 3).unwrap();
-    let gel = Foundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
+    let gel = GelFoundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
     let pressed = cover.press(&pad, &[&camera], &gel, 8.0, |_, _| Some(0.0)).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let background = sensor.background();

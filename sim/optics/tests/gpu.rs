@@ -7,12 +7,12 @@ use std::io::Write;
 use std::sync::Arc;
 
 use hand_model::Hand;
-use hand_model::pads::Camera;
-use tactile_optics::shapes::SHAPES;
-use tactile_optics::{CpuRenderer, GpuRenderer, IndentationMap, Job, OpticsError, Renderer, Sensor, press};
+use hand_model::pads::PadCamera;
+use tactile_optics::shapes::TEST_SHAPES;
+use tactile_optics::{CpuRenderer, GpuRenderer, IndentationMap, OpticsError, RenderJob, Renderer, Sensor, press};
 
 fn sensors(hand: &Hand) -> Arc<Vec<Sensor>> {
-    let one = |(n, camera): (usize, &Camera)| Sensor::unit(&hand.pads[camera.pad], camera, 7000 + n as u64);
+    let one = |(n, camera): (usize, &PadCamera)| Sensor::unit(&hand.pads[camera.pad], camera, 7000 + n as u64);
     Arc::new(hand.cameras.iter().enumerate().map(one).collect())
 }
 
@@ -45,7 +45,7 @@ fn maps(hand: &Hand) -> Vec<(usize, IndentationMap)> {
             (inside > 0.0).then(|| 0.012 - inside.sqrt())
         }
     };
-    let mut all: Vec<_> = SHAPES
+    let mut all: Vec<_> = TEST_SHAPES
         .iter()
         .enumerate()
         .map(|(k, (_, shape))| on(k % hand.cameras.len(), 0.5 + 0.15 * k as f64, shape))
@@ -57,8 +57,8 @@ fn maps(hand: &Hand) -> Vec<(usize, IndentationMap)> {
 }
 
 /// Creates a job; one of the jobs is slightly brighter.
-fn job(sensor: usize, indentation: &IndentationMap, noise: u64) -> Job<'_> {
-    Job { sensor, indentation, noise, brightness: if noise == 2 { 1.04 } else { 1.0 } }
+fn job(sensor: usize, indentation: &IndentationMap, noise: u64) -> RenderJob<'_> {
+    RenderJob { sensor, indentation, noise_seed: noise, brightness: if noise == 2 { 1.04 } else { 1.0 } }
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn both_backends_make_the_same_images() {
     let sensors = sensors(&hand);
     let Some(gpu) = any_adapter(&sensors) else { return };
     let maps = maps(&hand);
-    let jobs: Vec<Job<'_>> =
+    let jobs: Vec<RenderJob<'_>> =
         (0..).zip(&maps).map(|(noise, (sensor, indentation))| job(*sensor, indentation, noise)).collect();
     let (a, b) = (CpuRenderer::new(sensors).render(&jobs).unwrap(), gpu.render(&jobs).unwrap());
     let (mut off, mut equal, mut most) = (0usize, 0usize, 0u8);

@@ -5,20 +5,20 @@
 use std::f64::consts::PI;
 
 use hand_model::Hand;
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use tactile_optics::camera::{Pinhole, Response};
+use tactile_optics::camera::{CameraResponse, Pinhole};
 use tactile_optics::elastomer::Elastomer;
-use tactile_optics::indentation::{GapMap, PIXELS, press_gaps};
+use tactile_optics::indentation::{GapMap, PIXEL_COUNT, press_gaps};
 use tactile_optics::lamps::Lamp;
 use tactile_optics::reflectance::Reflectance;
 use tactile_optics::{IndentationMap, OpticsError, Sensor, SensorModel, press};
 
 /// Returns a pad with its first camera; its edges are made square, so that the whole surface is flat.
-fn flat_pad(hand: &Hand, name: &str) -> (Pad, Camera) {
+fn flat_pad(hand: &Hand, name: &str) -> (Pad, PadCamera) {
     let mut pad = hand.pads.iter().find(|pad| pad.name == name).unwrap().clone();
     pad.edge_radius = 0.0;
     let camera = hand.cameras[pad.cameras[0]].clone();
@@ -48,7 +48,7 @@ fn a_ball_sinks_in_as_winkler_says() {
         let winkler = PI * radius * depth * depth * gel.stiffness;
         assert!((winkler - force).abs() < 0.03 * force, "{winkler} N for {force} N");
         assert!((pressed.force - force).abs() < 1e-3 * force);
-        assert!((f64::from(pressed.maps[0].deepest()) - depth).abs() < 2e-6);
+        assert!((f64::from(pressed.maps[0].max_depth()) - depth).abs() < 2e-6);
     }
 }
 
@@ -56,7 +56,7 @@ fn a_ball_sinks_in_as_winkler_says() {
 fn a_press_over_two_cameras_shares_the_force() {
     let hand = Hand::ftac();
     let (pad, _) = flat_pad(&hand, "palm_ulnar");
-    let cameras: Vec<&Camera> = pad.cameras.iter().map(|&index| &hand.cameras[index]).collect();
+    let cameras: Vec<&PadCamera> = pad.cameras.iter().map(|&index| &hand.cameras[index]).collect();
     let pressed = press(&pad, &cameras, &hand.parameters.gel, 3.0, ball(0.021, 0.0, 0.0, 0.0)).unwrap();
     let [a, b] = [0, 1].map(|i| pressed.maps[i].contact_pixels());
     assert!(a > 1000 && a.abs_diff(b) < a / 50, "{a} {b}");
@@ -80,7 +80,7 @@ fn coarse_to_fine_finds_the_same_and_casts_fewer_rays() {
     // The two shifts differ only by the solver's rounding.
     let (a, b) = (quick.maps[0].to_depths(), full.maps[0].to_depths());
     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-8));
-    assert!(rays < PIXELS / 3, "{rays}");
+    assert!(rays < PIXEL_COUNT / 3, "{rays}");
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn nothing_and_too_much() {
     assert_eq!(idle.maps[0], IndentationMap::idle());
     let flat = press(&pad, &[&camera], &gel, 1e6, |_, _| Some(0.0)).unwrap();
     assert!((flat.force - gel.stiffness * gel.thickness * pad.w * pad.h).abs() < 1e-3 * flat.force);
-    assert!((f64::from(flat.maps[0].deepest()) - gel.thickness).abs() < 1e-9);
+    assert!((f64::from(flat.maps[0].max_depth()) - gel.thickness).abs() < 1e-9);
 }
 
 #[test]
@@ -104,8 +104,8 @@ fn bad_input_is_named() {
     let gel = hand.parameters.gel;
     assert_eq!(press(&pad, &[&camera], &gel, -1.0, |_, _| None), Err(OpticsError::Force(-1.0)));
     assert!(matches!(press(&pad, &[&camera], &gel, 1.0, |_, _| Some(f64::NAN)), Err(OpticsError::Surface { .. })));
-    assert_eq!(IndentationMap::from_depth(vec![0.0; 3]), Err(OpticsError::MapSize { found: 3, expected: PIXELS }));
-    let mut depth = vec![0.0; PIXELS];
+    assert_eq!(IndentationMap::from_depth(vec![0.0; 3]), Err(OpticsError::MapSize { found: 3, expected: PIXEL_COUNT }));
+    let mut depth = vec![0.0; PIXEL_COUNT];
     depth[IMAGE_SIZE * 2 + 5] = f32::NAN;
     assert!(matches!(IndentationMap::from_depth(depth), Err(OpticsError::MapValue { column: 5, row: 2, .. })));
 }
@@ -137,9 +137,9 @@ fn oren_nayar_is_the_papers_formula_in_angles() {
 #[test]
 fn a_lamp_falls_off_as_the_square() {
     let lamp = Lamp::aimed(Point3::new(0.0, 0.0, -0.01), Point3::origin(), 2.0, 1.2, [1.0; 3]);
-    assert!((lamp.at(&Point3::origin()).1 - 2.0 / 1e-4).abs() < 1e-6);
-    assert!((lamp.at(&Point3::new(0.0, 0.0, 0.01)).1 - 2.0 / 4e-4).abs() < 1e-6);
-    assert_eq!(lamp.at(&Point3::new(0.0, 0.0, -0.02)).1, 0.0);
+    assert!((lamp.direction_and_irradiance(&Point3::origin()).1 - 2.0 / 1e-4).abs() < 1e-6);
+    assert!((lamp.direction_and_irradiance(&Point3::new(0.0, 0.0, 0.01)).1 - 2.0 / 4e-4).abs() < 1e-6);
+    assert_eq!(lamp.direction_and_irradiance(&Point3::new(0.0, 0.0, -0.02)).1, 0.0);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn a_tilted_plane_brightens_the_lamp_it_faces() {
     // dz/dx, dz/dy of the pressed gel, and the channel whose lamp it then faces (and one that it turns away from).
     for (slope, brighter, darker) in [([0.3, 0.0], 0, 1), ([-0.3, 0.0], 1, 0), ([0.0, 0.3], 2, 0), ([0.0, -0.3], 1, 2)]
     {
-        let depth = (0..PIXELS).map(|i| {
+        let depth = (0..PIXEL_COUNT).map(|i| {
             let (x, y) = camera.pixel_center(i % IMAGE_SIZE, i / IMAGE_SIZE);
             let near = x.abs() < 0.003 && y.abs() < 0.003;
             if near { (0.001 - slope[0] * x - slope[1] * y) as f32 } else { 0.0 }
@@ -234,7 +234,7 @@ fn far_from_the_contact_is_the_background() {
     let mut model = SensorModel::unit(pad, camera, 9);
     model.noise = 0.0;
     let sensor = Sensor::with_model(pad, camera, model, 9).unwrap();
-    let mut depth = vec![0.0; PIXELS];
+    let mut depth = vec![0.0; PIXEL_COUNT];
     depth[120 * IMAGE_SIZE + 30] = 1e-3;
     let image = sensor.render(&IndentationMap::from_depth(depth).unwrap(), &mut rng(5));
     assert_ne!(image, **sensor.background());
@@ -271,7 +271,7 @@ proptest! {
         spots in proptest::collection::vec((0usize..240, 0usize..240, 1usize..40, 1e-5f32..2.5e-3), 1..5),
     ) {
         let hand = Hand::ftac();
-        let mut depth = vec![0.0f32; PIXELS];
+        let mut depth = vec![0.0f32; PIXEL_COUNT];
         for (column, row, size, deep) in spots {
             for r in row..(row + size).min(240) {
                 for c in column..(column + size).min(240) {
@@ -291,7 +291,7 @@ proptest! {
 
     #[test]
     fn response_inverts(g2 in 0.0..0.3f64, g3 in 0.0..0.3f64, measured in 0.0..1.0f64) {
-        let response = Response { coefficients: [1.0 - g2 - g3, g2, g3] };
+        let response = CameraResponse { coefficients: [1.0 - g2 - g3, g2, g3] };
         prop_assert!((response.measured(response.radiance(measured)) - measured).abs() < 1e-9);
     }
 }

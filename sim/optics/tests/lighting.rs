@@ -6,7 +6,7 @@ use nalgebra::{Matrix3x2, Point3};
 use tactile_optics::SensorModel;
 
 /// Returns a grid of positions on the pad in a camera's view, pad frame, m.
-fn places(camera: &hand_model::pads::Camera) -> Vec<Point3<f64>> {
+fn places(camera: &hand_model::pads::PadCamera) -> Vec<Point3<f64>> {
     let place = |k: i32| (f64::from(k) + 0.5) / 11.0 - 0.5;
     (0..121).map(|i| Point3::new(place(i % 11) * camera.w, camera.center_y + place(i / 11) * camera.h, 0.0)).collect()
 }

@@ -12,10 +12,10 @@ use tactile_optics::lamps::Lamp;
 use tactile_optics::shadows::{HeightField, Shadow};
 
 /// Side of the square field, m.
-const EXTENT: f64 = 12e-3;
+const FIELD_SIDE: f64 = 12e-3;
 /// Number of pixels along a side: coarse enough for hidden-point removal's hull, and as fine as a pad's images.
-const COARSE: usize = 48;
-const FINE: usize = 120;
+const COARSE_PIXELS: usize = 48;
+const FINE_PIXELS: usize = 120;
 
 /// Samples the depth of the gel as a function of position (m).
 fn field(side: usize, depth: &dyn Fn(f64, f64) -> f64) -> Vec<f32> {
@@ -23,16 +23,18 @@ fn field(side: usize, depth: &dyn Fn(f64, f64) -> f64) -> Vec<f32> {
 }
 
 fn place(side: usize, at: usize) -> (f64, f64) {
-    let (middle, pixel) = (0.5 * (side - 1) as f64, EXTENT / side as f64);
+    let (middle, pixel) = (0.5 * (side - 1) as f64, FIELD_SIDE / side as f64);
     (((at % side) as f64 - middle) * pixel, (middle - (at / side) as f64) * pixel)
 }
 
 /// Returns the pixels that see less than half of the lamp, by the renderer's own shadows.
 fn fast(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
-    let pixel = EXTENT / side as f64;
+    let pixel = FIELD_SIDE / side as f64;
     let field = HeightField { width: side, height: side, first: place(side, 0), pixel: (pixel, pixel), depth };
     let shadow: Option<Shadow> = field.shadow(lamp);
-    let seen = |at: usize| shadow.as_ref().map_or(1.0, |shadow| shadow.at((at % side) as f64, (at / side) as f64));
+    let seen = |at: usize| {
+        shadow.as_ref().map_or(1.0, |shadow| shadow.visible_share_at((at % side) as f64, (at / side) as f64))
+    };
     (0..side * side).map(|at| seen(at) < 0.5).collect()
 }
 
@@ -46,7 +48,7 @@ fn hidden_points(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
         .map(|(n, p)| p + 1e-10 * Vector3::new(jitter(3 * n), jitter(3 * n + 1), jitter(3 * n + 2)))
         .collect();
     let farthest = from_lamp.iter().map(Vector3::norm).fold(0.0, f64::max);
-    let radius = FLIP * farthest;
+    let radius = FLIP_RADIUS * farthest;
     let mut points: Vec<Vector3<f64>> =
         from_lamp.iter().map(|p| p + p.normalize() * (2.0 * (radius - p.norm()))).collect();
     points.push(Vector3::zeros());
@@ -60,7 +62,7 @@ fn jitter(n: usize) -> f64 {
 }
 
 /// Radius of the flipping sphere, relative to the distance of the farthest point.
-const FLIP: f64 = 100.0;
+const FLIP_RADIUS: f64 = 100.0;
 
 /// Finds the points that are vertices of the convex hull: points are added one by one in a shuffled order, and each
 /// replaces the faces it sees.
@@ -122,7 +124,7 @@ fn the_hull_of_a_cube_is_its_corners() {
 
 /// Returns the pixels from which a straight line to the lamp intersects the gel.
 fn blocked_rays(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
-    let (middle, pixel) = (0.5 * (side - 1) as f64, EXTENT / side as f64);
+    let (middle, pixel) = (0.5 * (side - 1) as f64, FIELD_SIDE / side as f64);
     let height = |x: f64, y: f64| {
         let (column, row) = (x / pixel + middle, middle - y / pixel);
         if !(0.0..(side - 1) as f64).contains(&column) || !(0.0..(side - 1) as f64).contains(&row) {
@@ -177,16 +179,17 @@ fn agreement(a: &[bool], b: &[bool]) -> (f64, f64) {
 
 #[test]
 fn shadows_are_where_hidden_point_removal_and_rays_have_them() {
-    println!("scene  lamp  shaded px   fast-rays  hpr-rays  fast-hpr   fast-rays on {FINE} px");
+    println!("scene  lamp  shaded px   fast-rays  hpr-rays  fast-hpr   fast-rays on {FINE_PIXELS} px");
     for (name, shape) in shapes() {
-        let (coarse, fine) = (field(COARSE, &*shape), field(FINE, &*shape));
+        let (coarse, fine) = (field(COARSE_PIXELS, &*shape), field(FINE_PIXELS, &*shape));
         for (k, lamp) in lamps().iter().enumerate() {
-            let ours = fast(COARSE, &coarse, lamp);
-            let (hidden, blocked) = (hidden_points(COARSE, &coarse, lamp), blocked_rays(COARSE, &coarse, lamp));
+            let ours = fast(COARSE_PIXELS, &coarse, lamp);
+            let (hidden, blocked) =
+                (hidden_points(COARSE_PIXELS, &coarse, lamp), blocked_rays(COARSE_PIXELS, &coarse, lamp));
             let shaded = blocked.iter().filter(|blocked| **blocked).count();
             let (with_hidden, with_rays) = (agreement(&ours, &hidden), agreement(&ours, &blocked));
             let of_references = agreement(&hidden, &blocked);
-            let as_fine = agreement(&fast(FINE, &fine, lamp), &blocked_rays(FINE, &fine, lamp));
+            let as_fine = agreement(&fast(FINE_PIXELS, &fine, lamp), &blocked_rays(FINE_PIXELS, &fine, lamp));
             println!(
                 "{name:6} {k:4} {shaded:10} {:10.3} {:9.3} {:9.3} {:11.3}",
                 with_rays.0, of_references.0, with_hidden.0, as_fine.0

@@ -10,8 +10,8 @@ use hand_model::RobotModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::robot::RobotIndividual;
-use crate::spread::{Kind, Parameter, Spread};
+use crate::prior::{PlantParameter, Prior, PriorKind};
+use crate::robot::RobotInstance;
 
 /// Version of the file format.
 const VERSION: u32 = 1;
@@ -19,7 +19,7 @@ const VERSION: u32 = 1;
 /// A session from which an estimate was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Source {
+pub struct SessionSource {
     /// Name of its file, as it was given.
     pub file: String,
     /// SHA-256 of the file in hexadecimal digits.
@@ -33,11 +33,11 @@ pub struct Source {
 /// Estimate of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Estimate {
-    /// Name, as in [`super::spread::Parameter::name`].
+pub struct ParameterEstimate {
+    /// Name, as in [`super::prior::PlantParameter::name`].
     pub name: String,
     /// Effect of the deviation on the nominal value.
-    pub kind: Kind,
+    pub kind: PriorKind,
     /// Best estimate; the prior mean if nothing was learnt.
     pub deviation: f64,
     /// Standard deviation of the estimate; that of the prior if nothing was learnt.
@@ -46,10 +46,10 @@ pub struct Estimate {
     pub identified: bool,
 }
 
-impl Estimate {
+impl ParameterEstimate {
     /// Returns the prior of a parameter about which nothing was learnt.
-    pub fn drawn(parameter: &Parameter, deviation: f64) -> Self {
-        let Spread { kind, sigma, .. } = parameter.spread;
+    pub fn from_prior(parameter: &PlantParameter, deviation: f64) -> Self {
+        let Prior { kind, sigma, .. } = parameter.prior;
         Self { name: parameter.name.clone(), kind, deviation, sigma, identified: false }
     }
 }
@@ -57,7 +57,7 @@ impl Estimate {
 /// Covariance matrix of some parameters' deviations, row by row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Covariance {
+pub struct CovarianceBlock {
     pub parameters: Vec<String>,
     pub rows: Vec<Vec<f64>>,
 }
@@ -65,53 +65,53 @@ pub struct Covariance {
 /// Content of an estimate's file, with its provenance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Contents {
+struct FileContents {
     version: u32,
     /// Name of the nominal hand.
     hand: String,
     /// Program and version that wrote it.
     program: String,
-    session: Vec<Source>,
-    parameter: Vec<Estimate>,
-    covariance: Vec<Covariance>,
+    session: Vec<SessionSource>,
+    parameter: Vec<ParameterEstimate>,
+    covariance: Vec<CovarianceBlock>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Sealed {
+struct DigestedFile {
     digest: String,
     #[serde(flatten)]
-    contents: Contents,
+    contents: FileContents,
 }
 
 /// A robot as identified from its sessions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedRobot {
     /// Best estimate of every parameter.
-    pub individual: RobotIndividual,
+    pub instance: RobotInstance,
     /// Estimate of every parameter, in the individual's order.
-    pub estimates: Vec<Estimate>,
-    pub covariances: Vec<Covariance>,
-    pub sessions: Vec<Source>,
+    pub estimates: Vec<ParameterEstimate>,
+    pub covariances: Vec<CovarianceBlock>,
+    pub sessions: Vec<SessionSource>,
 }
 
 impl IdentifiedRobot {
-    /// Builds it from an estimate of every parameter of `robot`'s individuals, in their order.
+    /// Builds it from an estimate of every parameter of `apply_to_robot`'s individuals, in their order.
     pub fn new(
         robot: &RobotModel,
-        estimates: Vec<Estimate>,
-        covariances: Vec<Covariance>,
-        sessions: Vec<Source>,
+        estimates: Vec<ParameterEstimate>,
+        covariances: Vec<CovarianceBlock>,
+        sessions: Vec<SessionSource>,
     ) -> Self {
-        let mut individual = RobotIndividual::designed(robot);
+        let mut individual = RobotInstance::nominal(robot);
         for (place, estimate) in estimates.iter().enumerate() {
             individual.set(place, estimate.deviation);
         }
-        Self { individual, estimates, covariances, sessions }
+        Self { instance: individual, estimates, covariances, sessions }
     }
 
     /// Writes the text of the file.
     pub fn to_toml(&self, robot: &RobotModel, program: &str) -> Result<String, toml::ser::Error> {
-        let contents = Contents {
+        let contents = FileContents {
             version: VERSION,
             hand: robot.hand.parameters.name.clone(),
             program: program.to_owned(),
@@ -125,7 +125,7 @@ impl IdentifiedRobot {
 
     /// Reads and checks the text of a file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
-        let Sealed { digest: found, contents } = parse_toml(text, path)?;
+        let DigestedFile { digest: found, contents } = parse_toml(text, path)?;
         let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if contents.version != VERSION {
             return fault("version".into(), contents.version.to_string(), "1");
@@ -133,14 +133,14 @@ impl IdentifiedRobot {
         if contents.hand != robot.hand.parameters.name {
             return fault("hand".into(), format!("`{}`", contents.hand), &format!("`{}`", robot.hand.parameters.name));
         }
-        let designed = RobotIndividual::designed(robot);
+        let designed = RobotInstance::nominal(robot);
         for (parameter, estimate) in designed.parameters().iter().zip(&contents.parameter) {
             let field = |what: &str| format!("parameter[{}].{what}", estimate.name);
             if estimate.name != parameter.name {
                 return fault(field("name"), format!("`{}`", estimate.name), &format!("`{}`", parameter.name));
             }
-            if estimate.kind != parameter.spread.kind {
-                let expected = format!("{:?}", parameter.spread.kind).to_lowercase();
+            if estimate.kind != parameter.prior.kind {
+                let expected = format!("{:?}", parameter.prior.kind).to_lowercase();
                 return fault(field("kind"), format!("{:?}", estimate.kind).to_lowercase(), &expected);
             }
             // No hand built from this design deviates by a factor of e or by a radian.
@@ -168,7 +168,7 @@ impl IdentifiedRobot {
 }
 
 /// Checks that a block names parameters, and that it is a covariance matrix.
-fn check_covariance(block: &Covariance, robot: &RobotIndividual, path: &Path) -> Result<(), DataError> {
+fn check_covariance(block: &CovarianceBlock, robot: &RobotInstance, path: &Path) -> Result<(), DataError> {
     let n = block.parameters.len();
     let field = format!("covariance[{}].rows", block.parameters.first().map_or("", String::as_str));
     if let Some(unknown) = block.parameters.iter().find(|name| robot.find(name).is_none()) {
@@ -192,16 +192,19 @@ mod tests {
 
     fn identified() -> (RobotModel, IdentifiedRobot) {
         let drawn = RobotModel::ftac_gen3();
-        let robot = RobotIndividual::draw(&drawn, 2);
-        let estimates: Vec<Estimate> = robot
+        let robot = RobotInstance::sample(&drawn, 2);
+        let estimates: Vec<ParameterEstimate> = robot
             .parameters()
             .iter()
             .zip(robot.deviations())
-            .map(|(parameter, deviation)| Estimate { identified: true, ..Estimate::drawn(parameter, *deviation) })
+            .map(|(parameter, deviation)| ParameterEstimate {
+                identified: true,
+                ..ParameterEstimate::from_prior(parameter, *deviation)
+            })
             .collect();
         let names = vec!["index_1.spring".to_owned(), "index_2.spring".to_owned()];
-        let block = Covariance { parameters: names, rows: vec![vec![2e-4, 1e-4], vec![1e-4, 3e-4]] };
-        let source = Source { file: "a.mcap".into(), sha256: "00".into(), robot: "sim".into(), seconds: 1.5 };
+        let block = CovarianceBlock { parameters: names, rows: vec![vec![2e-4, 1e-4], vec![1e-4, 3e-4]] };
+        let source = SessionSource { file: "a.mcap".into(), sha256: "00".into(), robot: "sim".into(), seconds: 1.5 };
         let robot = IdentifiedRobot::new(&drawn, estimates, vec![block], vec![source]);
         (drawn, robot)
     }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use hand_model::arm::MOST_ARM_JOINTS;
+use hand_model::arm::MAX_ARM_JOINTS;
 use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::SeedableRng as _;
@@ -11,21 +11,21 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use crate::arm::ArmDefects;
-use crate::draws::gaussian;
-use crate::spread::{Kind, Parameter, Quantity, parameters};
+use crate::draws::truncated_gaussian;
+use crate::prior::{PlantParameter, PriorKind, Quantity, parameters};
 
 /// Random stream from which robots are sampled; no trial uses it.
-const STREAM: u64 = 1 << 20;
+const RNG_STREAM: u64 = 1 << 20;
 /// Serial number of the tactile cameras before those of the first individual, among the units of [`optics`]; lower
 /// numbers belong to benchmark and calibration.
 ///
 /// [`optics`]: https://docs.rs/optics
-const FIRST_CAMERAS: u64 = 1000;
+const CAMERA_SERIAL_OFFSET: u64 = 1000;
 
 /// Deviations of one robot from its nominal design.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RobotIndividual {
-    parameters: Vec<Parameter>,
+pub struct RobotInstance {
+    parameters: Vec<PlantParameter>,
     /// Deviation of each parameter, in the order of [`parameters`].
     deviations: Vec<f64>,
 }
@@ -33,41 +33,41 @@ pub struct RobotIndividual {
 /// A parameter of an individual, as written to the truth file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct Deviation {
+pub struct NamedDeviation {
     pub parameter: String,
-    pub kind: Kind,
+    pub kind: PriorKind,
     pub unit: &'static str,
     pub deviation: f64,
 }
 
-impl RobotIndividual {
+impl RobotInstance {
     /// Returns the nominal robot.
-    pub fn designed(robot: &RobotModel) -> Self {
+    pub fn nominal(robot: &RobotModel) -> Self {
         let parameters = parameters(robot);
         Self { deviations: vec![0.0; parameters.len()], parameters }
     }
 
     /// Samples individual `number`: the same number gives the same robot. Number 0 is the nominal robot.
-    pub fn draw(robot: &RobotModel, number: u64) -> Self {
-        let mut own = Self::designed(robot);
+    pub fn sample(robot: &RobotModel, number: u64) -> Self {
+        let mut own = Self::nominal(robot);
         if number == 0 {
             return own;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(number);
-        rng.set_stream(STREAM);
+        rng.set_stream(RNG_STREAM);
         for (deviation, parameter) in own.deviations.iter_mut().zip(&own.parameters) {
-            *deviation = parameter.spread.mean + parameter.spread.sigma * gaussian(&mut rng);
+            *deviation = parameter.prior.mean + parameter.prior.sigma * truncated_gaussian(&mut rng);
         }
         own
     }
 
     /// Returns the serial number of the tactile cameras of individual `number`, if it has its own.
-    pub fn cameras(number: u64) -> Option<u64> {
-        (number > 0).then_some(FIRST_CAMERAS + number)
+    pub fn camera_serial(number: u64) -> Option<u64> {
+        (number > 0).then_some(CAMERA_SERIAL_OFFSET + number)
     }
 
     /// Returns the parameters in which individuals differ.
-    pub fn parameters(&self) -> &[Parameter] {
+    pub fn parameters(&self) -> &[PlantParameter] {
         &self.parameters
     }
 
@@ -82,37 +82,37 @@ impl RobotIndividual {
     }
 
     /// Returns the parameter index of a quantity of one owner.
-    pub fn place(&self, quantity: Quantity, index: usize) -> Option<usize> {
+    pub fn parameter_index(&self, quantity: Quantity, index: usize) -> Option<usize> {
         self.parameters.iter().position(|parameter| parameter.quantity == quantity && parameter.index == index)
     }
 
     /// Returns the deviation of a quantity of one owner; 0 if there is no such owner.
     pub fn deviation(&self, quantity: Quantity, index: usize) -> f64 {
-        self.place(quantity, index).map_or(0.0, |place| self.deviations[place])
+        self.parameter_index(quantity, index).map_or(0.0, |place| self.deviations[place])
     }
 
-    /// Sets the deviation with parameter index `place`.
+    /// Sets the deviation with parameter index `parameter_index`.
     pub fn set(&mut self, place: usize, deviation: f64) {
         self.deviations[place] = deviation;
     }
 
     /// Lists all deviations by name.
-    pub fn described(&self) -> Vec<Deviation> {
-        let describe = |(parameter, deviation): (&Parameter, &f64)| Deviation {
+    pub fn named_deviations(&self) -> Vec<NamedDeviation> {
+        let describe = |(parameter, deviation): (&PlantParameter, &f64)| NamedDeviation {
             parameter: parameter.name.clone(),
-            kind: parameter.spread.kind,
+            kind: parameter.prior.kind,
             unit: parameter.quantity.unit(),
             deviation: *deviation,
         };
         self.parameters.iter().zip(&self.deviations).map(describe).collect()
     }
 
-    /// Applies the deviations to the nominal hand `drawn`, including its rotation on the flange.
-    pub fn hand(&self, drawn: &Hand) -> Hand {
+    /// Applies the deviations to the nominal hand `from_prior`, including its rotation on the flange.
+    pub fn apply_to_hand(&self, drawn: &Hand) -> Hand {
         let mut hand = drawn.clone();
         for (parameter, &deviation) in self.parameters.iter().zip(&self.deviations) {
             if deviation != 0.0 {
-                change_hand(&mut hand, parameter, deviation);
+                apply_hand_deviation(&mut hand, parameter, deviation);
             }
         }
         let arm = self.arm_defects();
@@ -122,9 +122,9 @@ impl RobotIndividual {
         hand
     }
 
-    /// Applies the deviations to the nominal arm `drawn`: encoder offsets move its joint origins, so that its readings
+    /// Applies the deviations to the nominal arm `from_prior`: encoder offsets move its joint origins, so that its readings
     /// can be used as joint angles, and torque gains scale its torque readings.
-    pub fn arm(&self, drawn: &Arm) -> Arm {
+    pub fn apply_to_arm(&self, drawn: &Arm) -> Arm {
         let mut arm = drawn.clone();
         for (n, joint) in arm.tree.joints.iter_mut().enumerate() {
             let shown = self.deviation(Quantity::ArmEncoder, n);
@@ -139,8 +139,8 @@ impl RobotIndividual {
     }
 
     /// Applies the deviations to the `nominal` robot.
-    pub fn robot(&self, nominal: &RobotModel) -> RobotModel {
-        let (hand, arm) = (self.hand(&nominal.hand), self.arm(&nominal.arm));
+    pub fn apply_to_robot(&self, nominal: &RobotModel) -> RobotModel {
+        let (hand, arm) = (self.apply_to_hand(&nominal.hand), self.apply_to_arm(&nominal.arm));
         RobotModel { hand: Arc::new(hand), arm: Arc::new(arm), ..nominal.clone() }
     }
 
@@ -148,7 +148,7 @@ impl RobotIndividual {
     pub fn arm_defects(&self) -> ArmDefects {
         let axes = |quantity| Vector3::from_fn(|axis, _| self.deviation(quantity, axis));
         ArmDefects {
-            encoders: (0..MOST_ARM_JOINTS).map(|joint| self.deviation(Quantity::ArmEncoder, joint)).collect(),
+            encoders: (0..MAX_ARM_JOINTS).map(|joint| self.deviation(Quantity::ArmEncoder, joint)).collect(),
             mount_position: axes(Quantity::MountPosition),
             mount_rotation: axes(Quantity::MountTurn),
             payload: 0.0,
@@ -161,11 +161,11 @@ impl RobotIndividual {
     }
 }
 
-fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
+fn apply_hand_deviation(hand: &mut Hand, parameter: &PlantParameter, deviation: f64) {
     let n = parameter.index;
     let value = match parameter.quantity {
         Quantity::Spring => &mut hand.transmission.springs[n],
-        Quantity::SpringRest => &mut hand.transmission.rests[n],
+        Quantity::SpringRest => &mut hand.transmission.spring_rests[n],
         Quantity::SpoolRadius => &mut hand.cables[n].spool_radius,
         Quantity::CableStiffness => &mut hand.cables[n].stiffness,
         Quantity::GuideFriction => &mut hand.cables[n].friction.coefficient,
@@ -180,16 +180,16 @@ fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
             joint.origin *= UnitQuaternion::from_axis_angle(&joint.axis, deviation);
             return;
         }
-        // Applied elsewhere, to the scene, the arm and the mount: see `pad_friction`, `arm`, `hand`.
+        // Applied elsewhere, to the scene, the arm and the mount: see `pad_friction`, `apply_to_arm`, `apply_to_hand`.
         Quantity::PadFriction
         | Quantity::ArmEncoder
         | Quantity::MountPosition
         | Quantity::MountTurn
         | Quantity::ArmTorqueGain => return,
     };
-    match parameter.spread.kind {
-        Kind::Factor => *value *= deviation.exp(),
-        Kind::Offset => *value += deviation,
+    match parameter.prior.kind {
+        PriorKind::Factor => *value *= deviation.exp(),
+        PriorKind::Offset => *value += deviation,
     }
 }
 
@@ -204,9 +204,9 @@ mod tests {
     #[test]
     fn one_number_is_one_robot_and_another_is_another() {
         let drawn = drawn();
-        let robot = RobotIndividual::draw(&drawn, 3);
-        assert_eq!(robot, RobotIndividual::draw(&drawn, 3));
-        let other = RobotIndividual::draw(&drawn, 4);
+        let robot = RobotInstance::sample(&drawn, 3);
+        assert_eq!(robot, RobotInstance::sample(&drawn, 3));
+        let other = RobotInstance::sample(&drawn, 4);
         assert!(robot.deviations().iter().zip(other.deviations()).all(|(a, b)| a != b));
     }
 
@@ -234,7 +234,7 @@ mod tests {
                 ],
             ),
         ] {
-            let robot = RobotIndividual::draw(&drawn, number);
+            let robot = RobotInstance::sample(&drawn, number);
             let names = ["thumb_1.spring", "thumb.cable_stiffness", "pad_friction", "mount_z.turn"];
             let found = names.map(|name| robot.deviations()[robot.find(name).expect("a parameter")]);
             assert_eq!(found.map(f64::to_bits), values.map(f64::to_bits), "{number}: {found:?}");
@@ -246,9 +246,9 @@ mod tests {
     fn number_0_is_the_drawing() {
         let drawn = drawn();
         let RobotModel { hand, arm, .. } = &drawn;
-        let robot = RobotIndividual::draw(&drawn, 0);
-        assert_eq!(format!("{:?}", robot.hand(hand)), format!("{hand:?}"));
-        assert_eq!(format!("{:?}", robot.arm(arm)), format!("{arm:?}"));
+        let robot = RobotInstance::sample(&drawn, 0);
+        assert_eq!(format!("{:?}", robot.apply_to_hand(hand)), format!("{hand:?}"));
+        assert_eq!(format!("{:?}", robot.apply_to_arm(arm)), format!("{arm:?}"));
     }
 
     /// Each parameter changes the robot, and only what it names: applying a deviation and its inverse restores the
@@ -258,11 +258,11 @@ mod tests {
         let drawn = drawn();
         let RobotModel { hand, arm, .. } = &drawn;
         let (text, arm_text) = (format!("{hand:?}"), format!("{arm:?}"));
-        for place in 0..RobotIndividual::designed(&drawn).parameters().len() {
-            let mut robot = RobotIndividual::designed(&drawn);
+        for place in 0..RobotInstance::nominal(&drawn).parameters().len() {
+            let mut robot = RobotInstance::nominal(&drawn);
             robot.set(place, 0.01);
-            let changed = format!("{:?}", robot.hand(hand)) != text
-                || format!("{:?}", robot.arm(arm)) != arm_text
+            let changed = format!("{:?}", robot.apply_to_hand(hand)) != text
+                || format!("{:?}", robot.apply_to_arm(arm)) != arm_text
                 || robot.pad_friction() != 1.0;
             assert!(changed, "{}", robot.parameters()[place].name);
         }
@@ -273,11 +273,11 @@ mod tests {
     fn its_arm_is_the_one_with_these_defects() {
         let drawn = drawn();
         let RobotModel { hand, arm, .. } = &drawn;
-        let robot = RobotIndividual::draw(&drawn, 5);
+        let robot = RobotInstance::sample(&drawn, 5);
         let shown = arm.home;
         let defects = robot.arm_defects();
-        let body = arm.tool_pose(&defects.real(&shown)) * defects.mount() * hand.palm_from_flange.inverse();
-        let model = robot.arm(arm).tool_pose(&shown) * robot.hand(hand).palm_from_flange.inverse();
+        let body = arm.tool_pose(&defects.true_angles(&shown)) * defects.mount() * hand.palm_from_flange.inverse();
+        let model = robot.apply_to_arm(arm).tool_pose(&shown) * robot.apply_to_hand(hand).palm_from_flange.inverse();
         let off = body.inv_mul(&model);
         assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-9, "{off}");
     }
@@ -286,9 +286,9 @@ mod tests {
     #[test]
     fn deviations_spread_as_stated() {
         let drawn = drawn();
-        let robots: Vec<_> = (1..=400).map(|number| RobotIndividual::draw(&drawn, number)).collect();
+        let robots: Vec<_> = (1..=400).map(|number| RobotInstance::sample(&drawn, number)).collect();
         for (place, parameter) in robots[0].parameters().iter().enumerate() {
-            let spread = &parameter.spread;
+            let spread = &parameter.prior;
             let scaled = robots.iter().map(|robot| (robot.deviations()[place] - spread.mean) / spread.sigma);
             let (sum, squares) = scaled.fold((0.0, 0.0), |(sum, squares), z| (sum + z, squares + z * z));
             // A Gaussian truncated at three standard deviations has 0.9733 of its variance.

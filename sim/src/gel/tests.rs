@@ -1,6 +1,6 @@
 //! Tests: depth in the engine against depth in the image, shear against its law, and holds at rest.
 
-use hand_model::pads::Camera;
+use hand_model::pads::PadCamera;
 use tactile_optics::press;
 use world::Symmetry;
 
@@ -8,10 +8,10 @@ use super::*;
 use crate::body::cover_collider;
 use crate::engine::{Engine, EngineSettings};
 
-const GEL: Gel = Gel { relaxation: 0.03, shear: 0.5 };
+const GEL: GelViscoelasticity = GelViscoelasticity { relaxation: 0.03, shear: 0.5 };
 const FORCES: [f64; 3] = [0.5, 2.0, 8.0];
 
-fn model(shape: Shape) -> Arc<ObjectModel> {
+fn model(shape: ObjectShape) -> Arc<ObjectModel> {
     Arc::new(ObjectModel {
         name: "thing".into(),
         shape,
@@ -24,12 +24,16 @@ fn model(shape: Shape) -> Arc<ObjectModel> {
 }
 
 /// A sphere, a lying cylinder and a box, with their rotations above a pad.
-fn shapes() -> [(&'static str, Shape, Vector3<f64>); 3] {
+fn shapes() -> [(&'static str, ObjectShape, Vector3<f64>); 3] {
     let half = Vector3::new(0.025, 0.022, 0.02);
     [
-        ("ball", Shape::Sphere { radius: 0.03 }, Vector3::zeros()),
-        ("cylinder", Shape::Cylinder { radius: 0.02, half_height: 0.04 }, Vector3::x() * std::f64::consts::FRAC_PI_2),
-        ("box", Shape::Cuboid { half, radius: 0.002 }, Vector3::zeros()),
+        ("ball", ObjectShape::Sphere { radius: 0.03 }, Vector3::zeros()),
+        (
+            "cylinder",
+            ObjectShape::Cylinder { radius: 0.02, half_height: 0.04 },
+            Vector3::x() * std::f64::consts::FRAC_PI_2,
+        ),
+        ("box", ObjectShape::Cuboid { half, radius: 0.002 }, Vector3::zeros()),
     ]
 }
 
@@ -43,9 +47,9 @@ struct Bed {
 }
 
 impl Bed {
-    fn new(pad: &str, shape: &Shape, turn: &Vector3<f64>, gel: Option<Gel>) -> Self {
+    fn new(pad: &str, shape: &ObjectShape, turn: &Vector3<f64>, gel: Option<GelViscoelasticity>) -> Self {
         let hand = Hand::ftac();
-        let pad = hand.pad(pad).expect("a pad");
+        let pad = hand.find_pad(pad).expect("a pad");
         let mut engine = Engine::new(EngineSettings::default());
         engine.gravity = Vector::ZERO;
         let cover = hand.pads[pad].link.map_or(hand.palm_cover, |link| hand.covers[link]);
@@ -97,9 +101,9 @@ impl Bed {
     /// Returns the object's penetration of the pad in the engine, and in its image under `force` (N), m.
     fn depths(&self, force: f64) -> [f64; 2] {
         let pad = &self.hand.pads[self.pad];
-        let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &self.hand.cameras[*camera]).collect();
+        let cameras: Vec<&PadCamera> = pad.cameras.iter().map(|camera| &self.hand.cameras[*camera]).collect();
         let pressed = press(pad, &cameras, &self.hand.gel(), force, self.lowest()).expect("pressed");
-        let image = pressed.maps.iter().map(|map| f64::from(map.deepest())).fold(0.0, f64::max);
+        let image = pressed.maps.iter().map(|map| f64::from(map.max_depth())).fold(0.0, f64::max);
         // The image shifts the object before it reaches that depth.
         [image - pressed.shift, image]
     }
@@ -126,8 +130,9 @@ fn the_engine_s_depth_is_the_image_s() {
 /// The gel follows a force step with its relaxation time: after one time constant it has covered 63 % of the change.
 #[test]
 fn the_gel_takes_its_time() {
-    let ball = Shape::Sphere { radius: 0.03 };
-    let mut bed = Bed::new("index_distal", &ball, &Vector3::zeros(), Some(Gel { relaxation: 0.2, ..GEL }));
+    let ball = ObjectShape::Sphere { radius: 0.03 };
+    let mut bed =
+        Bed::new("index_distal", &ball, &Vector3::zeros(), Some(GelViscoelasticity { relaxation: 0.2, ..GEL }));
     let depth = |bed: &Bed| -bed.pad_from_object().translation.vector.z + 0.03;
     bed.press(Vector3::new(0.0, 0.0, -0.5), 3.0);
     let before = depth(&bed);
@@ -143,7 +148,7 @@ fn the_gel_takes_its_time() {
 /// and the object does not slip.
 #[test]
 fn shear_follows_its_law() {
-    let ball = Shape::Sphere { radius: 0.03 };
+    let ball = ObjectShape::Sphere { radius: 0.03 };
     let mut bed = Bed::new("palm_ulnar", &ball, &Vector3::zeros(), Some(GEL));
     bed.press(Vector3::new(0.0, 0.0, -2.0), 1.0);
     let before = bed.pad_from_object().translation.vector;
@@ -151,9 +156,9 @@ fn shear_follows_its_law() {
     bed.press(Vector3::new(along, 0.0, -normal), 5.0);
     let moved = bed.pad_from_object().translation.vector - before;
     assert!(moved.norm() < 2e-4, "slipped by {moved}");
-    let give = bed.engine.soft_covers.as_ref().and_then(|covers| covers.give(0, 0)).expect("a contact");
+    let give = bed.engine.soft_covers.as_ref().and_then(|covers| covers.cover_response(0, 0)).expect("a contact");
     let shear = bed.hand.pads[bed.pad].link_from_pad.inverse_transform_vector(&give.shear);
-    let expected = GEL.shear * give.sink * along / normal;
+    let expected = GEL.shear * give.penetration * along / normal;
     assert!((shear - Vector3::new(expected, 0.0, 0.0)).norm() < 0.05 * expected, "{shear} {expected}");
 }
 
@@ -196,22 +201,22 @@ fn a_press_rests_and_branches() {
 fn a_contact_with_a_fastened_object_comes_to_rest() {
     let (gel, wall, share, deep) = (1.8e3, 6e4, 0.13, 1e-3);
     let way = |sink: f64| wall * (deep - sink).max(0.0) / gel - sink;
-    let fresh = Contact {
+    let fresh = GelContact {
         cover: 0,
         object: 0,
-        sink: 0.0,
-        load: Load::default(),
+        penetration: 0.0,
+        load: CoverLoad::default(),
         curve: None,
         age: 0,
-        last: (LEAST_SHARE * share, 0.0),
+        last: (MIN_RELAXATION_SHARE * share, 0.0),
     };
     let (mut plain, mut contact) = (0.0, fresh);
     for _ in 0..200 {
         plain += share * way(plain);
-        let off = way(contact.sink);
-        contact.sink += contact.damped(off, share) * off;
+        let off = way(contact.penetration);
+        contact.penetration += contact.relaxation_share(off, share) * off;
     }
     let rest = deep * wall / (wall + gel);
-    assert!((contact.sink - rest).abs() < 1e-5, "{} {rest}", contact.sink);
+    assert!((contact.penetration - rest).abs() < 1e-5, "{} {rest}", contact.penetration);
     assert!((plain - rest).abs() > 1e-5 || way(plain).abs() > 1e-4, "{plain}");
 }

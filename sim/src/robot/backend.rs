@@ -1,6 +1,6 @@
 //! The simulated robot as a backend in its own right, and as the plant behind emulated devices.
 
-use hand_model::robot::{Command, Observation, Plant, Readings, RobotBackend, RobotError, Tick};
+use hand_model::robot::{Observation, Plant, Readings, RobotBackend, RobotCommand, RobotError, Tick};
 
 use super::SimulatedRobot;
 
@@ -9,7 +9,7 @@ impl RobotBackend for SimulatedRobot {
         Ok(self.observe().into())
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         Ok(self.send(command))
     }
 
@@ -27,7 +27,7 @@ impl Plant for SimulatedRobot {
         self.observe()
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &RobotCommand) -> RobotCommand {
         self.send(command)
     }
 

@@ -11,11 +11,11 @@ const ACCELERATION_SHARE: f64 = 0.5;
 /// Jump threshold: a set-point farther away than this many times the motion per tick at the speed limit is a jump. A
 /// client that sends a thousand set-points a second fits eight or nine of them into a tick, so up to 1.08 belongs to
 /// its stream.
-const JUMP: f64 = 2.0;
+const JUMP_THRESHOLD: f64 = 2.0;
 
 /// Motion limits of one joint.
 #[derive(Debug, Clone, Copy)]
-pub struct Limits {
+pub struct SetPointLimits {
     /// Speed limit, rad/s.
     pub speed: f64,
     /// Acceleration limit, rad/s2.
@@ -26,30 +26,30 @@ pub struct Limits {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SetPoint {
     /// Angle that is followed, rad.
-    pub at: f64,
+    pub angle: f64,
     /// Speed of the followed set-point, rad/s.
     speed: f64,
     /// The last set-point sent, rad.
-    wanted: f64,
+    commanded: f64,
     catching_up: bool,
 }
 
 impl SetPoint {
-    /// Creates a set-point at rest at `at` (rad).
+    /// Creates a set-point at rest at `angle` (rad).
     pub fn new(at: f64) -> Self {
-        Self { at, speed: 0.0, wanted: at, catching_up: false }
+        Self { angle: at, speed: 0.0, commanded: at, catching_up: false }
     }
 
-    /// Computes the angle that the joint follows in the next tick of length `tick` (s) when `wanted` (rad) is
+    /// Computes the angle that the joint follows in the next tick of length `tick` (s) when `commanded` (rad) is
     /// commanded.
-    pub fn follow(&mut self, wanted: f64, limits: Limits, tick: f64) -> f64 {
+    pub fn follow(&mut self, wanted: f64, limits: SetPointLimits, tick: f64) -> f64 {
         let reach = limits.speed * tick;
         let change = ACCELERATION_SHARE * limits.acceleration * tick;
-        let way = wanted - self.at;
-        let within = way.abs() <= JUMP * reach;
+        let way = wanted - self.angle;
+        let within = way.abs() <= JUMP_THRESHOLD * reach;
         // Speed of the stream of set-points itself; a jump does not count as motion.
-        let stream = Some((wanted - self.wanted) / tick).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
-        self.wanted = wanted;
+        let stream = Some((wanted - self.commanded) / tick).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
+        self.commanded = wanted;
         let near = |speed: f64| (way / tick - speed).abs() <= change;
         self.catching_up = !within || self.catching_up && !(near(self.speed) && near(stream));
         let next = if self.catching_up {
@@ -58,12 +58,12 @@ impl SetPoint {
             let left = way - stream * tick;
             let brakeable = -change + (change * change + 2.0 * change / tick * left.abs()).sqrt();
             let aim = (stream + left.signum() * brakeable).clamp(-limits.speed, limits.speed);
-            self.at + aim.clamp(self.speed - change, self.speed + change) * tick
+            self.angle + aim.clamp(self.speed - change, self.speed + change) * tick
         } else {
-            wanted.clamp(self.at - reach, self.at + reach)
+            wanted.clamp(self.angle - reach, self.angle + reach)
         };
-        self.speed = (next - self.at) / tick;
-        self.at = next;
+        self.speed = (next - self.angle) / tick;
+        self.angle = next;
         next
     }
 }
@@ -74,7 +74,7 @@ mod tests {
     use proptest::prelude::*;
 
     const TICK: f64 = 1.0 / 120.0;
-    const LIMITS: Limits = Limits { speed: 1.4, acceleration: 8.6 };
+    const LIMITS: SetPointLimits = SetPointLimits { speed: 1.4, acceleration: 8.6 };
 
     proptest! {
         /// A stream within the speed limit is followed bit for bit.
@@ -98,7 +98,7 @@ mod tests {
                 let now = (at - before) / TICK;
                 prop_assert!(now.abs() <= LIMITS.speed * (1.0 + 1e-9));
                 // A smaller one does not count as a jump.
-                if jump.abs() > JUMP * LIMITS.speed * TICK {
+                if jump.abs() > JUMP_THRESHOLD * LIMITS.speed * TICK {
                     prop_assert!((now - speed).abs() <= LIMITS.acceleration * TICK * (1.0 + 1e-9), "{} {}", speed, now);
                 }
                 prop_assert!(at * jump.signum() <= jump.abs() + 1e-12);
@@ -116,7 +116,7 @@ mod tests {
                 wanted += speed * TICK;
                 joint.follow(wanted, LIMITS, TICK);
             }
-            prop_assert_eq!(joint.at, wanted);
+            prop_assert_eq!(joint.angle, wanted);
         }
     }
 }

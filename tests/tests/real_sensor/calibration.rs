@@ -5,9 +5,9 @@ use std::path::Path;
 
 use e2e::stderr;
 
-use super::made_sensor::{calibrate, made, press, some_presses, text};
+use super::synthetic_sensor::{calibrate, press, some_presses, synthetic_sensor, text};
 
-const GOOD: [&str; 4] = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
+const GOOD_ARGS: [&str; 4] = ["--ball-diameter-mm", "4", "--pixel-mm", "0.08"];
 
 /// Checks that a failed calibration names these things and leaves no file behind.
 fn refused(folder: &Path, code: i32, more: &[&str], named: &[&str]) {
@@ -30,7 +30,7 @@ fn presses_that_cannot_be_are_refused_and_leave_no_file() {
     refused(&folder, 2, &["--ball-diameter-mm", "2", "--pixel-mm", "0.08"], &[".png", "ball of 2 mm"]);
     refused(&folder, 2, &["--ball-diameter-mm", "4", "--ruler", "1,2,3,2,5"], &["--ruler"]);
     // In the folder of the presses the background image would count as a press.
-    let output = calibrate(&folder, &GOOD, &folder.join("inside.toml"));
+    let output = calibrate(&folder, &GOOD_ARGS, &folder.join("inside.toml"));
     assert!(
         output.status.code() == Some(2) && stderr(&output).contains("folder of the presses"),
         "{}",
@@ -38,14 +38,14 @@ fn presses_that_cannot_be_are_refused_and_leave_no_file() {
     );
     assert!(!folder.join("inside.toml").exists());
     // Too few presses for an evaluation.
-    refused(&some_presses("three", 0..3), 2, &GOOD, &["found 3 presses", "at least 4"]);
+    refused(&some_presses("three", 0..3), 2, &GOOD_ARGS, &["found 3 presses", "at least 4"]);
 }
 
 /// Six of eighteen presses are wrong, each in its own way: the others calibrate, and each wrong one is named with its
 /// fault. The sheet is written even if nothing can be fitted.
 #[test]
 fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
-    let made = made();
+    let made = synthetic_sensor();
     let folder = some_presses("out-of-line", 0..18);
     let at = |name: &str| folder.join(name);
     image::open(at("04.png")).expect("read").to_luma8().save(at("04.png")).expect("saved");
@@ -65,7 +65,7 @@ fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
         fs::write(at(sidecar), b"no image").expect("written");
     }
     let (out, sheet) = (made.at("in-line.toml"), made.at("in-line.png"));
-    let output = calibrate(&folder, &[&GOOD[..], &["--sheet", text(&sheet)]].concat(), &out);
+    let output = calibrate(&folder, &[&GOOD_ARGS[..], &["--sheet", text(&sheet)]].concat(), &out);
     let told = stderr(&output);
     assert_eq!(output.status.code(), Some(0), "{told}");
     for named in [
@@ -87,7 +87,7 @@ fn presses_out_of_line_are_left_out_by_name_and_the_others_calibrate() {
     let rows: Vec<String> = rows.iter().map(|row| row.replace(".png,", ".png,9")).collect();
     fs::write(at("labels.csv"), rows.join("\n")).expect("written");
     fs::remove_file(&sheet).expect("removed");
-    refused(&folder, 2, &[&GOOD[..], &["--sheet", text(&sheet)]].concat(), &["00.png"]);
+    refused(&folder, 2, &[&GOOD_ARGS[..], &["--sheet", text(&sheet)]].concat(), &["00.png"]);
 }
 
 /// Images unrelated to the labelled balls: the errors on held-out presses lead to refusal of the calibration.
@@ -112,18 +112,18 @@ fn a_calibration_no_better_than_doing_nothing_is_refused() {
         }
         image.save(folder.join(format!("{n:02}.png"))).expect("saved");
     }
-    refused(&folder, 1, &GOOD, &["held out"]);
+    refused(&folder, 1, &GOOD_ARGS, &["held out"]);
 }
 
 /// Six presses of one ball suffice to reconstruct held-out presses within a quarter of their depth. The label file may
 /// name more.
 #[test]
 fn six_presses_calibrate() {
-    let made = made();
+    let made = synthetic_sensor();
     let folder = some_presses("six", [0, 3, 6, 9, 12, 16]);
     fs::copy(made.at("presses/labels.csv"), folder.join("labels.csv")).expect("copied");
     let sensor = made.at("six.toml");
-    let output = calibrate(&folder, &GOOD, &sensor);
+    let output = calibrate(&folder, &GOOD_ARGS, &sensor);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     for method in ["look_up", "network"] {

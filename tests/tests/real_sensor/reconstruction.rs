@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use e2e::{ftac, run, stderr};
 
-use super::made_sensor::{COLUMNS, PIXEL, ROWS, ball, made, press, text};
+use super::synthetic_sensor::{COLUMNS, PIXEL_SIZE, ROWS, ball, press, synthetic_sensor, text};
 
 /// Deeper and shallower presses of another ball are reconstructed to their known depth with the calibration from the
 /// first ball.
 #[test]
 fn what_presses_is_reconstructed_to_scale() {
-    let made = made();
+    let made = synthetic_sensor();
     let (images, out) = (made.at("to-scale"), made.at("to-scale-found"));
     fs::create_dir(&images).expect("made");
     let depths = [0.4, 0.6, 0.8];
@@ -64,13 +64,13 @@ fn what_presses_is_reconstructed_to_scale() {
     let cloud = fs::read(out.join("0.6.ply")).expect("read");
     assert!(String::from_utf8_lossy(&cloud).contains(&format!("element vertex {contact}\n")));
     // Contact area of a ball of 6 mm at a depth of 0.6 mm.
-    let area = std::f64::consts::PI * (3.0f64.powi(2) - 2.4f64.powi(2)) / (1e3 * PIXEL).powi(2);
+    let area = std::f64::consts::PI * (3.0f64.powi(2) - 2.4f64.powi(2)) / (1e3 * PIXEL_SIZE).powi(2);
     assert!((contact as f64 / area - 1.0).abs() < 0.4, "{contact} {area}");
 }
 
 #[test]
 fn images_of_a_live_folder_are_taken_as_they_come() {
-    let made = made();
+    let made = synthetic_sensor();
     let (images, out) = (made.at("live"), made.at("live-found"));
     fs::create_dir(&images).expect("made");
     let sensor = made.at("fitted.toml");
@@ -103,7 +103,7 @@ fn images_of_a_live_folder_are_taken_as_they_come() {
 
 #[test]
 fn wrong_images_and_sensors_are_told_by_name() {
-    let made = made();
+    let made = synthetic_sensor();
     let images = made.at("wrong");
     fs::create_dir(&images).expect("made");
     let reconstruct = |sensor: &Path| run(&["optics", "reconstruct", text(&images), "--sensor", text(sensor)]);
@@ -129,7 +129,7 @@ fn wrong_images_and_sensors_are_told_by_name() {
 
 /// Reconstructs a folder's images with the sensor calibrated from all presses. Returns JSON output and stderr.
 fn reconstructed(images: &Path, code: i32) -> (serde_json::Value, String) {
-    let sensor = made().at("fitted.toml");
+    let sensor = synthetic_sensor().at("fitted.toml");
     let output = run(&["optics", "reconstruct", text(images), "--sensor", text(&sensor), "--json"]);
     assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
     (serde_json::from_slice(&output.stdout).expect("JSON"), stderr(&output))
@@ -139,7 +139,7 @@ fn reconstructed(images: &Path, code: i32) -> (serde_json::Value, String) {
 /// error is stated.
 #[test]
 fn an_edge_steeper_than_the_balls_has_no_narrow_error() {
-    let made = made();
+    let made = synthetic_sensor();
     let images = made.at("edges");
     fs::create_dir(&images).expect("made");
     let depths = [0.5, 0.8, 1.0];
@@ -173,7 +173,7 @@ fn bitmap(image: &image::RgbImage) -> Vec<u8> {
 /// Unusual images: each is either handled or reported.
 #[test]
 fn images_of_another_kind_are_told() {
-    let made = made();
+    let made = synthetic_sensor();
     let images = made.at("kinds");
     fs::create_dir(&images).expect("made");
     let at = |name: &str| images.join(name);
@@ -214,7 +214,7 @@ fn images_of_another_kind_are_told() {
 #[test]
 fn a_video_is_read_by_frames_or_the_missing_decoder_is_named() {
     use std::os::unix::fs::PermissionsExt as _;
-    let made = made();
+    let made = synthetic_sensor();
     let programs = made.at("programs");
     fs::create_dir(&programs).expect("made");
     let video = made.at("press.mp4");

@@ -2,11 +2,11 @@
 
 use e2e::{run, stderr};
 
-use super::made_sensor::{made, text};
+use super::synthetic_sensor::{synthetic_sensor, text};
 
 #[test]
 fn the_former_name_of_the_sensors_option_is_taken_with_a_notice() {
-    let made = made();
+    let made = synthetic_sensor();
     let (sensor, mesh, out) = (made.at("known.toml"), made.at("ball.obj"), made.at("views/former.png"));
     let output = run(&[
         "optics",
@@ -26,7 +26,7 @@ fn the_former_name_of_the_sensors_option_is_taken_with_a_notice() {
 
 #[test]
 fn a_press_that_bottoms_out_says_so() {
-    let made = made();
+    let made = synthetic_sensor();
     let (sensor, mesh, out) = (made.at("known.toml"), made.at("ball.obj"), made.at("views/bottom.png"));
     let render = |gel: &str| {
         run(&[

@@ -15,19 +15,19 @@ use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
 use crate::commands::sweep::SweepCommand;
+use crate::commands::sysid::SysidCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
-use crate::commands::twin::TwinCommand;
 use crate::commands::{
-    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, schema, shell, sweep, touch, transport,
-    trial, twin, view,
+    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, schema, shell, sweep, sysid, touch,
+    transport, trial, view,
 };
 use crate::front::CommandLine;
 use crate::lab::arguments::arm::ArmCommand;
 use crate::lab::arguments::report::ReportArgs;
 use crate::lab::arguments::study::StudyArgs;
-use crate::lab::hand_over::Lab;
+use crate::lab::hand_over::LabProgram;
 use crate::lab::identity::identity;
 use crate::terminal::{Outcome, Terminal};
 
@@ -40,12 +40,12 @@ pub struct Cli {
     pub terminal: Terminal,
     /// Command to run.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: FtacCommand,
 }
 
 /// Commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub enum FtacCommand {
     /// Watch one trial, touch beside blind: in the viewer, or as a page with a film.
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
@@ -100,7 +100,7 @@ pub enum Command {
     Optics(OpticsCommand),
     /// Excite and identify one individual robot, for use in place of the nominal one.
     #[command(subcommand)]
-    Twin(TwinCommand),
+    Twin(SysidCommand),
     /// Set up and operate the real robot's devices, or their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
@@ -123,7 +123,7 @@ pub enum Command {
 }
 
 /// Commands grouped by purpose, in the order of `ftac --help`.
-const GROUPS: [(&str, &[&str]); 5] = [
+const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
@@ -132,10 +132,10 @@ const GROUPS: [(&str, &[&str]); 5] = [
 ];
 
 /// Builds the command line with its help in groups. Options accept negative numbers.
-pub fn described() -> Described {
+pub fn command_definition() -> Described {
     let command = with_negative_numbers(Cli::command());
     let mut groups = String::new();
-    for (title, names) in GROUPS {
+    for (title, names) in COMMAND_GROUPS {
         groups += &format!("{title}:\n");
         for name in names {
             let about = command.find_subcommand(name).and_then(|found| found.get_about()).map(ToString::to_string);
@@ -157,8 +157,8 @@ pub fn with_negative_numbers(command: Described) -> Described {
 }
 
 impl CommandLine for Cli {
-    fn described() -> Described {
-        described()
+    fn definition() -> Described {
+        command_definition()
     }
 
     fn terminal(&self) -> &Terminal {
@@ -167,46 +167,48 @@ impl CommandLine for Cli {
 
     fn moves_devices(&self) -> bool {
         match &self.command {
-            Command::Bridge(_) => true,
-            Command::Trial(args) => args.config.is_some(),
-            Command::Bench(args) => args.config.is_some(),
-            Command::Twin(TwinCommand::Excite(args)) => args.config.is_some(),
+            FtacCommand::Bridge(_) => true,
+            FtacCommand::Trial(args) => args.config.is_some(),
+            FtacCommand::Bench(args) => args.config.is_some(),
+            FtacCommand::Twin(SysidCommand::Excite(args)) => args.config.is_some(),
             _ => false,
         }
     }
 
-    fn obey(&self, arguments: &[OsString]) -> Outcome {
+    fn execute(&self, arguments: &[OsString]) -> Outcome {
         let terminal = &self.terminal;
-        let lab = &Lab { arguments, identity: || identity(described()) };
+        let lab = &LabProgram { arguments, identity: || identity(command_definition()) };
         match &self.command {
-            Command::Demo(args) => demo::run(terminal, args),
-            Command::Bench(args) => bench::benchmark(terminal, args),
-            Command::Combos(args) => combos::run(terminal, args),
-            Command::Sweep(command) => sweep::run(terminal, command),
-            Command::Trial(args) => trial::trial(terminal, args),
-            Command::Replay { recording, against: None } => replay::command(terminal, recording),
-            Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
-            Command::Transport(args) => transport::run(terminal, args),
-            Command::View { path } => view::run(terminal, path),
-            Command::Export(command) => export::run(terminal, command),
-            Command::Report(args) => report::run(terminal, args, lab),
-            Command::Hand(command) => hand::run(terminal, command, lab),
-            Command::Grasps(command) => grasps::run(terminal, command, lab),
-            Command::Touch(command) => touch::run(terminal, command, lab),
-            Command::Study(_) | Command::Arm(_) => Err(lab.hand_over()),
-            Command::Optics(command) => optics::run(terminal, command),
-            Command::Bridge(command) => bridge::run(terminal, command),
-            Command::Twin(command) => twin::run(terminal, command),
-            Command::Completions { shell } => shell::completions(*shell, described()),
-            Command::Man { out } => shell::manual(out, described()),
-            Command::Schema { command } => schema::run(terminal, command, &described(), lab),
+            FtacCommand::Demo(args) => demo::run(terminal, args),
+            FtacCommand::Bench(args) => bench::benchmark(terminal, args),
+            FtacCommand::Combos(args) => combos::run(terminal, args),
+            FtacCommand::Sweep(command) => sweep::run(terminal, command),
+            FtacCommand::Trial(args) => trial::trial(terminal, args),
+            FtacCommand::Replay { recording, against: None } => replay::command(terminal, recording),
+            FtacCommand::Replay { recording, against: Some(other) } => {
+                replay::compare_sessions(terminal, recording, other)
+            }
+            FtacCommand::Transport(args) => transport::run(terminal, args),
+            FtacCommand::View { path } => view::run(terminal, path),
+            FtacCommand::Export(command) => export::run(terminal, command),
+            FtacCommand::Report(args) => report::run(terminal, args, lab),
+            FtacCommand::Hand(command) => hand::run(terminal, command, lab),
+            FtacCommand::Grasps(command) => grasps::run(terminal, command, lab),
+            FtacCommand::Touch(command) => touch::run(terminal, command, lab),
+            FtacCommand::Study(_) | FtacCommand::Arm(_) => Err(lab.exec_lab()),
+            FtacCommand::Optics(command) => optics::run(terminal, command),
+            FtacCommand::Bridge(command) => bridge::run(terminal, command),
+            FtacCommand::Twin(command) => sysid::run(terminal, command),
+            FtacCommand::Completions { shell } => shell::print_completions(*shell, command_definition()),
+            FtacCommand::Man { out } => shell::write_manual(out, command_definition()),
+            FtacCommand::Schema { command } => schema::run(terminal, command, &command_definition(), lab),
         }
     }
 }
 
 /// Checks that `ftac` accepts these arguments. The error is the first line of its message otherwise.
 pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
-    match described().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
+    match command_definition().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
         Ok(_) => Ok(()),
         Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
     }
@@ -221,7 +223,7 @@ mod tests {
     /// Each command is listed in one group of the help, with its summary.
     #[test]
     fn every_command_is_in_the_help() {
-        let mut command = described();
+        let mut command = command_definition();
         let help = command.render_help().to_string();
         let names: BTreeSet<String> = command.get_subcommands().map(|found| found.get_name().to_owned()).collect();
         for name in &names {
@@ -233,7 +235,7 @@ mod tests {
     #[test]
     fn every_command_has_a_page() {
         let folder = tempfile::tempdir().expect("a folder");
-        shell::manual(folder.path(), described()).expect("written");
+        shell::write_manual(folder.path(), command_definition()).expect("written");
         let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("a page");
         assert!(page("ftac.1").contains("bench") && page("ftac-bench.1").contains("noise\\-scale"));
     }

@@ -79,7 +79,7 @@ fn replace_option(arguments: &mut [OsString], (former, current): (&str, &str), n
     }
 }
 
-/// Replaces a value of the option `name`, also within a list with commas.
+/// Replaces a value of the option `image_name`, also within a list with commas.
 fn replace_value(
     arguments: &mut [OsString],
     name: &str,

@@ -9,44 +9,44 @@ use std::io::{IsTerminal as _, Write as _};
 use clap::FromArgMatches;
 use clap::error::ErrorKind;
 
-use crate::json_schema::Failure;
+use crate::json_schema::FailureOutput;
 use crate::terminal::{Outcome, Terminal};
 use crate::{log_file, terminal};
 
 /// Command line of a program.
 pub trait CommandLine: FromArgMatches {
     /// Returns the program's commands and options.
-    fn described() -> clap::Command;
+    fn definition() -> clap::Command;
     /// Returns the options common to all commands.
     fn terminal(&self) -> &Terminal;
     /// True for commands that use real or emulated devices: these are logged.
     fn moves_devices(&self) -> bool;
     /// Runs the command; `arguments` are those of the process, its name first.
-    fn obey(&self, arguments: &[OsString]) -> Outcome;
+    fn execute(&self, arguments: &[OsString]) -> Outcome;
 }
 
 /// Runs the command line `arguments`, the first of which is the program's name, and returns the exit code.
 pub fn run<C: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let parsed = C::described().try_get_matches_from(&arguments).and_then(|matches| C::from_arg_matches(&matches));
+    let parsed = C::definition().try_get_matches_from(&arguments).and_then(|matches| C::from_arg_matches(&matches));
     let code = match parsed {
-        Ok(command_line) => obey(&command_line, &arguments),
-        Err(error) => misunderstood(&error, wants_json(&arguments)),
+        Ok(command_line) => run_and_log(&command_line, &arguments),
+        Err(error) => report_usage_error(&error, wants_json(&arguments)),
     };
-    match terminal::stdout_fault() {
+    match terminal::stdout_error() {
         None => code,
         Some(fault) => {
             eprintln!("ftac: stdout: {fault}");
-            USAGE
+            USAGE_EXIT_CODE
         }
     }
 }
 
 /// Exit code for bad usage and bad input.
-const USAGE: u8 = 2;
+const USAGE_EXIT_CODE: u8 = 2;
 
 /// Prints the command line's error, or its help.
-fn misunderstood(error: &clap::Error, json: bool) -> u8 {
+fn report_usage_error(error: &clap::Error, json: bool) -> u8 {
     // In colour on a terminal.
     let text = |coloured: bool| {
         let text = error.render();
@@ -63,13 +63,13 @@ fn misunderstood(error: &clap::Error, json: bool) -> u8 {
         eprintln!("{}", text(false).trim_end());
     }
     if json {
-        tell_failure(first_words(error), USAGE);
+        print_failure(usage_error_summary(error), USAGE_EXIT_CODE);
     }
-    USAGE
+    USAGE_EXIT_CODE
 }
 
-fn tell_failure(error: String, code: u8) {
-    let failure = Failure { error, code };
+fn print_failure(error: String, code: u8) {
+    let failure = FailureOutput { error, code };
     println!("{}", serde_json::json!(failure));
 }
 
@@ -79,7 +79,7 @@ fn wants_json(arguments: &[OsString]) -> bool {
 }
 
 /// Returns the error message without the usage text.
-fn first_words(error: &clap::Error) -> String {
+fn usage_error_summary(error: &clap::Error) -> String {
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "found no command, expected one; see --help".to_owned();
     }
@@ -89,12 +89,12 @@ fn first_words(error: &clap::Error) -> String {
     words.join("; ").replace(":; ", ": ").trim_start_matches("error: ").to_owned()
 }
 
-fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
-    let log = command_line.moves_devices().then(log_file::Entry::begin).flatten();
+fn run_and_log(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
+    let log = command_line.moves_devices().then(log_file::LogEntry::begin).flatten();
     let end = |code: u8, message: &str| log.map(|entry| entry.end(code, message));
-    let (code, message) = match command_line.obey(arguments) {
+    let (code, message) = match command_line.execute(arguments) {
         Ok(shortfall) => {
-            let unseen = || telemetry::viewer::lost().map(|why| format!("the viewer was lost: {why}"));
+            let unseen = || telemetry::viewer::loss_reason().map(|why| format!("the viewer was lost: {why}"));
             let Some(shortfall) = shortfall.or_else(unseen) else {
                 end(0, "");
                 return 0;
@@ -106,29 +106,29 @@ fn obey(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
         }
         // The robot stopped in mid-trial, or none of the user's own objects can be played: the command ran, and falls short.
         Err(error)
-            if caused_by::<robot_backends::Stopped>(&error)
+            if caused_by::<robot_backends::TrialStopped>(&error)
                 || caused_by::<grasp_verification::preparation::NotPlayable>(&error) =>
         {
-            (1, format!("falls short: {}", words(&error)))
+            (1, format!("falls short: {}", error_text(&error)))
         }
         Err(error)
             if caused_by::<progress::interrupt::Interrupted>(&error)
-                || caused_by::<external_policy::Interrupted>(&error) =>
+                || caused_by::<external_policy::PolicyInterrupted>(&error) =>
         {
-            (130, words(&error))
+            (130, error_text(&error))
         }
-        Err(error) => (USAGE, words(&error)),
+        Err(error) => (USAGE_EXIT_CODE, error_text(&error)),
     };
     eprintln!("ftac: {message}");
     end(code, &message);
     if command_line.terminal().json {
-        tell_failure(message, code);
+        print_failure(message, code);
     }
     code
 }
 
 /// Formats the error and its causes, each once: many errors already include their cause.
-pub fn words(error: &anyhow::Error) -> String {
+pub fn error_text(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |said, cause| {
         let cause = cause.to_string();
         match (said.is_empty(), said.contains(&cause)) {
@@ -151,8 +151,8 @@ mod tests {
     fn causes_are_said_once() {
         let cause = std::io::Error::other("no such file");
         let error = anyhow::Error::from(cause).context("/dev/nope: no such file");
-        assert_eq!(super::words(&error), "/dev/nope: no such file");
+        assert_eq!(super::error_text(&error), "/dev/nope: no such file");
         let error = Err::<(), _>(std::io::Error::other("no such file")).context("--config").expect_err("an error");
-        assert_eq!(super::words(&error), "--config: no such file");
+        assert_eq!(super::error_text(&error), "--config: no such file");
     }
 }

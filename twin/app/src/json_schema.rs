@@ -9,11 +9,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 /// A command, and the schema of its output. A command with several kinds of output has one entry for each.
-pub type Output = (&'static str, fn() -> Schema);
+pub type OutputSchema = (&'static str, fn() -> Schema);
 
 /// JSON output of every command that fails.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Failure {
+pub struct FailureOutput {
     /// Error message: file, field, value found and value expected.
     pub error: String,
     /// Exit code: 1 ran and falls short, 2 bad usage or bad input, 130 interrupted.
@@ -21,7 +21,7 @@ pub struct Failure {
 }
 
 /// Returns the schema of a `T` as printed.
-pub fn of<T: JsonSchema>() -> Schema {
+pub fn schema_of<T: JsonSchema>() -> Schema {
     let settings = SchemaSettings::draft2020_12().for_serialize().with(|settings| {
         settings.inline_subschemas = true;
         settings.meta_schema = None;
@@ -44,7 +44,7 @@ fn as_printed(schema: &mut Schema) {
 }
 
 /// Returns the schemas of all `outputs` by command, and that of the output of a failed command.
-pub fn all(outputs: impl IntoIterator<Item = Output>) -> Value {
+pub fn all_schemas(outputs: impl IntoIterator<Item = OutputSchema>) -> Value {
     let mut by_command: BTreeMap<&str, Vec<Schema>> = BTreeMap::new();
     for (command, schema) in outputs {
         by_command.entry(command).or_default().push(schema());
@@ -58,6 +58,6 @@ pub fn all(outputs: impl IntoIterator<Item = Output>) -> Value {
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "commands": commands,
-        "error": of::<Failure>(),
+        "error": schema_of::<FailureOutput>(),
     })
 }

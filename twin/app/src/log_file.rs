@@ -1,7 +1,7 @@
 //! Log of commands that use devices: a line when a command begins and one when it ends, in a file of limited length.
 //!
 //! The file is `ftac/ftac.log` below `$XDG_STATE_HOME` (`~/.local/state` by default), or that named by `FTAC_LOG`
-//! (empty for no log). When it reaches [`LONGEST`] it becomes `ftac.log.1`; [`KEPT`] older files are kept. Passwords
+//! (empty for no log). When it reaches [`MAX_FILE_SIZE`] it becomes `ftac.log.1`; [`KEPT_FILE_COUNT`] older files are kept. Passwords
 //! are never arguments, so the log contains none.
 
 use std::fs::{self, OpenOptions};
@@ -12,18 +12,18 @@ use std::time::Instant;
 use jiff::Timestamp;
 
 /// Size from which a new file is begun, bytes.
-const LONGEST: u64 = 1 << 20;
+const MAX_FILE_SIZE: u64 = 1 << 20;
 /// Number of older files kept.
-const KEPT: u32 = 5;
+const KEPT_FILE_COUNT: u32 = 5;
 
 /// A logged command in progress.
-pub struct Entry {
+pub struct LogEntry {
     file: PathBuf,
     started: Instant,
 }
 
 /// Returns the log's path; none if the log is switched off or there is no home folder.
-fn place() -> Option<PathBuf> {
+fn log_path() -> Option<PathBuf> {
     let named = |name: &str| std::env::var_os(name).map(PathBuf::from);
     match named("FTAC_LOG") {
         Some(file) => (!file.as_os_str().is_empty()).then_some(file),
@@ -35,11 +35,11 @@ fn place() -> Option<PathBuf> {
     }
 }
 
-impl Entry {
+impl LogEntry {
     /// Logs the beginning of this process with its arguments. If the log cannot be written, a note goes to stderr and
     /// the command continues.
     pub fn begin() -> Option<Self> {
-        let file = place()?;
+        let file = log_path()?;
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         let entry = Self { file, started: Instant::now() };
         match entry.write(&format!("begins: ftac {}", arguments.join(" "))) {
@@ -66,7 +66,7 @@ impl Entry {
         if let Some(folder) = self.file.parent() {
             fs::create_dir_all(folder)?;
         }
-        rotate(&self.file, LONGEST)?;
+        rotate(&self.file, MAX_FILE_SIZE)?;
         // One write per line, so that lines of two programs do not mix.
         let line = format!(
             "{:.3} {} {}\n",
@@ -84,7 +84,7 @@ fn rotate(file: &Path, longest: u64) -> io::Result<()> {
         return Ok(());
     }
     let older = |n: u32| PathBuf::from(format!("{}.{n}", file.display()));
-    for n in (1..KEPT).rev() {
+    for n in (1..KEPT_FILE_COUNT).rev() {
         match fs::rename(older(n), older(n + 1)) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
@@ -97,7 +97,7 @@ fn rotate(file: &Path, longest: u64) -> io::Result<()> {
 mod tests {
     use super::*;
 
-    /// No more files than `KEPT` remain, and the newest lines are in the file itself.
+    /// No more files than `KEPT_FILE_COUNT` remain, and the newest lines are in the file itself.
     #[test]
     fn old_files_make_room() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -106,9 +106,9 @@ mod tests {
             rotate(&file, 4).expect("rotated");
             fs::write(&file, format!("line {n}")).expect("written");
         }
-        assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 1 + KEPT as usize);
+        assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 1 + KEPT_FILE_COUNT as usize);
         assert_eq!(fs::read_to_string(&file).expect("read"), "line 19");
-        let oldest = folder.path().join(format!("ftac.log.{KEPT}"));
+        let oldest = folder.path().join(format!("ftac.log.{KEPT_FILE_COUNT}"));
         assert_eq!(fs::read_to_string(oldest).expect("read"), "line 14");
     }
 }

@@ -1,9 +1,9 @@
 //! Options shared by several commands: the robot and its backend, names of objects, files of another hand, the
 //! scenario, the renderer of tactile images.
 
-pub mod body;
+pub mod backend;
 pub mod object_name;
-pub mod own_hand;
+pub mod renamed_options;
 pub mod robot;
 pub mod scenario;
 pub mod tactile_backend;

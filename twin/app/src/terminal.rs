@@ -10,11 +10,11 @@ use indicatif::ProgressBar;
 pub type Outcome = anyhow::Result<Option<String>>;
 
 /// First error of a write to stdout.
-static STDOUT_FAULT: Mutex<Option<io::Error>> = Mutex::new(None);
+static STDOUT_ERROR: Mutex<Option<io::Error>> = Mutex::new(None);
 
-/// Writes to stdout. [`stdout_fault`] returns an error; text after it is not written.
+/// Writes to stdout. [`stdout_error`] returns an error; text after it is not written.
 pub fn write_to_stdout(text: &str) {
-    if let Ok(mut fault) = STDOUT_FAULT.lock()
+    if let Ok(mut fault) = STDOUT_ERROR.lock()
         && fault.is_none()
     {
         *fault = io::stdout().write_all(text.as_bytes()).err();
@@ -27,15 +27,15 @@ pub fn write_printable(text: &str) {
 }
 
 /// Flushes stdout and returns the first write error. A closed pipe is no error: `ftac schema | head -1`.
-pub fn stdout_fault() -> Option<io::Error> {
-    let mut fault = STDOUT_FAULT.lock().ok()?;
+pub fn stdout_error() -> Option<io::Error> {
+    let mut fault = STDOUT_ERROR.lock().ok()?;
     let fault = fault.take().or_else(|| io::stdout().flush().err());
     fault.filter(|fault| fault.kind() != io::ErrorKind::BrokenPipe)
 }
 
 /// A result as JSON and as text, and the respect in which it falls short.
 #[derive(Debug)]
-pub struct Made<T> {
+pub struct CommandOutput<T> {
     pub json: T,
     /// Text with its own line ends.
     pub text: String,
@@ -62,11 +62,11 @@ pub struct Terminal {
 impl Terminal {
     /// Opens a progress bar of unknown length. In a log it prints lines; it is hidden with --quiet and --json.
     pub fn progress(&self) -> ProgressBar {
-        progress::open(self.quiet || self.json)
+        progress::open_ended_bar(self.quiet || self.json)
     }
 
     /// Prints the result and returns its shortfall.
-    pub fn finish(&self, made: Made<impl serde::Serialize>) -> Outcome {
+    pub fn print_result(&self, made: CommandOutput<impl serde::Serialize>) -> Outcome {
         self.print(&made.json, &made.text)?;
         Ok(made.shortfall)
     }

@@ -1,7 +1,7 @@
 //! Residuals of a twin beside the simulated robot of a blind trial, as comma-separated values, with an optional plant
 //! fault.
 //!
-//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` plays trial TRIAL (seed 1, all effects) with
+//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE STALL_CRITERION FILE` plays trial TRIAL (seed 1, all effects) with
 //! the robot as drawn (PLANT 0) or with hidden individual PLANT. FAULT strikes once phase PHASE has reached PROGRESS (0
 //! to 1), and the trial ends 1.5 s later. FAULT is one of `none`, `break N`, `slip N` (2 mm) and `weak N` (0.6 of the
 //! torque), where N is a digit counted from the thumb's 0; `stick J` (finger joint J); `heavy` (the first object, by
@@ -12,22 +12,22 @@ use std::io::{BufWriter, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
-use bench::builtin::{hide_plant, make_scenes};
-use bench::trial::setup::Setup;
-use fault_detection::twin::Twin;
+use bench::builtin::{make_scene_bench, set_plant_instance};
+use bench::trial::setup::InitialConditions;
+use fault_detection::reference_model::ReferenceModel;
 use hand_model::RobotModel;
 use nalgebra::Vector3;
-use robot_backends::Body;
+use robot_backends::Backend;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 
 /// Duration of the trial after the fault, s.
-const AFTER: f64 = 1.5;
+const TIME_AFTER_FAULT: f64 = 1.5;
 /// Force on the palm, world axes, N, and its duration, s.
-const PUSH: (Vector3<f64>, f64) = (Vector3::new(10.6, 10.6, 0.0), 0.5);
+const PUSH_FORCE_AND_DURATION: (Vector3<f64>, f64) = (Vector3::new(10.6, 10.6, 0.0), 0.5);
 
 /// Injects the fault that `fault` names.
-fn strike(robot: &mut SimulatedRobot, fault: &str) -> anyhow::Result<()> {
+fn inject_fault(robot: &mut SimulatedRobot, fault: &str) -> anyhow::Result<()> {
     let (what, number) = fault.split_once(' ').unwrap_or((fault, ""));
     let below = |end: usize| -> anyhow::Result<usize> {
         let n = number.parse().with_context(|| format!("FAULT: a number after \"{what}\", not \"{number}\""))?;
@@ -53,37 +53,37 @@ fn main() -> anyhow::Result<()> {
     };
     let (combination, trial): (usize, usize) = (combination.parse()?, trial.parse()?);
     let (plant, progress): (u64, f64) = (plant.parse()?, progress.parse()?);
-    let mut bench = make_scenes(&RobotModel::ftac_gen3(), Scenario::benchmark(), combination + 1, 1, true)?;
+    let mut bench = make_scene_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combination + 1, 1, true)?;
     if plant > 0 {
-        hide_plant(&mut bench, plant)?;
+        set_plant_instance(&mut bench, plant)?;
     }
-    let (setup, _) = Setup::noisy(&bench, combination, trial)?;
+    let (setup, _) = InitialConditions::noisy(&bench, combination, trial)?;
     let start = setup.begin(&bench, None, true)?;
     let mut played = start.run.snapshot;
-    let Body::Simulated(robot) = &mut played.robot else { bail!("the body is not the simulated one") };
+    let Backend::Simulated(robot) = &mut played.robot else { bail!("the body is not the simulated one") };
     let executor = &mut played.executor;
     let mut out = BufWriter::new(File::create(file).with_context(|| file.clone())?);
     writeln!(out, "time_s,phase,struck,loads_n,opposition_nm,twin_tensions_n,arm_torques_nm,servos_rad")?;
-    let mut twin: Option<Twin> = None;
+    let mut twin: Option<ReferenceModel> = None;
     let mut struck: Option<f64> = None;
     let (mut spent, mut ticks) = (Duration::ZERO, 0u32);
     while !executor.phase().is_done() {
-        executor.go_on()?;
+        executor.continue_as_planned()?;
         let seen = robot.observe();
         let command = executor.tick(&seen)?;
         let sent = robot.send(&command);
         let name = executor.phase().name();
         if struck.is_none() && name == *phase && executor.motion().progress() >= progress {
-            strike(robot, fault)?;
+            inject_fault(robot, fault)?;
             struck = Some(seen.time);
         }
-        if fault == "push" && struck.is_some_and(|at| seen.time < at + PUSH.1) {
-            robot.pull(None, PUSH.0);
+        if fault == "push" && struck.is_some_and(|at| seen.time < at + PUSH_FORCE_AND_DURATION.1) {
+            robot.apply_force(None, PUSH_FORCE_AND_DURATION.0);
         }
         let begun = Instant::now();
-        let twin = twin.get_or_insert_with(|| Twin::new(&bench.world, &seen.arm.position));
+        let twin = twin.get_or_insert_with(|| ReferenceModel::new(&bench.world, &seen.arm.position));
         let innovation = twin.correct(&seen.servos, &seen.arm, false);
-        twin.follow(&sent);
+        twin.advance_with(&sent);
         spent += begun.elapsed();
         ticks += 1;
         let row = |values: &[f64]| values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(" ");
@@ -99,7 +99,7 @@ fn main() -> anyhow::Result<()> {
             row(&seen.servos.iter().map(|servo| servo.position).collect::<Vec<_>>()),
         )?;
         robot.wait_for_tick();
-        if struck.is_some_and(|at| seen.time > at + AFTER) {
+        if struck.is_some_and(|at| seen.time > at + TIME_AFTER_FAULT) {
             break;
         }
     }

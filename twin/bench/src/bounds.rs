@@ -5,28 +5,28 @@
 use std::path::Path;
 
 use ftac_platform::data::DataError;
-use robot_backends::bounds::{MOST_TRIALS, combinations};
+use robot_backends::validation::{MAX_TRIALS, check_combination_count};
 use scenarios::Scenario;
 
 use crate::journal::RunRequest;
 
 /// Largest factor of a scenario's noise.
-const MOST_NOISE: f64 = 10.0;
+const MAX_NOISE_SCALE: f64 = 10.0;
 
 impl RunRequest {
-    /// Checks that the request of the run at `path` is within bounds.
+    /// Checks that the request of the run at `journal_path` is within bounds.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         let scenario = Scenario::parse(&self.scenario, path)?;
-        combinations(self.combos, &scenario, path)?;
-        if !(1..=MOST_TRIALS).contains(&self.trials) {
-            return Err(DataError::field(path, "trials", self.trials, format!("1 to {MOST_TRIALS}")));
+        check_combination_count(self.combos, &scenario, path)?;
+        if !(1..=MAX_TRIALS).contains(&self.trials) {
+            return Err(DataError::field(path, "trials", self.trials, format!("1 to {MAX_TRIALS}")));
         }
         let (shard, of) = self.shard;
         if !(1..=of).contains(&shard) {
             return Err(DataError::field(path, "shard", format!("[{shard}, {of}]"), "[i, n] with 1 <= i <= n"));
         }
-        if !(0.0..=MOST_NOISE).contains(&self.noise_scale) {
-            return Err(DataError::field(path, "noise_scale", self.noise_scale, format!("0 to {MOST_NOISE}")));
+        if !(0.0..=MAX_NOISE_SCALE).contains(&self.noise_scale) {
+            return Err(DataError::field(path, "noise_scale", self.noise_scale, format!("0 to {MAX_NOISE_SCALE}")));
         }
         self.places.check(path)
     }
@@ -42,7 +42,7 @@ mod tests {
     fn a_run_asks_for_no_more_than_there_is() {
         let run = |changes: &serde_json::Value| {
             let mut run = json!({
-                "combos": 2, "trials": 2, "seed": 1, "robot": "sim", "shard": [1, 1], "scenario": scenarios::scenario::BENCHMARK,
+                "combos": 2, "trials": 2, "seed": 1, "robot": "sim", "shard": [1, 1], "scenario": scenarios::scenario::BENCHMARK_TOML,
             });
             for (name, value) in changes.as_object().expect("changes") {
                 run[name] = value.clone();

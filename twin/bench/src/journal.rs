@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ftac_platform::digest::sha256;
+use ftac_platform::file_access::check_links;
 use ftac_platform::journal::{Journal as Lines, lock_folder};
-use ftac_platform::reach::check_links;
 use hand_model::{RobotModel, RobotSources};
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
@@ -17,15 +17,15 @@ use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::provenance::Provenance;
-use crate::robot::robot_of;
-use external_policy::Source;
-use fault_detection::divergence::Named;
-use robot_backends::{Places, Task};
+use crate::robot::robot_from_sources;
+use external_policy::PolicySource;
+use fault_detection::fault::FaultRow;
+use robot_backends::{PoseSources, TrialTask};
 
 /// Selection of the trials that are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Record {
+pub enum RecordingSelection {
     None,
     /// The first trial of every tenth combination.
     #[default]
@@ -44,14 +44,14 @@ pub struct RunRequest {
     pub trials: usize,
     /// Seed of all random draws.
     pub seed: u64,
-    /// Body: `sim`, `rounded`, `emulated` or `hardware`.
+    /// Body: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
     /// Conditions that are played, in order.
     #[serde(default = "all_conditions")]
     pub conditions: Vec<Condition>,
-    /// Ablations: means that `touch` is additionally run without.
+    /// Ablations: means that `play_touch` is additionally run without.
     #[serde(default)]
     pub ablations: Vec<Ablation>,
     /// Effects of the scenario that are switched off.
@@ -62,9 +62,9 @@ pub struct RunRequest {
     pub uncertainty: Option<String>,
     /// Policy of the condition `own`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub policy: Option<Source>,
+    pub policy: Option<PolicySource>,
     /// Factor of the scenario's noise.
-    #[serde(default = "unscaled")]
+    #[serde(default = "default_noise_scale")]
     pub noise_scale: f64,
     /// Effort of proofs for pairs without a plan; none for the scenario's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -97,13 +97,13 @@ pub struct RunRequest {
     pub left_out: Vec<String>,
     /// Source of the object poses.
     #[serde(flatten)]
-    pub places: Places,
+    pub places: PoseSources,
     /// True if a GPU renders tactile images. Their bits differ from the CPU's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gpu: bool,
     /// Selection of the recorded trials; no result depends on it.
     #[serde(default, skip_serializing_if = "is_default")]
-    pub record: Record,
+    pub record: RecordingSelection,
     /// Command that began the run, or those of the shards that were merged into it; no result depends on it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub made: Vec<Provenance>,
@@ -111,13 +111,13 @@ pub struct RunRequest {
 
 impl RunRequest {
     /// Returns the conditions that are played with noise.
-    pub fn noisy(&self) -> Vec<Condition> {
+    pub fn noisy_conditions(&self) -> Vec<Condition> {
         self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
     }
 
     /// Returns the task of a unit under one condition; `watched` is true if it is recorded for a viewer.
-    pub fn task(&self, unit: Unit, condition: Condition, watched: bool) -> Task {
-        Task {
+    pub fn task(&self, unit: WorkUnit, condition: Condition, watched: bool) -> TrialTask {
+        TrialTask {
             robot: self.robot.clone(),
             seed: self.seed,
             combination: unit.combination,
@@ -138,29 +138,39 @@ impl RunRequest {
     /// Returns a digest that identifies the run: the first half of the SHA-256 of all fields that decide results,
     /// hexadecimal.
     pub fn digest(&self) -> Result<String> {
-        let asked = Self { made: Vec::new(), record: Record::default(), ..self.clone() };
+        let asked = Self { made: Vec::new(), record: RecordingSelection::default(), ..self.clone() };
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
     /// Returns the first field that decides results and that differs in another request, or `None` if that is at most
     /// another shard of this run.
-    pub fn differs(&self, other: &Self) -> Result<Option<String>> {
+    pub fn first_difference(&self, other: &Self) -> Result<Option<String>> {
         let asked = |of: &Self| {
-            serde_json::to_value(Self { shard: (1, 1), made: Vec::new(), record: Record::default(), ..of.clone() })
+            serde_json::to_value(Self {
+                shard: (1, 1),
+                made: Vec::new(),
+                record: RecordingSelection::default(),
+                ..of.clone()
+            })
         };
         let (own, its) = (asked(self)?, asked(other)?);
         let names = [&own, &its].into_iter().filter_map(serde_json::Value::as_object).flat_map(|fields| fields.keys());
         Ok(names.into_iter().find(|name| own.get(name.as_str()) != its.get(name.as_str())).cloned())
     }
 
-    /// Returns the robot model of body and control stack; `path` is the file of an identified robot, for errors.
+    /// Returns the robot model of body and control stack; `journal_path` is the file of an identified robot, for errors.
     pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
-        robot_of(self.robot_model.as_ref(), self.individual.as_deref(), path)
+        robot_from_sources(self.robot_model.as_ref(), self.individual.as_deref(), path)
     }
 
     /// Returns the name of the robot, if it is not the built-in one.
     pub fn robot_name(&self) -> Result<Option<String>> {
-        Ok(self.robot_model.as_ref().map(|sources| RobotModel::of(Some(sources))).transpose()?.map(|robot| robot.name))
+        Ok(self
+            .robot_model
+            .as_ref()
+            .map(|sources| RobotModel::from_sources(Some(sources)))
+            .transpose()?
+            .map(|robot| robot.name))
     }
 
     /// Returns the scenario of the run, with the request's changes applied.
@@ -178,17 +188,17 @@ fn all_conditions() -> Vec<Condition> {
     Condition::BUILT_IN.to_vec()
 }
 
-fn is_default(record: &Record) -> bool {
-    *record == Record::default()
+fn is_default(record: &RecordingSelection) -> bool {
+    *record == RecordingSelection::default()
 }
 
-fn unscaled() -> f64 {
+fn default_noise_scale() -> f64 {
     1.0
 }
 
 /// Unit of work: the ideal run of a combination, or one trial (all its conditions, from the same first grasp).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct Unit {
+pub struct WorkUnit {
     pub combination: usize,
     /// Number of the trial; `None` is the ideal run.
     pub trial: Option<usize>,
@@ -196,12 +206,12 @@ pub struct Unit {
 
 /// Records of a finished unit.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Entry {
+pub struct JournalEntry {
     /// [`RunRequest::digest`] of the run that the entry belongs to; none in journals of older programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
     /// Unit that the records belong to.
-    pub unit: Unit,
+    pub unit: WorkUnit,
     pub records: Vec<TrialRecord>,
     /// Tries of the records.
     #[serde(default)]
@@ -211,7 +221,7 @@ pub struct Entry {
     pub ablated: Vec<AblatedTrial>,
     /// Diagnoses of a mirror in it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub divergences: Vec<Named>,
+    pub divergences: Vec<FaultRow>,
     /// Wall time of the unit, s.
     pub wall_s: f64,
 }
@@ -224,10 +234,10 @@ pub struct Journal {
     /// [`RunRequest::digest`].
     run: String,
     /// Units finished so far.
-    pub done: BTreeMap<Unit, Entry>,
+    pub done: BTreeMap<WorkUnit, JournalEntry>,
 }
 
-fn path(folder: &Path) -> PathBuf {
+fn journal_path(folder: &Path) -> PathBuf {
     folder.join("journal.jsonl")
 }
 
@@ -236,7 +246,7 @@ impl Journal {
     pub fn create(folder: &Path, request: &RunRequest) -> Result<Self> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
-        if path(folder).exists() {
+        if journal_path(folder).exists() {
             bail!(
                 "--out: {} already holds a run; continue it with --resume {0} or name another folder",
                 folder.display()
@@ -244,13 +254,13 @@ impl Journal {
         }
         let lock = lock_folder(folder, "run").context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
-        ftac_platform::data::write_whole(&folder.join("run.json"), text.as_bytes()).context("--out")?;
-        let lines = Lines::open(&path(folder)).context("--out")?;
+        ftac_platform::data::write_atomically(&folder.join("run.json"), text.as_bytes()).context("--out")?;
+        let lines = Lines::open(&journal_path(folder)).context("--out")?;
         Ok(Self { lines, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
 
     /// Reads the journal of a run without changing it. A last line cut off by an interruption is dropped.
-    pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
+    pub fn read(folder: &Path) -> Result<(BTreeMap<WorkUnit, JournalEntry>, RunRequest)> {
         let run = folder.join("run.json");
         if folder.is_dir() {
             check_links(folder)?;
@@ -259,9 +269,9 @@ impl Journal {
             .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         request.check(&run)?;
-        let journal = path(folder);
+        let journal = journal_path(folder);
         let (digest, mut done) = (request.digest()?, BTreeMap::new());
-        for (n, entry) in (1..).zip(Lines::read::<Entry>(&journal)?) {
+        for (n, entry) in (1..).zip(Lines::read::<JournalEntry>(&journal)?) {
             if let Some(found) = entry.run.as_ref().filter(|run| **run != digest) {
                 bail!(
                     "{}: line {n}: found a unit of run {found}, expected one of run {digest}, which {} describes",
@@ -278,28 +288,28 @@ impl Journal {
     pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
         let lock = lock_folder(folder, "run").context("--resume")?;
         let (done, request) = Self::read(folder).context("--resume")?;
-        let lines = Lines::open(&path(folder)).context("--resume")?;
+        let lines = Lines::open(&journal_path(folder)).context("--resume")?;
         Ok((Self { lines, _lock: lock, run: request.digest()?, done }, request))
     }
 
     /// Appends a finished unit.
-    pub fn append(&mut self, mut entry: Entry) -> Result<()> {
+    pub fn append(&mut self, mut entry: JournalEntry) -> Result<()> {
         entry.run = Some(self.run.clone());
-        self.lines.add(&entry)?;
+        self.lines.append(&entry)?;
         self.done.insert(entry.unit, entry);
         Ok(())
     }
 }
 
 /// Returns the units of a request, in order.
-pub fn units(request: &RunRequest) -> Vec<Unit> {
+pub fn work_units(request: &RunRequest) -> Vec<WorkUnit> {
     let (shard, of) = request.shard;
     let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
-    let trials = if request.noisy().is_empty() { 0 } else { request.trials };
+    let trials = if request.noisy_conditions().is_empty() { 0 } else { request.trials };
     (0..request.combos)
         .filter(|combination| combination % of == shard - 1)
         .flat_map(|combination| {
-            ideal.into_iter().chain((0..trials).map(Some)).map(move |trial| Unit { combination, trial })
+            ideal.into_iter().chain((0..trials).map(Some)).map(move |trial| WorkUnit { combination, trial })
         })
         .collect()
 }

@@ -29,8 +29,8 @@ impl Provenance {
     }
 
     /// Returns the command as one line for a shell.
-    pub fn line(&self) -> String {
-        report::run::line(&self.command)
+    pub fn command_line(&self) -> String {
+        report::run::shell_line(&self.command)
     }
 }
 

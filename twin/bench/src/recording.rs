@@ -1,8 +1,8 @@
 //! A watcher that records a trial in Rerun: the ground truth where it is known, otherwise measurements and estimates.
 
-mod beliefs;
-mod measured;
-mod mirrored;
+mod detector;
+mod estimates;
+mod measured_scene;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,25 +14,25 @@ use hand_model::ArmVector;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::record::{Condition, TrialRecord};
-use sim::robot::Truth;
-use telemetry::recorder::{Recorder, Settings, Target};
-use telemetry::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
+use sim::robot::GroundTruth;
+use telemetry::recorder::{Recorder, RecorderSettings, RecordingTarget};
+use telemetry::{DrawnObject, LogLevel, PoseError, SignalFrame, TrialProperties};
 use world::objects::ObjectModel;
 use world::phase::ordinal;
 
-use self::beliefs::Beliefs;
-use self::measured::Measured;
-use crate::trial::{Bench, Moment, Watcher};
-use robot_backends::Task;
+use self::estimates::RecordedEstimates;
+use self::measured_scene::MeasuredScene;
+use crate::trial::{Bench, TickView, Watcher};
+use robot_backends::TrialTask;
 
-/// Returns the mesh of `object` for drawing, under `name`.
-pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
+/// Returns the mesh of `held_object` for drawing, under `unit_name`.
+pub fn drawn_object(object: &ObjectModel, name: &str) -> DrawnObject {
     let (vertices, triangles, _) = object.shape.triangles();
     DrawnObject::from_mesh(name, &vertices, &triangles, object.color)
 }
 
 /// Logs the poses of robot and objects, the latter by their `names`, and all contacts.
-pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Result<()> {
+pub fn log_scene(recorder: &mut Recorder, truth: &GroundTruth, names: &[String]) -> Result<()> {
     recorder.set_time(truth.time);
     let inverse = truth.palm.inverse();
     let hand: Vec<Isometry3<f64>> = truth.hand_links.iter().map(|link| inverse * link).collect();
@@ -50,7 +50,7 @@ pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Re
 /// Logs the signals of a moment; `posture` is the arm's reference, rad.
 pub fn log_signals(
     recorder: &mut Recorder,
-    truth: &Truth,
+    truth: &GroundTruth,
     servos: &[ServoState],
     posture: &ArmVector,
     pose_errors: Vec<Option<PoseError>>,
@@ -68,9 +68,9 @@ pub fn log_signals(
 
 /// Tactile images that were recorded last: one stays the newest for many ticks.
 #[derive(Default)]
-pub struct Shown(BTreeMap<usize, Arc<TactileImage>>);
+pub struct RecordedImages(BTreeMap<usize, Arc<TactileImage>>);
 
-impl Shown {
+impl RecordedImages {
     /// Logs those images of `newest` that have not been recorded.
     pub fn log(&mut self, recorder: &mut Recorder, newest: &[TactileFrame]) -> Result<()> {
         for frame in newest {
@@ -85,7 +85,7 @@ impl Shown {
 
 /// Wall time of time 0 of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Began {
+pub enum TimeOrigin {
     /// None: time passes in simulation only.
     Never,
     /// Time passes as on the wall, from the first moment that is seen.
@@ -94,9 +94,9 @@ pub enum Began {
     At(i64),
 }
 
-impl Began {
+impl TimeOrigin {
     /// Converts `time` (s) of the body to wall time, ns since 1970.
-    fn wall(&mut self, time: f64) -> Option<i64> {
+    fn to_wall_time(&mut self, time: f64) -> Option<i64> {
         let since = (time * 1e9) as i64;
         if *self == Self::Now {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -110,7 +110,7 @@ impl Began {
 }
 
 /// Describes the end of a successful trial with this many objects.
-fn held(objects: usize) -> &'static str {
+fn success_description(objects: usize) -> &'static str {
     match objects {
         1 => "the object held",
         2 => "both objects held",
@@ -125,35 +125,41 @@ pub struct Recording {
     objects: Vec<Arc<ObjectModel>>,
     condition: Condition,
     /// True if the branch shares no first grasp with the others.
-    begins_otherwise: bool,
+    skips_planned_grasp: bool,
     /// True if only this branch is played.
-    alone: bool,
-    began: Began,
-    measured: Measured,
+    is_only_branch: bool,
+    time_origin: TimeOrigin,
+    measured_scene: MeasuredScene,
     branch: Option<Condition>,
     phase: Option<Phase>,
-    beliefs: Beliefs,
+    estimates: RecordedEstimates,
     /// True if the ground truth of the scene is recorded.
     truth: bool,
-    shown: Shown,
+    recorded_images: RecordedImages,
     /// True if the body's objects are in the reverse of the combination's order.
     reversed: bool,
     /// True if the last moment was recorded; those of other branches are not.
-    shows: bool,
+    is_shown: bool,
 }
 
 impl Recording {
-    /// Opens the targets for a trial and the branch of its condition. `began` is the wall time of the body's time 0.
+    /// Opens the targets for a trial and the branch of its condition. `time_origin` is the wall time of the body's time 0.
     ///
     /// For bodies other than the simulated one, measurements and estimates are shown unless `truth` is requested.
-    pub fn open(targets: &[Target], bench: &Bench, task: &Task, (began, truth): (Began, bool)) -> Result<Self> {
-        let Task { combination, trial, condition, .. } = *task;
-        let plan = &bench.plans.plans[combination];
+    pub fn open(
+        targets: &[RecordingTarget],
+        bench: &Bench,
+        task: &TrialTask,
+        (began, truth): (TimeOrigin, bool),
+    ) -> Result<Self> {
+        let TrialTask { combination, trial, condition, .. } = *task;
+        let plan = &bench.grasp_pairs.plans[combination];
         let objects = bench.world.models(&plan.objects())?;
         let names: Vec<String> = (0..objects.len()).map(|n| ordinal(n).into_owned()).collect();
-        let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
+        let drawn: Vec<DrawnObject> =
+            objects.iter().zip(&names).map(|(object, name)| drawn_object(object, name)).collect();
         let truth = truth || task.robot == "sim";
-        let settings = Settings { truth, ..Settings::default() };
+        let settings = RecorderSettings { truth, ..RecorderSettings::default() };
         let mut recorder = Recorder::open(targets, settings, &bench.world.cell.robot, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {}", plan.objects().join(" then ")),
@@ -167,17 +173,17 @@ impl Recording {
             names,
             objects,
             condition,
-            begins_otherwise: bench.begins_otherwise(condition),
-            alone: task.robot != "sim",
-            began,
-            measured: Measured::new(&bench.world.cell),
+            skips_planned_grasp: bench.skips_planned_grasp(condition),
+            is_only_branch: task.robot != "sim",
+            time_origin: began,
+            measured_scene: MeasuredScene::new(&bench.world.cell),
             branch: None,
             phase: None,
-            beliefs: Beliefs::default(),
+            estimates: RecordedEstimates::default(),
             truth,
-            shown: Shown::default(),
+            recorded_images: RecordedImages::default(),
             reversed: false,
-            shows: false,
+            is_shown: false,
         })
     }
 
@@ -191,19 +197,19 @@ impl Recording {
 }
 
 impl Watcher for Recording {
-    fn active(&self) -> bool {
+    fn is_active(&self) -> bool {
         true
     }
 
-    fn branch(&mut self, condition: Condition) -> Result<()> {
+    fn on_branch(&mut self, condition: Condition) -> Result<()> {
         self.branch = Some(condition);
         Ok(())
     }
 
-    fn see(&mut self, moment: &Moment) -> Result<()> {
-        let others = moment.condition.map_or(self.begins_otherwise, |condition| condition != self.condition);
-        self.shows = self.alone || !others;
-        if !self.shows {
+    fn on_tick(&mut self, moment: &TickView) -> Result<()> {
+        let others = moment.condition.map_or(self.skips_planned_grasp, |condition| condition != self.condition);
+        self.is_shown = self.is_only_branch || !others;
+        if !self.is_shown {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
@@ -213,7 +219,7 @@ impl Watcher for Recording {
             names.reverse();
             objects.reverse();
         }
-        if let Some(wall) = self.began.wall(moment.time) {
+        if let Some(wall) = self.time_origin.to_wall_time(moment.time) {
             recorder.set_wall_time(wall);
         }
         let truth = moment.truth.filter(|_| self.truth);
@@ -226,7 +232,7 @@ impl Watcher for Recording {
             self.phase = Some(phase);
             recorder.log_phase(&phase.name())?;
         }
-        let felt = self.beliefs.see(recorder, &names, phase, moment.felt)?;
+        let felt = self.estimates.record_estimates(recorder, &names, phase, moment.felt)?;
         let mut errors: Vec<Option<PoseError>> = objects.iter().map(|_| None).collect();
         for (n, truth) in (0..objects.len()).filter_map(|n| Some((n, truth?))) {
             let Some(felt) = felt.iter().find(|felt| felt.object == n) else {
@@ -242,26 +248,26 @@ impl Watcher for Recording {
             });
         }
         if let Some(note) = moment.note {
-            recorder.log_text(Level::Info, note)?;
+            recorder.log_text(LogLevel::Info, note)?;
         }
         if let Some(choice) = moment.choice {
-            self.beliefs.weighs(recorder, &names[0], choice)?;
+            self.estimates.record_decision(recorder, &names[0], choice)?;
         }
         let executor = moment.executor;
-        self.shown.log(recorder, executor.motion().newest_images())?;
+        self.recorded_images.log(recorder, executor.motion().newest_images())?;
         match truth {
             // If the policy itself moves the robot, the executor has no reference.
-            Some(truth) if self.condition == Condition::Own && self.begins_otherwise => {
+            Some(truth) if self.condition == Condition::Own && self.skips_planned_grasp => {
                 log_signals(recorder, truth, executor.motion().servos(), &executor.motion().arm().position, errors)
             }
             Some(truth) => {
                 log_signals(recorder, truth, executor.motion().servos(), executor.motion().posture(), errors)
             }
-            None => self.measured.log(recorder, &names, executor, &felt),
+            None => self.measured_scene.log(recorder, &names, executor, &felt),
         }
     }
 
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+    fn on_outcome(&mut self, record: &TrialRecord) -> Result<()> {
         if record.condition != self.condition {
             return Ok(());
         }
@@ -269,7 +275,7 @@ impl Watcher for Recording {
         let text = format!(
             "{}: {}{}",
             record.condition,
-            if record.success { held(self.objects.len()) } else { "failed" },
+            if record.success { success_description(self.objects.len()) } else { "failed" },
             record.cause.map_or_else(String::new, |cause| format!(" ({cause})")),
         );
         recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;

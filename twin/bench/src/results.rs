@@ -8,19 +8,19 @@ use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_abl
 use scenarios::summary::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
-use crate::journal::{Entry, RunRequest, Unit, units};
+use crate::journal::{JournalEntry, RunRequest, WorkUnit, work_units};
 use crate::provenance::Provenance;
 use crate::trial::profile::Activity;
-use external_policy::Pace;
-use fault_detection::divergence::write_table;
+use external_policy::SimulatedTimePassage;
+use fault_detection::fault::write_table;
 
 /// Number of combinations and of trials of the whole benchmark.
-const WHOLE: (usize, usize) = (60, 10);
+const FULL_BENCHMARK_SIZE: (usize, usize) = (60, 10);
 
 /// Lists everything that distinguishes a run from the full benchmark.
-fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
+fn warnings(done: &BTreeMap<WorkUnit, JournalEntry>, request: &RunRequest) -> Vec<String> {
     let mut warnings = Vec::new();
-    let all = units(request);
+    let all = work_units(request);
     let missing = all.iter().filter(|unit| !done.contains_key(unit)).count();
     if missing > 0 {
         warnings.push(format!(
@@ -31,7 +31,7 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     if let (shard, of @ 2..) = request.shard {
         warnings.push(format!("this is shard {shard} of {of}, not the whole run"));
     }
-    let (combos, trials) = WHOLE;
+    let (combos, trials) = FULL_BENCHMARK_SIZE;
     if request.combos < combos || request.trials < trials {
         warnings.push(format!(
             "a part of the benchmark: {} of {combos} combinations, {} of {trials} trials each",
@@ -42,12 +42,12 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
         let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
         warnings.push(format!("only these conditions were played: {}", names.join(", ")));
     }
-    warnings.extend(scaled(request));
-    if request.policy.as_ref().is_some_and(|policy| policy.pace == Pace::Wall) {
+    warnings.extend(noise_scale_warning(request));
+    if request.policy.as_ref().is_some_and(|policy| policy.pace == SimulatedTimePassage::Wall) {
         warnings
             .push("time passed while the policy of one's own thought: its results depend on the computer".to_owned());
     }
-    if !request.without.is_empty() && !no_errors(request) {
+    if !request.without.is_empty() && !has_no_errors(request) {
         let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
         warnings.push(format!("effects of reality that are off: {}", names.join(", ")));
     }
@@ -57,20 +57,20 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     if let Ok(Some(name)) = request.robot_name() {
         warnings.push(format!("the robot is {name}, not that of the benchmark (--robot-model)"));
     }
-    if request.scenario != scenarios::scenario::BENCHMARK {
+    if request.scenario != scenarios::scenario::BENCHMARK_TOML {
         warnings.push("the scenario is not that of the benchmark".to_owned());
     }
     warnings.extend(request.left_out.iter().chain(&request.notes).cloned());
     warnings
 }
 
-fn no_errors(request: &RunRequest) -> bool {
-    request.scenario().is_ok_and(|scenario| scenario.is_exact())
+fn has_no_errors(request: &RunRequest) -> bool {
+    request.scenario().is_ok_and(|scenario| scenario.is_ideal())
 }
 
 /// Describes the changes made by `--noise-scale`, and the errors that it leaves unscaled.
-fn scaled(request: &RunRequest) -> Option<String> {
-    if no_errors(request) {
+fn noise_scale_warning(request: &RunRequest) -> Option<String> {
+    if has_no_errors(request) {
         let expects = if request.uncertainty.is_some() { "what its file says" } else { "none" };
         return Some(format!(
             "no errors are drawn and all effects of reality are off; the controller expects {expects}"
@@ -79,7 +79,7 @@ fn scaled(request: &RunRequest) -> Option<String> {
     if request.noise_scale == 1.0 {
         return None;
     }
-    let stay = request.scenario().map(|scenario| scenario.effects.unscaled()).unwrap_or_default();
+    let stay = request.scenario().map(|scenario| scenario.effects.describe_unscaled()).unwrap_or_default();
     let stay = match stay.is_empty() {
         true => "nothing else goes wrong".to_owned(),
         false => {
@@ -90,9 +90,9 @@ fn scaled(request: &RunRequest) -> Option<String> {
 }
 
 /// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `divergences.csv` if a mirror ran,
-/// `summary.json` and `report.html`, each whole or not at all. `spent` is the computing time by activity, if known.
-pub fn finish(
-    done: &BTreeMap<Unit, Entry>,
+/// `summary.json` and `report.html`, each whole or not at all. `computing_time` is the computing time by activity, if known.
+pub fn write_results(
+    done: &BTreeMap<WorkUnit, JournalEntry>,
     request: &RunRequest,
     folder: &Path,
     wall_s: f64,
@@ -113,26 +113,26 @@ pub fn finish(
     };
     let mut table = Vec::new();
     write_trials(&records, &mut table)?;
-    ftac_platform::data::write_whole(&folder.join("trials.csv"), &table)?;
+    ftac_platform::data::write_atomically(&folder.join("trials.csv"), &table)?;
     let tries: Vec<TryRecord> = done.values().flat_map(|entry| entry.tries.iter().cloned()).collect();
     let mut table = Vec::new();
     write_tries(&tries, &mut table)?;
-    ftac_platform::data::write_whole(&folder.join("tries.csv"), &table)?;
+    ftac_platform::data::write_atomically(&folder.join("tries.csv"), &table)?;
     if request.mirrors {
         let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
-        let rows = named.map(|(Unit { combination, trial }, named)| {
+        let rows = named.map(|(WorkUnit { combination, trial }, named)| {
             (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
         });
-        ftac_platform::data::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
+        ftac_platform::data::write_atomically(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
     }
     if !ablated.is_empty() {
         let mut table = Vec::new();
         write_ablated(&ablated, &mut table)?;
-        ftac_platform::data::write_whole(&folder.join("ablations.csv"), &table)?;
+        ftac_platform::data::write_atomically(&folder.join("ablations.csv"), &table)?;
     }
-    ftac_platform::data::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
+    ftac_platform::data::write_atomically(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let mut run = serde_json::json!({ "seed": request.seed, "robot": request.robot, "wall_s": summary.wall_s });
-    describe(&mut run, &request.made);
+    add_provenance(&mut run, &request.made);
     if let Some(own) = &request.policy {
         let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
         run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
@@ -154,7 +154,7 @@ pub fn finish(
 }
 
 /// Adds the provenance of the data, and the command that made the page if it was another one.
-fn describe(run: &mut serde_json::Value, made: &[Provenance]) {
+fn add_provenance(run: &mut serde_json::Value, made: &[Provenance]) {
     match made {
         [] => run["command of the data"] = "not known: the run is one of an older program".into(),
         [first, others @ ..] => {
@@ -165,13 +165,13 @@ fn describe(run: &mut serde_json::Value, made: &[Provenance]) {
                 run["source tree"] = commit.clone().into();
             }
             if !others.is_empty() {
-                let commands: Vec<String> = others.iter().map(Provenance::line).collect();
+                let commands: Vec<String> = others.iter().map(Provenance::command_line).collect();
                 run["further commands"] = commands.join("\n").into();
             }
         }
     }
     let now = Provenance::now();
     if made.iter().all(|made| made.command != now.command) {
-        run["page made by"] = format!("{} ({})", now.line(), now.version).into();
+        run["page made by"] = format!("{} ({})", now.command_line(), now.version).into();
     }
 }

@@ -13,173 +13,179 @@ use scenarios::record::{Condition, TrialRecord};
 use scenarios::summary::Summary;
 
 use crate::fault_watch;
-use crate::journal::{Entry, Journal, Record, RunRequest, Unit, units};
-use crate::recording::{Began, Recording};
-use crate::trial::filming::{self, All, Filming};
+use crate::journal::{Journal, JournalEntry, RecordingSelection, RunRequest, WorkUnit, work_units};
+use crate::recording::{Recording, TimeOrigin};
+use crate::trial::filming::{self, Filming, Watchers};
 use crate::trial::{Bench, TrialResults, Watcher};
 use crate::{results, workers};
 use progress::interrupt::{Interrupt, Interrupted};
-use robot_backends::BodySource;
+use robot_backends::BackendFactory;
 
 /// Options of a run.
 #[derive(Clone, Copy)]
-pub struct Options<'a> {
+pub struct RunOptions<'a> {
     /// Number of threads.
     pub jobs: usize,
     /// Selection of the recorded trials.
-    pub record: Record,
+    pub record: RecordingSelection,
     /// True to show no progress bar.
     pub quiet: bool,
     /// True to stream to a viewer as well as to files.
     pub live: bool,
     /// Opens a source of bodies that cannot be cloned; the argument is true for a recorded unit. `None` for simulated
     /// bodies.
-    pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BodySource>>> + Sync),
+    pub open_factory: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BackendFactory>>> + Sync),
 }
 
 /// Name of the body whose trials are real.
-const HARDWARE: &str = "hardware";
+const HARDWARE_BACKEND: &str = "hardware";
 
-fn recorded(record: Record, unit: Unit) -> bool {
+fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
     match record {
-        Record::None | Record::Causes => false,
-        Record::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
-        Record::All => true,
+        RecordingSelection::None | RecordingSelection::Causes => false,
+        RecordingSelection::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
+        RecordingSelection::All => true,
     }
 }
 
-/// Plays one unit. Its recording, if `options` ask for one, goes below `folder`.
+/// Plays one unit. Its recording, if `branch_settings` ask for one, goes below `folder`.
 pub fn run_unit(
     bench: &Bench,
     request: &RunRequest,
-    unit: Unit,
+    unit: WorkUnit,
     folder: &Path,
-    options: &Options,
+    options: &RunOptions,
 ) -> Result<TrialResults> {
     // A trial on real devices cannot be repeated, so it is always recorded.
-    let record = options.live || recorded(options.record, unit) || request.robot == HARDWARE;
-    play_unit(bench, request, (unit, &name(unit)), folder, options, record)
+    let record = options.live || is_recorded(options.record, unit) || request.robot == HARDWARE_BACKEND;
+    play_unit(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
-/// Plays one unit and records it under `name` if `record`.
+/// Plays one unit and records it under `unit_name` if `record_causes`.
 fn play_unit(
     bench: &Bench,
     request: &RunRequest,
-    (unit, name): (Unit, &str),
+    (unit, name): (WorkUnit, &str),
     folder: &Path,
-    options: &Options,
+    options: &RunOptions,
     record: bool,
 ) -> Result<TrialResults> {
-    let condition = shown(request, unit);
-    if let Some(place) = (options.place)(record)? {
+    let condition = shown_condition(request, unit);
+    if let Some(place) = (options.open_factory)(record)? {
         return run_conditions(bench, request, (unit, name), folder, options, (place, record));
     }
     let play = |watcher: &mut dyn Watcher| match unit.trial {
-        Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, watcher),
-        None => bench.ideal(unit.combination, watcher).map(TrialResults::from),
+        Some(trial) => {
+            bench.play_conditions(unit.combination, trial, &request.noisy_conditions(), &request.ablations, watcher)
+        }
+        None => bench.play_ideal(unit.combination, watcher).map(TrialResults::from),
     };
     if !record {
-        return beside(bench, request, None, condition, play);
+        return play_with_watchers(bench, request, None, condition, play);
     }
-    recorded_as(name, folder, options.live, |targets| {
+    play_into_recording(name, folder, options.live, |targets| {
         let mut recording =
-            Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
+            Recording::open(targets, bench, &request.task(unit, condition, false), (TimeOrigin::Never, false))?;
         let mut filming = Filming::new(bench, condition, 4.0);
-        let results = beside(bench, request, Some(&mut recording), condition, |watcher| {
-            play(&mut All(vec![watcher, &mut filming]))
+        let results = play_with_watchers(bench, request, Some(&mut recording), condition, |watcher| {
+            play(&mut Watchers(vec![watcher, &mut filming]))
         });
         recording.finish()?;
         if unit.trial.is_some() && results.is_ok() {
-            strip(bench, unit, &filming.film, &report::pictures::strip_file(folder, name, condition))?;
+            write_film_strip(bench, unit, &filming.film, &report::pictures::strip_file(folder, name, condition))?;
         }
         results
     })
 }
 
-/// Runs `play` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
+/// Runs `roll_out` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
 /// `condition` labels the diagnoses of a trial that stops.
-fn beside(
+fn play_with_watchers(
     bench: &Bench,
     request: &RunRequest,
     recording: Option<&mut Recording>,
     condition: Condition,
     play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
 ) -> Result<TrialResults> {
-    let (results, named) =
-        fault_watch::beside(bench, recording, (request.mirrors, request.robot == "hardware", condition), play);
-    Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
+    let (results, named) = fault_watch::play_with_detector(
+        bench,
+        recording,
+        (request.mirrors, request.robot == "hardware", condition),
+        play,
+    );
+    Ok(TrialResults { faults: named.unwrap_or_default(), ..results? })
 }
 
 /// Writes stills of a recorded trial to `file`; none if the trial ended before there was anything to see.
-fn strip(bench: &Bench, unit: Unit, film: &Film, file: &Path) -> Result<()> {
+fn write_film_strip(bench: &Bench, unit: WorkUnit, film: &Film, file: &Path) -> Result<()> {
     if film.frames.is_empty() {
         return Ok(());
     }
-    let (count, size) = film::STILLS;
-    let strip = filming::stage(bench, unit.combination)?.strip(film, count, size);
+    let (count, size) = film::STRIP_LAYOUT;
+    let strip = filming::film_stage(bench, unit.combination)?.strip(film, count, size);
     report::picture::save(&strip, file)
 }
 
-/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record`.
+/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record_causes`.
 fn run_conditions(
     bench: &Bench,
     request: &RunRequest,
-    (unit, name): (Unit, &str),
+    (unit, name): (WorkUnit, &str),
     folder: &Path,
-    options: &Options,
-    (mut place, record): (Box<dyn BodySource>, bool),
+    options: &RunOptions,
+    (mut place, record): (Box<dyn BackendFactory>, bool),
 ) -> Result<TrialResults> {
-    let conditions = if unit.trial.is_some() { request.noisy() } else { vec![Condition::Ideal] };
+    let conditions = if unit.trial.is_some() { request.noisy_conditions() } else { vec![Condition::Ideal] };
     let mut results = TrialResults::default();
     for condition in conditions {
         let task = request.task(unit, condition, record);
-        let began = if place.is_real() { Began::Now } else { Began::Never };
+        let began = if place.is_real() { TimeOrigin::Now } else { TimeOrigin::Never };
         let play = |watcher: &mut dyn Watcher| bench.play(&task, place.as_mut(), watcher).map(TrialResults::from);
         let one = match record {
-            false => beside(bench, request, None, condition, play)?,
-            true => recorded_as(&of_condition(name, condition), folder, options.live, |targets| {
+            false => play_with_watchers(bench, request, None, condition, play)?,
+            true => play_into_recording(&condition_recording_name(name, condition), folder, options.live, |targets| {
                 let mut recording = Recording::open(targets, bench, &task, (began, false))?;
-                let one = beside(bench, request, Some(&mut recording), condition, play);
+                let one = play_with_watchers(bench, request, Some(&mut recording), condition, play);
                 recording.finish()?;
                 one
             })?,
         };
         results.records.extend(one.records);
         results.tries.extend(one.tries);
-        results.divergences.extend(one.divergences);
+        results.faults.extend(one.faults);
     }
     Ok(results)
 }
 
 /// Returns the condition that the recording of a unit shows: of those played, the one that senses and decides most.
-fn shown(request: &RunRequest, unit: Unit) -> Condition {
-    let last = request.noisy().last().copied();
+fn shown_condition(request: &RunRequest, unit: WorkUnit) -> Condition {
+    let last = request.noisy_conditions().last().copied();
     unit.trial.and(last).unwrap_or(Condition::Ideal)
 }
 
 /// Returns the name of a unit's recording.
-fn name(unit: Unit) -> String {
+fn unit_name(unit: WorkUnit) -> String {
     let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
     format!("combination_{:02}_{trial}", unit.combination)
 }
 
 /// Returns the name of a recording that shows only one condition of the unit.
-fn of_condition(name: &str, condition: Condition) -> String {
+fn condition_recording_name(name: &str, condition: Condition) -> String {
     format!("{name}_{condition}")
 }
 
 /// Plays into a recording that gets its name once it is complete, even if the trial was stopped.
-fn recorded_as<T>(
+fn play_into_recording<T>(
     name: &str,
     folder: &Path,
     live: bool,
-    play: impl FnOnce(&[telemetry::Target]) -> Result<T>,
+    play: impl FnOnce(&[telemetry::RecordingTarget]) -> Result<T>,
 ) -> Result<T> {
     let file = folder.join("recordings").join(format!("{name}.rrd"));
     let partial = file.with_extension("partial.rrd");
-    let mut targets = vec![telemetry::Target::File(partial.clone())];
+    let mut targets = vec![telemetry::RecordingTarget::File(partial.clone())];
     if live {
-        targets.push(telemetry::Target::Spawn);
+        targets.push(telemetry::RecordingTarget::Spawn);
     }
     let result = play(&targets);
     let renamed = std::fs::rename(&partial, &file).with_context(|| file.display().to_string());
@@ -189,34 +195,40 @@ fn recorded_as<T>(
 }
 
 /// Runs the unfinished units of `request`; the journal keeps every finished one.
-pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
+pub fn run(
+    bench: &Bench,
+    request: &RunRequest,
+    journal: Journal,
+    folder: &Path,
+    options: &RunOptions,
+) -> Result<Summary> {
     let begun = Instant::now();
-    let all = units(request);
+    let all = work_units(request);
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
-    let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
+    let open: Vec<WorkUnit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
     let resumed = all.len() - open.len();
-    let bar = progress::resumed(all.len() as u64, resumed as u64, "units", options.quiet);
+    let bar = progress::resumed_bar(all.len() as u64, resumed as u64, "units", options.quiet);
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
-    let interrupt = (request.robot != HARDWARE).then(Interrupt::catch).transpose()?;
+    let interrupt = (request.robot != HARDWARE_BACKEND).then(Interrupt::catch).transpose()?;
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
             let finished = journal.lock().map_or(0, |journal| journal.done.len());
-            let further = format!("go on with `ftac bench --resume {}`", folder.display());
-            bail!(Interrupted { done: finished, of: all.len(), what: "units of work are finished", further });
+            let resume_hint = format!("go on with `ftac bench --resume {}`", folder.display());
+            bail!(Interrupted { done: finished, total: all.len(), pieces: "units of work are finished", resume_hint });
         }
         let start = Instant::now();
         let results = run_unit(bench, request, *unit, folder, options).with_context(|| {
             let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
             format!("combination {}, {trial}", unit.combination)
         })?;
-        let TrialResults { records, tries, ablated, divergences } = results;
+        let TrialResults { records, tries, ablated, faults: divergences } = results;
         let wall_s = start.elapsed().as_secs_f64();
-        let entry = Entry { run: None, unit: *unit, records, tries, ablated, divergences, wall_s };
+        let entry = JournalEntry { run: None, unit: *unit, records, tries, ablated, divergences, wall_s };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-        journal.append(entry.clone()).map_err(|error| elsewhere(&entry, error))?;
+        journal.append(entry.clone()).map_err(|error| save_to_temporary(&entry, error))?;
         bar.inc(1);
-        bar.set_message(rates(&journal, begun, resumed));
+        bar.set_message(progress_rates(&journal, begun, resumed));
         Ok(())
     });
     bar.finish_and_clear();
@@ -233,14 +245,14 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
             spent.iter().map(|(part, seconds)| format!("{} {:.1} %", part.name(), 100.0 * seconds / all)).collect();
         eprintln!("time of all threads: {}", parts.join(", "));
     }
-    if options.record == Record::Causes {
-        causes::record(bench, request, &journal.done, folder, options)?;
+    if options.record == RecordingSelection::Causes {
+        causes::record_causes(bench, request, &journal.done, folder, options)?;
     }
-    results::finish(&journal.done, request, folder, wall_s, spent.as_deref())
+    results::write_results(&journal.done, request, folder, wall_s, spent.as_deref())
 }
 
 /// Saves an entry that the journal could not take among the temporary files, and adds its path to the error.
-fn elsewhere(entry: &Entry, error: anyhow::Error) -> anyhow::Error {
+fn save_to_temporary(entry: &JournalEntry, error: anyhow::Error) -> anyhow::Error {
     let file = std::env::temp_dir().join(format!(
         "ftac_combination_{:02}_trial_{}_{}.json",
         entry.unit.combination,
@@ -254,7 +266,7 @@ fn elsewhere(entry: &Entry, error: anyhow::Error) -> anyhow::Error {
     }
 }
 
-fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
+fn progress_rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
     let share = |condition: Condition, pick: fn(&TrialRecord) -> bool| {
         let of: Vec<_> = records.iter().filter(|record| record.condition == condition).collect();

@@ -1,37 +1,37 @@
 //! Trials: the first grasp, and from there a branch for each policy.
 //!
-//! [`setup`] begins a trial and plays its first grasp. [`branch`] plays one policy from there to the verdict, and
-//! [`conditions`] plays one after the other. [`run`] is a trial in progress, and [`eyes`] is its prior perception.
+//! [`setup`] begins a trial and plays its first grasp. [`on_branch`] plays one policy from there to the verdict, and
+//! [`conditions`] plays one after the other. [`run`] is a trial in progress, and [`simulated_detector`] is its prior perception.
 //! [`shared`] holds the data that all trials of a benchmark share, and [`disturbance`] applies a scenario's
 //! disturbances. [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] measures computing time, and
-//! [`held`] keeps first grasps for the evaluation of touch.
+//! [`held_grasp`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
+mod capabilities;
 mod conditions;
 mod disturbance;
-mod driven;
-pub mod eyes;
+mod external_trial;
 pub mod filming;
-pub mod held;
-mod means;
+pub mod held_grasp;
 pub mod profile;
 pub mod run;
 pub mod setup;
 pub mod shared;
+pub mod simulated_detector;
 pub mod watcher;
 
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, ensure};
 use control::action::ActionLimits;
-use control::foresight::Foresees;
-use control::policy::blind::Blind;
-use control::policy::chosen::Chosen;
-use control::policy::in_turn::InTurn;
-use control::policy::touch::Touch;
+use control::look_ahead::LookAheadSettings;
+use control::policy::blind::BlindPolicy;
+use control::policy::chooser::ChooserPolicy;
+use control::policy::sequential::SequentialPolicy;
+use control::policy::touch::TouchPolicy;
 use control::policy::{FirstDecision, Knowledge, Recovery, order};
-use control::sensing::Senses;
-use grasp_verification::rehearsal::{Snapshot, TrialStart};
+use control::sensing::TouchPerception;
+use grasp_verification::rollout::{RolloutSnapshot, TrialStart};
 use rand::RngExt as _;
 use scenarios::Ablation;
 use scenarios::generator::trial_rng;
@@ -40,32 +40,37 @@ use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use sim::SimulatedRobot;
 use world::Sensing;
-use world::layout::MOST_OBJECTS;
+use world::layout::MAX_OBJECTS;
 use world::objects::ObjectModel;
 
-use self::branch::{Play, foretell, note_decision, play};
-use self::eyes::Looks;
+use self::branch::{BranchSettings, note_decision, play, predict_decision};
+use self::simulated_detector::DetectionNoise;
 
 pub use self::branch::TrialOutcome;
+pub use self::capabilities::PolicyCapabilities;
 use self::conditions::Branches;
 pub use self::conditions::TrialResults;
-pub use self::held::HeldGrasp;
-pub use self::means::Means;
-use self::setup::{Known, Setup, Start};
+pub use self::held_grasp::HeldGrasp;
+use self::setup::{InitialConditions, PreparedTrial, PriorKnowledge};
 pub use self::shared::Bench;
-pub use self::watcher::{Moment, NoWatcher, Watcher};
-use external_policy::chooser::HostChooser;
-use external_policy::message::{self, Info};
-use external_policy::{Guest, Host, Level, Pace};
-use robot_backends::{BodySource, Task};
+pub use self::watcher::{NoWatcher, TickView, Watcher};
+use external_policy::chooser::ExternalChooser;
+use external_policy::message::{self, TrialInfo};
+use external_policy::{DecisionLevel, PolicyIntroduction, PolicyServer, SimulatedTimePassage};
+use robot_backends::{BackendFactory, TrialTask};
 
 /// Domain separator: makes the seeds of the user's own policies differ from those of the trials.
-const OWN: u64 = 0x6f77_6e5f_706f_6c69;
+const EXTERNAL_POLICY_DOMAIN: u64 = 0x6f77_6e5f_706f_6c69;
 
 impl Bench {
     /// Plays one trial under one condition on a body from `source`.
-    pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let (mut noise, mut camera_noise, looks) = setup::draw(self, task.combination, task.trial)?;
+    pub fn play(
+        &self,
+        task: &TrialTask,
+        source: &mut dyn BackendFactory,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        let (mut noise, mut camera_noise, looks) = setup::draw_noise(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
@@ -74,23 +79,27 @@ impl Bench {
             noise = TrialNoise::none();
         }
         let id = TrialId { combination: task.combination, trial: task.trial, condition: task.condition };
-        let mut setup = Setup::planned(self, task.combination, noise, camera_noise);
+        let mut setup = InitialConditions::planned(self, task.combination, noise, camera_noise);
         if task.condition != Condition::Ideal {
-            setup = setup.drifting(self, task.combination, task.trial);
+            setup = setup.with_drift(self, task.combination, task.trial);
         }
-        let means = Means::of(task.condition);
+        let means = PolicyCapabilities::for_condition(task.condition);
         let start = match means {
-            Some(means) if means.begin_otherwise() => {
-                setup.ordered(self, means)?.at_rest(self, Some((source, task)), watcher)?
+            Some(means) if means.may_skip_planned_grasp() => {
+                setup.reordered_for(self, means)?.begin_at_rest(self, Some((source, task)), watcher)?
             }
-            _ if self.begins_otherwise(task.condition) => setup.at_rest(self, Some((source, task)), watcher)?,
-            _ => setup.first_grasp(self, Some((source, task)), watcher)?,
+            _ if self.skips_planned_grasp(task.condition) => {
+                setup.begin_at_rest(self, Some((source, task)), watcher)?
+            }
+            _ => setup.play_first_grasp(self, Some((source, task)), watcher)?,
         };
         let mut body = start.run.snapshot.robot.clone();
         let played = match means {
-            _ if task.condition == Condition::Own => self.own(&start, self.options(id, looks), watcher),
-            Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
-            None => self.plan(&start, self.options(id, looks), watcher),
+            _ if task.condition == Condition::Own => {
+                self.play_external_policy(&start, self.branch_settings(id, looks), watcher)
+            }
+            Some(means) => self.play_touch(&start, self.branch_settings(id, looks), means, watcher),
+            None => self.play_blind(&start, self.branch_settings(id, looks), watcher),
         };
         // The recording is finished in any case.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -106,36 +115,37 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// Plays one trial in which a policy of the user's own, represented by `host`, decides. The errors are those that
+    /// Plays one trial in which a policy of the user's own, represented by `server`, decides. The errors are those that
     /// every condition of the trial meets.
-    pub fn hosted(
+    pub fn play_with_server(
         &self,
         combination: usize,
         trial: usize,
-        (guest, pace): (&Guest, Pace),
-        host: &mut dyn Host,
+        (guest, pace): (&PolicyIntroduction, SimulatedTimePassage),
+        host: &mut dyn PolicyServer,
     ) -> Result<TrialOutcome> {
-        let (setup, looks) = Setup::noisy(self, combination, trial)?;
+        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
         let start = match guest.level {
-            Level::Act => setup.at_rest(self, None, &mut NoWatcher)?,
-            Level::Choose => setup.first_grasp(self, None, &mut NoWatcher)?,
+            DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
+            DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
         };
-        let options = self.options(TrialId { combination, trial, condition: Condition::Own }, looks);
-        self.guest(&start, guest, host, Play { pace, ..options }, &mut NoWatcher)
+        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::Own }, looks);
+        self.play_server_branch(&start, guest, host, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
     /// Plays the ideal run of a combination: no noise, blind.
-    pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
+    pub fn play_ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let start = InitialConditions::planned(self, combination, TrialNoise::none(), 0)
+            .play_first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
-        let looks = Looks::new(trial_rng(self.seed, combination, 0), None);
-        let mut outcome = self.plan(&start, self.options(id, looks.clone()), watcher)?;
-        self.foretell(&start, self.options(id, looks), &mut outcome.record)?;
+        let looks = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
+        let mut outcome = self.play_blind(&start, self.branch_settings(id, looks.clone()), watcher)?;
+        self.note_prediction(&start, self.branch_settings(id, looks), &mut outcome.record)?;
         Ok(outcome)
     }
 
-    /// Plays one trial: all `conditions` with the same errors, and then, unwatched, `touch` under `ablations`.
-    pub fn trial(
+    /// Plays one trial: all `conditions` with the same errors, and then, unwatched, `play_touch` under `ablations`.
+    pub fn play_conditions(
         &self,
         combination: usize,
         trial: usize,
@@ -143,148 +153,176 @@ impl Bench {
         ablations: &[Ablation],
         watcher: &mut dyn Watcher,
     ) -> Result<TrialResults> {
-        let (setup, looks) = Setup::noisy(self, combination, trial)?;
-        let start = setup.first_grasp(self, None, watcher)?;
-        let branches = Branches { bench: self, setup: &setup, start, looks };
+        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
+        let start = setup.play_first_grasp(self, None, watcher)?;
+        let branches = Branches { bench: self, setup: &setup, start, detection_noise: looks };
         let id = |condition| TrialId { combination, trial, condition };
         let mut results = TrialResults::default();
         for &condition in conditions {
             results.add(branches.play(id(condition), watcher)?);
         }
         for record in results.records.iter_mut().filter(|record| record.condition == Condition::Blind) {
-            self.foretell(&branches.start, self.options(id(Condition::Blind), branches.looks.clone()), record)?;
+            self.note_prediction(
+                &branches.start,
+                self.branch_settings(id(Condition::Blind), branches.detection_noise.clone()),
+                record,
+            )?;
         }
         for &ablation in ablations {
-            let outcome = branches.deliberate(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
+            let outcome = branches.play_deciding_policy(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
             results.ablated.push(AblatedTrial { ablation, record: outcome.record });
         }
         Ok(results)
     }
 
     /// Returns body and controller about to begin the ideal run of a combination.
-    pub fn ideal_start(&self, combination: usize) -> Result<Snapshot> {
-        let plan = &self.plans.plans[combination];
+    pub fn ideal_start(&self, combination: usize) -> Result<RolloutSnapshot> {
+        let plan = &self.grasp_pairs.plans[combination];
         let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
         let world = &self.world;
-        let board = self.board.with_noise(0);
+        let board = self.cameras.with_noise(0);
         let objects = world.models(&plan.objects())?;
-        let (protocol, arm) = (world.protocol(), world.cell.ready);
+        let (protocol, arm) = (world.protocol(), world.cell.ready_posture);
         let start = TrialStart { protocol, grasps: &grasps.planned(), noise: &TrialNoise::none(), arm };
-        Snapshot::at_start(world, &start, &objects, board)
+        RolloutSnapshot::at_start(world, &start, &objects, board)
     }
 
     /// Returns the simulated robot about to begin the ideal run of a combination.
-    pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
+    pub fn ideal_scene(&self, combination: usize) -> Result<SimulatedRobot> {
         Ok(self.ideal_start(combination)?.robot)
     }
 
     /// Returns the settings of a branch.
-    fn options(&self, id: TrialId, looks: Looks) -> Play<'_> {
+    fn branch_settings(&self, id: TrialId, looks: DetectionNoise) -> BranchSettings<'_> {
         let scenario = &self.world.scenario;
-        Play {
+        BranchSettings {
             id,
             noise: &scenario.noise,
             library: &self.world.objects,
-            looks,
+            detection_noise: looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             inject_truth: false,
-            pace: Pace::Stand,
+            pace: SimulatedTimePassage::Stand,
         }
     }
 
     /// Plays the branch of the policy `blind`.
-    fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        play(start, &mut Blind::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
+    fn play_blind(
+        &self,
+        start: &PreparedTrial,
+        options: BranchSettings,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        play(start, &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
-    /// Plays the branch of the policy `touch`, with the `means` that are left to it.
-    fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    /// Plays the branch of the policy `play_touch`, with the `capabilities` that are left to it.
+    fn play_touch(
+        &self,
+        start: &PreparedTrial,
+        options: BranchSettings,
+        means: PolicyCapabilities,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
-        let knowledge = self.knowledge(start.known(), means)?;
-        let options = Play { inject_truth, ..options };
+        let knowledge = self.prior_knowledge(start.prior_knowledge(), means)?;
+        let options = BranchSettings { inject_truth, ..options };
         if start.objects.len() > 2 {
-            let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
-            return play(start, &mut InTurn::new(knowledge, senses, &start.grasps.planned()), options, watcher);
+            let senses = TouchPerception::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
+            return play(
+                start,
+                &mut SequentialPolicy::new(knowledge, senses, &start.grasps.planned()),
+                options,
+                watcher,
+            );
         }
         play(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
     }
 
     /// Plays the branch of the user's own policy.
-    fn own(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let own = self.own.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
-        let options = Play { pace: own.source.pace, ..options };
-        own.with(|host| self.guest(start, &own.guest, host, options, watcher))
+    fn play_external_policy(
+        &self,
+        start: &PreparedTrial,
+        options: BranchSettings,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        let own =
+            self.external_policy.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
+        let options = BranchSettings { pace: own.source.pace, ..options };
+        own.with_process(|host| self.play_server_branch(start, &own.introduction, host, options, watcher))
     }
 
-    /// Plays the branch of a policy represented by `host`.
-    fn guest(
+    /// Plays the branch of a policy represented by `server`.
+    fn play_server_branch(
         &self,
-        start: &Start,
-        guest: &Guest,
-        host: &mut dyn Host,
-        options: Play,
+        start: &PreparedTrial,
+        guest: &PolicyIntroduction,
+        host: &mut dyn PolicyServer,
+        options: BranchSettings,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let TrialId { combination, trial, .. } = options.id;
         ensure!(
-            guest.level == Level::Act || start.objects.len() == 2,
+            guest.level == DecisionLevel::Act || start.objects.len() == 2,
             "--policy: found one that chooses, in a trial of {}; expected one that acts, or a scenario with objects in first and second alone",
             start.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>().join(", ")
         );
         let executor = &start.run.snapshot.executor;
-        let limits = ActionLimits::of(&self.world.cell);
-        let reset = message::reset(&Info {
+        let limits = ActionLimits::for_workcell(&self.world.cell);
+        let reset = message::reset_question(&TrialInfo {
             combination,
             trial,
-            seed: trial_rng(self.seed ^ OWN, combination, trial).random(),
+            seed: trial_rng(self.seed ^ EXTERNAL_POLICY_DOMAIN, combination, trial).random(),
             objects: start.objects.iter().map(|object| object.name.as_str()).collect(),
-            yaws: executor.targets().iter().map(|target| target.percept.yaw).collect(),
+            yaws: executor.targets().iter().map(|target| target.detected.yaw).collect(),
             limits: &limits,
         });
-        if guest.level == Level::Act {
-            return driven::drive(self, start, (host, &reset, guest.images), &options, watcher);
+        if guest.level == DecisionLevel::Act {
+            return external_trial::play_external_trial(self, start, (host, &reset, guest.images), &options, watcher);
         }
-        let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
+        let means = PolicyCapabilities { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
-        let (knowledge, senses) = (self.knowledge(start.known(), means)?, Senses::new(pipeline, Sensing::Full)?);
-        let mut chooser = HostChooser::new(host, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
-        play(start, &mut Chosen::new(knowledge, senses, &mut chooser), options, watcher)
+        let (knowledge, senses) =
+            (self.prior_knowledge(start.prior_knowledge(), means)?, TouchPerception::new(pipeline, Sensing::Full)?);
+        let mut chooser = ExternalChooser::new(host, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
+        play(start, &mut ChooserPolicy::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
     /// Notes the prediction of touch for the plan after the first grasp. Notes nothing if the first object is not felt
     /// in the hand, or if the trial does not have two objects.
-    fn foretell(&self, start: &Start, options: Play, record: &mut TrialRecord) -> Result<()> {
+    fn note_prediction(&self, start: &PreparedTrial, options: BranchSettings, record: &mut TrialRecord) -> Result<()> {
         if start.objects.len() != 2 {
             return Ok(());
         }
-        let recovery = Recovery { retry: false, new_look: false };
-        let means = Means { sensing: Sensing::Full, recovery, explores: false };
-        let foresees = self.twin.as_ref().map(|twin| Foresees::plan(twin));
-        let knowledge = Knowledge { foresees, ..self.knowledge(start.known(), means)? };
-        let decision = foretell(start, &mut self.touch_policy(start, knowledge, means)?, options)?;
+        let recovery = Recovery { retry: false, new_detection: false };
+        let means = PolicyCapabilities { sensing: Sensing::Full, recovery, explores: false };
+        let foresees = self.rollout_model.as_ref().map(|twin| LookAheadSettings::plan_only(twin));
+        let knowledge = Knowledge { look_ahead: foresees, ..self.prior_knowledge(start.prior_knowledge(), means)? };
+        let decision = predict_decision(start, &mut self.touch_policy(start, knowledge, means)?, options)?;
         // The condition carries out the plan, whatever touch would choose.
         note_decision(record, decision.map(|decision| FirstDecision { chosen: None, ..decision }));
         Ok(())
     }
 
-    /// Returns the expected utility of the best grasps for a policy with these `means` in a trial that begins as
+    /// Returns the expected utility of the best grasps for a policy with these `capabilities` in a trial that begins as
     /// `setup`.
-    fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
+    fn expected_score(&self, setup: &InitialConditions, means: PolicyCapabilities) -> Result<f64> {
         let (grasps, senses) = (
-            setup.plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?,
-            Senses::new(&self.pipeline, means.sensing)?,
+            setup.grasp_pair.grasps(&self.world.cell.robot.hand, &self.repertoire)?,
+            TouchPerception::new(&self.pipeline, means.sensing)?,
         );
         let objects = setup.objects(self)?;
-        let known = Known { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; MOST_OBJECTS] };
-        let knowledge = self.knowledge(known, means)?;
-        Ok(order::promise(&knowledge, &senses, &grasps.first))
+        let known =
+            PriorKnowledge { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; MAX_OBJECTS] };
+        let knowledge = self.prior_knowledge(known, means)?;
+        Ok(order::best_sequence_score(&knowledge, &senses, &grasps.first))
     }
 
     /// Returns the prior knowledge of a policy about a trial.
-    fn knowledge<'a>(&'a self, trial: Known, means: Means) -> Result<Knowledge<'a>> {
-        let Known { objects, grasps, reordered, sighted } = trial;
+    fn prior_knowledge<'a>(&'a self, trial: PriorKnowledge, means: PolicyCapabilities) -> Result<Knowledge<'a>> {
+        let PriorKnowledge { objects, grasps, reordered, sighted } = trial;
         let known = |object: &Arc<ObjectModel>| {
-            let known = self.known.get(&object.name);
+            let known = self.known_objects.get(&object.name);
             known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be felt", object.name))
         };
         Ok(Knowledge {
@@ -292,36 +330,47 @@ impl Bench {
             library: &self.world.objects,
             repertoire: &self.repertoire,
             objects: objects.to_vec(),
-            known: objects.iter().map(known).collect::<Result<_>>()?,
-            second: grasps.second.clone(),
-            third: grasps.third.clone(),
-            fallen: grasps.fallen.clone(),
-            others: grasps.others.clone(),
+            known_objects: objects.iter().map(known).collect::<Result<_>>()?,
+            second_candidates: grasps.second_candidates.clone(),
+            third_candidates: grasps.third_candidates.clone(),
+            fallen_candidates: grasps.fallen_candidates.clone(),
+            alternative_firsts: grasps.alternative_firsts.clone(),
             uncertainty: self.uncertainty,
-            sighted,
+            first_detection_sigmas: sighted,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
-            explores: means.explores,
-            foresees: self.twin.as_ref().map(|twin| Foresees::best(twin)),
+            palpates: means.explores,
+            look_ahead: self.rollout_model.as_ref().map(|twin| LookAheadSettings::with_alternatives(twin)),
             reordered,
         })
     }
 
-    /// Creates the policy `touch` of a trial, with this `knowledge`.
-    fn touch_policy<'a>(&'a self, start: &'a Start, knowledge: Knowledge<'a>, means: Means) -> Result<Touch<'a>> {
-        let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
+    /// Creates the policy `play_touch` of a trial, with this `prior_knowledge`.
+    fn touch_policy<'a>(
+        &'a self,
+        start: &'a PreparedTrial,
+        knowledge: Knowledge<'a>,
+        means: PolicyCapabilities,
+    ) -> Result<TouchPolicy<'a>> {
+        let senses = TouchPerception::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executor.target(0).grasp;
-        Ok(Touch::new(knowledge, senses, first))
+        Ok(TouchPolicy::new(knowledge, senses, first))
     }
 
     /// Returns the record of a trial for which touch has no strategy: it does not begin.
-    fn decline(&self, setup: &Setup, id: TrialId, why: &str, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        watcher.branch(id.condition)?;
-        let mut start = setup.begin(self, None, watcher.active())?;
+    fn declined_trial(
+        &self,
+        setup: &InitialConditions,
+        id: TrialId,
+        why: &str,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        watcher.on_branch(id.condition)?;
+        let mut start = setup.begin(self, None, watcher.is_active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
-        start.run.tell((Some(why), None), &[], id.condition, watcher)?;
+        start.run.notify_watcher((Some(why), None), &[], id.condition, watcher)?;
         let record = TrialRecord { reason: why.to_owned(), ..start.run.record(&start.objects, id)? };
-        watcher.outcome(&record)?;
+        watcher.on_outcome(&record)?;
         Ok(TrialOutcome { record, tries: Vec::new() })
     }
 }

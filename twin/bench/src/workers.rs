@@ -26,7 +26,7 @@ pub fn for_each<T: Sync>(jobs: usize, items: &[T], work: impl Fn(usize, &T) -> R
 }
 
 /// Returns the number of threads that the machine can run at once.
-pub fn available() -> usize {
+pub fn available_threads() -> usize {
     std::thread::available_parallelism().map_or(1, |threads| threads.get())
 }
 

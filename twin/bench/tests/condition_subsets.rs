@@ -8,15 +8,16 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use bench::builtin::make_bench;
-use bench::journal::{Journal, Record, RunRequest};
+use bench::journal::{Journal, RecordingSelection, RunRequest};
 use bench::provenance::Provenance;
-use bench::run::{self, Options};
+use bench::run::{self, RunOptions};
 use bench::trial::Bench;
 use scenarios::Scenario;
 use scenarios::record::{Condition, read_trials};
 use scenarios::summary::Summary;
 
-const RECORDS: [Record; 4] = [Record::None, Record::Sample, Record::Causes, Record::All];
+const RECORDING_SELECTIONS: [RecordingSelection; 4] =
+    [RecordingSelection::None, RecordingSelection::Sample, RecordingSelection::Causes, RecordingSelection::All];
 /// Seed with which the first blind trial fails, so that there is a cause to record.
 const SEED: u64 = 1;
 
@@ -25,7 +26,7 @@ fn bench() -> &'static Bench {
     BENCH.get_or_init(|| make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, SEED, true).expect("a bench"))
 }
 
-fn request(conditions: &[Condition], record: Record) -> RunRequest {
+fn request(conditions: &[Condition], record: RecordingSelection) -> RunRequest {
     RunRequest {
         combos: 1,
         trials: 1,
@@ -39,7 +40,7 @@ fn request(conditions: &[Condition], record: Record) -> RunRequest {
         policy: None,
         noise_scale: 1.0,
         effort: None,
-        scenario: scenarios::scenario::BENCHMARK.into(),
+        scenario: scenarios::scenario::BENCHMARK_TOML.into(),
         robot_model: None,
         individual: None,
         pads: None,
@@ -56,7 +57,7 @@ fn request(conditions: &[Condition], record: Record) -> RunRequest {
 }
 
 fn play(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
-    let options = Options { jobs: 1, record: request.record, quiet: true, live: false, place: &|_| Ok(None) };
+    let options = RunOptions { jobs: 1, record: request.record, quiet: true, live: false, open_factory: &|_| Ok(None) };
     run::run(bench(), request, journal, folder, &options)
         .unwrap_or_else(|error| panic!("{:?} with --record {:?}: {error:#}", request.conditions, request.record))
 }
@@ -70,7 +71,7 @@ fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
 }
 
 /// Plays, checks the results, and plays the last unit again from the journal.
-fn played_and_resumed(conditions: &[Condition], record: Record) {
+fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let asked = request(conditions, record);
@@ -79,7 +80,7 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
     let rows = trials(folder);
     let found: BTreeSet<Condition> = rows.iter().map(|row| row.condition).collect();
     assert_eq!(found, conditions.iter().copied().collect(), "{what}");
-    assert_eq!(summary.conditions.played(), conditions, "{what}");
+    assert_eq!(summary.conditions.conditions_with_trials(), conditions, "{what}");
     let recordings = || -> BTreeSet<String> {
         let names = fs::read_dir(folder.join("recordings")).expect("a folder");
         names.map(|entry| entry.expect("a file").file_name().to_string_lossy().into_owned()).collect()
@@ -88,16 +89,16 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
     let (noisy, ideal) =
         (conditions.iter().any(|one| *one != Condition::Ideal), conditions.contains(&Condition::Ideal));
     let expected = match record {
-        Record::None => 0,
+        RecordingSelection::None => 0,
         // The ideal run is not a trial.
-        Record::Sample => usize::from(noisy),
-        Record::Causes => failed.len(),
-        Record::All => usize::from(noisy) + usize::from(ideal),
+        RecordingSelection::Sample => usize::from(noisy),
+        RecordingSelection::Causes => failed.len(),
+        RecordingSelection::All => usize::from(noisy) + usize::from(ideal),
     };
     let first = recordings();
     let of = |names: &BTreeSet<String>, end: &str| names.iter().filter(|name| name.ends_with(end)).count();
     assert_eq!(of(&first, ".rrd"), expected, "{what}: {first:?}");
-    if matches!(record, Record::Sample | Record::All) && noisy {
+    if matches!(record, RecordingSelection::Sample | RecordingSelection::All) && noisy {
         // The condition that senses most is shown.
         let shown = conditions.iter().max().expect("one");
         assert_eq!(of(&first, &format!("_{shown}.png")), 1, "{what}: {first:?}");
@@ -119,11 +120,11 @@ fn played_and_resumed(conditions: &[Condition], record: Record) {
 #[test]
 fn a_run_without_touch_is_recorded_and_resumed() {
     use Condition::{Blind, Ideal, Reflex};
-    played_and_resumed(&[Blind], Record::Sample);
-    played_and_resumed(&[Blind], Record::Causes);
-    played_and_resumed(&[Reflex], Record::All);
-    played_and_resumed(&[Ideal], Record::All);
-    played_and_resumed(&[Ideal, Blind], Record::None);
+    played_and_resumed(&[Blind], RecordingSelection::Sample);
+    played_and_resumed(&[Blind], RecordingSelection::Causes);
+    played_and_resumed(&[Reflex], RecordingSelection::All);
+    played_and_resumed(&[Ideal], RecordingSelection::All);
+    played_and_resumed(&[Ideal, Blind], RecordingSelection::None);
 }
 
 #[test]
@@ -131,6 +132,6 @@ fn a_run_without_touch_is_recorded_and_resumed() {
 fn every_set_of_conditions_with_every_record() {
     for set in 1..16_usize {
         let conditions: Vec<Condition> = (0..4).filter(|n| set >> n & 1 == 1).map(|n| Condition::BUILT_IN[n]).collect();
-        RECORDS.into_iter().for_each(|record| played_and_resumed(&conditions, record));
+        RECORDING_SELECTIONS.into_iter().for_each(|record| played_and_resumed(&conditions, record));
     }
 }

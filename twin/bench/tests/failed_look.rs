@@ -6,22 +6,22 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
-use control::percept::Sighted;
+use control::detection::PoseDetection;
 use hand_model::robot::RobotBackend;
-use robot_backends::replayed::ReplaySource;
-use robot_backends::{BodySource, Glance, LookFailed, Task, TrialBody, TrialSetup};
-use robot_session_log::{Reader, Replay, Session, Sizes};
+use robot_backends::replay::ReplayFactory;
+use robot_backends::{BackendFactory, Detection, DetectionFailed, TrialBackend, TrialSetup, TrialTask};
+use robot_session_log::{Replay, RobotSizes, SessionHeader, SessionReader};
 use scenarios::Scenario;
 use scenarios::record::Condition;
 use sim::SimulatedRobot;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
-const WHY: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
+const FAILURE_MESSAGE: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
 
 /// The simulated robot with failed eyes.
-struct Blinded(SimulatedRobot);
+struct FailedDetector(SimulatedRobot);
 
-impl TrialBody for Blinded {
+impl TrialBackend for FailedDetector {
     fn robot(&self) -> &dyn RobotBackend {
         &self.0
     }
@@ -30,24 +30,24 @@ impl TrialBody for Blinded {
         &mut self.0
     }
 
-    fn truth(&self) -> Option<Truth> {
+    fn truth(&self) -> Option<GroundTruth> {
         Some(self.0.truth())
     }
 
-    fn look(&mut self, _: &Glance) -> Result<Option<Sighted>> {
-        bail!(WHY)
+    fn detect(&mut self, _: &Detection) -> Result<Option<PoseDetection>> {
+        bail!(FAILURE_MESSAGE)
     }
 }
 
-struct Source<'a>(&'a Path);
+struct FailedDetectorFactory<'a>(&'a Path);
 
-impl BodySource for Source<'_> {
-    fn open(&mut self, _: &TrialSetup, robot: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        Ok(Box::new(Blinded(robot)))
+impl BackendFactory for FailedDetectorFactory<'_> {
+    fn open(&mut self, _: &TrialSetup, robot: SimulatedRobot) -> Result<Box<dyn TrialBackend>> {
+        Ok(Box::new(FailedDetector(robot)))
     }
 
-    fn session(&self, _: &Task) -> Result<Option<(PathBuf, Session)>> {
-        Ok(Some((self.0.to_owned(), Session::default())))
+    fn session(&self, _: &TrialTask) -> Result<Option<(PathBuf, SessionHeader)>> {
+        Ok(Some((self.0.to_owned(), SessionHeader::default())))
     }
 }
 
@@ -59,17 +59,18 @@ fn a_session_that_ends_in_a_failed_look_replays() {
     let mut ended = 0;
     for combination in 0..4 {
         let file = folder.path().join(format!("{combination}.mcap"));
-        let task = Task::new("sim", 1, [combination, 0, 4], Condition::Reflex);
+        let task = TrialTask::new("sim", 1, [combination, 0, 4], Condition::Reflex);
         // Trials without a second look do not count.
-        let Err(error) = bench.play(&task, &mut Source(&file), &mut NoWatcher) else { continue };
-        assert!(error.chain().any(|cause| cause.to_string().contains(WHY)), "{error:#}");
+        let Err(error) = bench.play(&task, &mut FailedDetectorFactory(&file), &mut NoWatcher) else { continue };
+        assert!(error.chain().any(|cause| cause.to_string().contains(FAILURE_MESSAGE)), "{error:#}");
         ended += 1;
         let replay =
-            Replay::new(Reader::open(&file, Sizes::of(&RobotModel::ftac_gen3())).expect("whole")).expect("readable");
-        let (mut source, report) = ReplaySource::new(replay, false);
+            Replay::new(SessionReader::open(&file, RobotSizes::from_robot(&RobotModel::ftac_gen3())).expect("whole"))
+                .expect("readable");
+        let (mut source, report) = ReplayFactory::new(replay, false);
         let again = bench.play(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
-        let failed = again.chain().find_map(|cause| cause.downcast_ref::<LookFailed>());
-        assert_eq!(failed.map(|failed| failed.0.as_str()), Some(WHY), "{again:#}");
+        let failed = again.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>());
+        assert_eq!(failed.map(|failed| failed.0.as_str()), Some(FAILURE_MESSAGE), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));
         let (progress, divergence) = report.take().expect("played");
         assert_eq!(divergence, None);

@@ -13,11 +13,11 @@ use scenarios::Scenario;
 fn all_built_in_plans_are_ideal() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
-    let combinations: Vec<usize> = (0..bench.plans.plans.len()).collect();
+    let combinations: Vec<usize> = (0..bench.grasp_pairs.plans.len()).collect();
     assert_eq!(combinations.len(), 60);
     let failed = Mutex::new(Vec::new());
-    workers::for_each(workers::available(), &combinations, |_, combination| {
-        let record = bench.ideal(*combination, &mut NoWatcher)?.record;
+    workers::for_each(workers::available_threads(), &combinations, |_, combination| {
+        let record = bench.play_ideal(*combination, &mut NoWatcher)?.record;
         if !record.success || record.contact {
             failed.lock().expect("no panic").push((record.first, record.second, record.cause, record.contact));
         }

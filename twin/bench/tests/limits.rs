@@ -4,8 +4,8 @@
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;
 use hand_model::RobotModel;
-use robot_backends::Task;
-use robot_backends::rounded::RoundedSource;
+use robot_backends::TrialTask;
+use robot_backends::direct_emulation::DirectEmulationFactory;
 use scenarios::record::Condition;
 use scenarios::{FailureCause, Scenario};
 
@@ -15,8 +15,8 @@ fn no_normal_trial_is_stopped() {
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
     let cell = &bench.world.cell;
     for (combination, condition) in [(0, Condition::Blind), (1, Condition::Touch)] {
-        let mut source = RoundedSource { robot: cell.robot.clone(), sessions: None };
-        let task = Task::new("rounded", 1, [combination, 0, 2], condition);
+        let mut source = DirectEmulationFactory { robot: cell.robot.clone(), sessions: None };
+        let task = TrialTask::new("rounded", 1, [combination, 0, 2], condition);
         // A robot that stops fails the test.
         let record = bench.play(&task, &mut source, &mut NoWatcher).expect("no stop").record;
         assert_ne!(record.cause, Some(FailureCause::RobotFault), "{}", record.reason);

@@ -3,7 +3,7 @@
 use hand_model::RobotModel;
 use std::path::Path;
 
-use bench::builtin::{expect_errors, make_bench};
+use bench::builtin::{make_bench, set_expected_errors};
 use bench::trial::NoWatcher;
 use scenarios::Scenario;
 use scenarios::effects::Effect;
@@ -16,10 +16,10 @@ fn feeling_costs_nothing_where_nothing_is_wrong() {
     let mut scenario = Scenario::benchmark();
     scenario.noise = scenario.noise.scaled(0.0);
     scenario.effects = Effect::ALL.into_iter().fold(scenario.effects, |effects, effect| effects.without(effect));
-    assert!(scenario.is_exact());
+    assert!(scenario.is_ideal());
     let mut bench = make_bench(&RobotModel::ftac_gen3(), scenario, 1, 1, true).expect("a bench");
-    expect_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("told");
-    let results = bench.trial(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
+    set_expected_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("told");
+    let results = bench.play_conditions(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
     let record = &results.records[0];
     assert!(record.clean_success, "{record:?}");
     assert!(!record.reason.contains("is touched from above"), "{}", record.reason);

@@ -1,12 +1,12 @@
 //! Grasping the two objects in the other order changes only the order.
 
 use bench::builtin::make_bench;
-use bench::trial::setup::Setup;
-use bench::trial::{Means, NoWatcher};
+use bench::trial::setup::InitialConditions;
+use bench::trial::{NoWatcher, PolicyCapabilities};
 use hand_model::RobotModel;
-use plant::Blindness;
+use plant::CameraFailure;
 use scenarios::Scenario;
-use scenarios::disturbance::{BlindPads, Disturbances};
+use scenarios::disturbance::{Disturbances, FailedPadCameras};
 use scenarios::record::Condition;
 
 /// If the trial is uncertain and the other order promises more, the other object comes first. The poses, percepts and
@@ -15,27 +15,28 @@ use scenarios::record::Condition;
 fn the_other_order_leaves_everything_where_it_is() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
-    let means = Means::of(Condition::Touch).expect("touch decides");
+    let means = PolicyCapabilities::for_condition(Condition::Touch).expect("touch decides");
     let mut seen = 0;
-    for combination in (0..60).filter(|n| bench.plans.plans[*n].reversed.is_some()) {
-        let (setup, _) = Setup::noisy(&bench, combination, 0).expect("a trial");
-        let ordered = setup.ordered(&bench, means).expect("an order");
+    for combination in (0..60).filter(|n| bench.grasp_pairs.plans[*n].reversed.is_some()) {
+        let (setup, _) = InitialConditions::noisy(&bench, combination, 0).expect("a trial");
+        let ordered = setup.reordered_for(&bench, means).expect("an order");
         if ordered.reordered.is_none() {
             continue;
         }
         seen += 1;
-        let begin = |setup: &Setup| setup.at_rest(&bench, None, &mut NoWatcher).expect("a start");
+        let begin = |setup: &InitialConditions| setup.begin_at_rest(&bench, None, &mut NoWatcher).expect("a start");
         let (planned, other) = (begin(&setup), begin(&ordered));
-        let objects = |start: &bench::trial::setup::Start| start.run.snapshot.robot.truth().expect("simulated").objects;
+        let objects =
+            |start: &bench::trial::setup::PreparedTrial| start.run.snapshot.robot.truth().expect("simulated").objects;
         let (there, mut here) = (objects(&planned), objects(&other));
         here.reverse();
-        assert_eq!(there, here, "{}", ordered.plan.first);
+        assert_eq!(there, here, "{}", ordered.grasp_pair.first);
         let (planned, other) = (&planned.run.snapshot.executor, &other.run.snapshot.executor);
-        assert_eq!([0, 1].map(|n| planned.target(n).percept), [1, 0].map(|n| other.target(n).percept));
-        let blind_pads = Some(BlindPads { pads: vec!["ring_distal".to_owned()], frames: Blindness::Black });
+        assert_eq!([0, 1].map(|n| planned.target(n).detected), [1, 0].map(|n| other.target(n).detected));
+        let blind_pads = Some(FailedPadCameras { pads: vec!["ring_distal".to_owned()], frames: CameraFailure::Black });
         let disturbances = Disturbances { blind_pads, ..Disturbances::default() };
-        let disturbed = Setup { disturbances, ..setup };
-        assert!(disturbed.ordered(&bench, means).expect("an order").reordered.is_none());
+        let disturbed = InitialConditions { disturbances, ..setup };
+        assert!(disturbed.reordered_for(&bench, means).expect("an order").reordered.is_none());
     }
     assert!(seen > 0, "no combination is taken in the other order");
 }

@@ -2,16 +2,16 @@
 
 use bench::builtin::make_bench;
 use bench::trial::Bench;
-use control::look::Look;
-use control::perception::{Grip, Holder, KnownObject, Signs, trusted};
-use hand_model::robot::{Command, Observation, ServoState};
+use control::perception::{ExpectedHold, HoldEvidence, HoldState, KnownObject, default_prior};
+use control::tactile_snapshot::TactileSnapshot;
+use hand_model::robot::{Observation, RobotCommand, ServoState};
 use hand_model::{Digit, DigitVector, RobotModel};
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;
 use sim::SimulatedRobot;
-use sim::tactile::Drift;
-use tactile_perception::{InHand, PadTouch, Readings};
+use sim::tactile::BrightnessDrift;
+use tactile_perception::{ExpectedObject, PadTouch, Readings};
 
 /// The benchmark's first combinations with only the effect of the pads.
 fn pads_only(combos: usize) -> Bench {
@@ -29,31 +29,40 @@ fn closed_on_nothing(
     opposition: f64,
 ) -> (Vec<PadTouch>, Observation, SimulatedRobot) {
     let (world, hand) = (&bench.world, &bench.world.cell.robot.hand);
-    let drift = Drift::new(vec![0.03; hand.cameras.len()], 30.0);
-    let board = bench.board.with_noise(5).drifting(drift);
+    let drift = BrightnessDrift::new(vec![0.03; hand.cameras.len()], 30.0);
+    let board = bench.cameras.with_noise(5).drifting(drift);
     let backgrounds = board.background_frames();
-    let scene = world.bare_scene(world.cell.ready, &TrialNoise::none());
+    let scene = world.bare_scene(world.cell.ready_posture, &TrialNoise::none());
     let mut robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
     for tick in 0..360 {
         let thumb = if tick < 150 { 0.0 } else { tensions[0] };
         let tensions = [thumb, tensions[1], tensions[2], tensions[3], tensions[4]];
         let servos = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
-        robot.send(&Command { arm: world.cell.ready, servos, capture: tick == 359 });
+        robot.send(&RobotCommand { arm: world.cell.ready_posture, servos, capture: tick == 359 });
         robot.wait_for_tick();
     }
     let seen = robot.observe();
     let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
-    let look = Look { images: &seen.tactile, sequences_before: &[], readings: Readings::weightless(&seen.servos) };
+    let look = TactileSnapshot {
+        images: &seen.tactile,
+        sequences_before: &[],
+        readings: Readings::without_gravity(&seen.servos),
+    };
     let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
     (touches, seen, robot)
 }
 
 /// Returns the grip as felt by pads and cables.
-fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[Holder]) -> Grip {
+fn perceived_hold_state(
+    bench: &Bench,
+    touches: &[PadTouch],
+    servos: &[ServoState],
+    objects: &[ExpectedHold],
+) -> HoldState {
     let hand = &bench.world.cell.robot.hand;
-    let (q, sigma) = (&hand.open()[..], bench.pipeline.pose.sigma_excursion);
+    let (q, sigma) = (&hand.open_angles()[..], bench.pipeline.pose.sigma_excursion);
     let limits = &hand.parameters.hold().expect("signs of a hold");
-    Grip::of(hand, &Signs { limits, touches, servos, q, objects, on_first: &[], sigma })
+    HoldState::from_evidence(hand, &HoldEvidence { limits, touches, servos, q, objects, on_first: &[], sigma })
 }
 
 /// The thumb lies on the index finger and the hand is empty, although the plan has objects there: pads are pressed and
@@ -61,14 +70,14 @@ fn told(bench: &Bench, touches: &[PadTouch], servos: &[ServoState], objects: &[H
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
-    let grasps = bench.plans.plans[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
-    let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
+    let grasps = bench.grasp_pairs.plans[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
+    let objects = [&bench.grasp_pairs.plans[0].first, &bench.grasp_pairs.plans[0].second]
         .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
-    let (first, second) = (&grasps.first, &grasps.second[0].grasp);
-    let in_hand: Vec<InHand> = [first, second]
+    let (first, second) = (&grasps.first, &grasps.second_candidates[0].grasp);
+    let in_hand: Vec<ExpectedObject> = [first, second]
         .iter()
         .zip(&objects)
-        .filter_map(|(grasp, object)| Some(InHand { shape: object, prior: trusted(grasp.held?) }))
+        .filter_map(|(grasp, object)| Some(ExpectedObject { shape: object, prior: default_prior(grasp.held?) }))
         .collect();
     assert_eq!(in_hand.len(), 2);
     let thumb_and_index = ([10.0, 10.0, 0.0, 0.0, 0.0], 1.0);
@@ -76,11 +85,14 @@ fn a_thumb_on_the_index_finger_is_no_object() {
     let (mut loaded, mut own, mut patches) = (0, 0, 0);
     for (tensions, opposition) in std::iter::once(thumb_and_index).chain(fists) {
         let (mut touches, seen, robot) = closed_on_nothing(&bench, tensions.into(), opposition);
-        loaded += usize::from(robot.own_loads().iter().any(|load| load.force > 0.2));
-        bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
+        loaded += usize::from(robot.self_loads().iter().any(|load| load.force > 0.2));
+        bench
+            .pipeline
+            .mark_self_contacts(&mut touches, Readings::without_gravity(&seen.servos), &in_hand)
+            .expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
-        (own, patches) = (own + all().filter(|patch| patch.own).count(), patches + all().count());
-        let grip = told(&bench, &touches, &seen.servos, &[first, second].map(Holder::of));
+        (own, patches) = (own + all().filter(|patch| patch.self_contact).count(), patches + all().count());
+        let grip = perceived_hold_state(&bench, &touches, &seen.servos, &[first, second].map(ExpectedHold::from_grasp));
         assert!(!grip.holds(0), "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
     }
     assert!(loaded >= 2 && patches >= 4, "something is to be told: {loaded} postures, {patches} patches");
@@ -96,10 +108,10 @@ fn a_held_object_is_felt_as_before() {
     let (mut held, mut marked, mut patches) = (0, 0, 0);
     let mut errors = [Vec::new(), Vec::new()];
     for combination in COMBINATIONS {
-        let Some(grasp) = bench.held(combination, 0).expect("played") else { continue };
+        let Some(grasp) = bench.held_grasp(combination, 0).expect("played") else { continue };
         held += 1;
-        let known = &bench.known[&grasp.object];
-        let mut board = bench.board.with_noise(combination as u64);
+        let known = &bench.known_objects[&grasp.object];
+        let mut board = bench.cameras.with_noise(combination as u64);
         let objects = [(&known.model.shape, grasp.truth)];
         let hand = &bench.world.cell.robot.hand;
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
@@ -111,13 +123,16 @@ fn a_held_object_is_felt_as_before() {
             let apart = estimate.palm_from_object.translation.vector - grasp.truth.translation.vector;
             errors.push(apart.norm());
             if n == 0 {
-                bench.pipeline.mark_own(&mut touches, readings, &[InHand { shape: known, prior }]).expect("marked");
+                bench
+                    .pipeline
+                    .mark_self_contacts(&mut touches, readings, &[ExpectedObject { shape: known, prior }])
+                    .expect("marked");
             }
         }
         patches += touches.iter().map(|touch| touch.patches.len()).sum::<usize>();
-        marked += touches.iter().flat_map(|touch| &touch.patches).filter(|patch| patch.own).count();
-        let first = Holder { digits: &[Digit::Ring, Digit::Little], joints: None };
-        assert!(told(&bench, &touches, &servos, &[first]).holds(0), "combination {combination}");
+        marked += touches.iter().flat_map(|touch| &touch.patches).filter(|patch| patch.self_contact).count();
+        let first = ExpectedHold { digits: &[Digit::Ring, Digit::Little], joints: None };
+        assert!(perceived_hold_state(&bench, &touches, &servos, &[first]).holds(0), "combination {combination}");
     }
     assert!(held >= 4 && patches > 2 * held, "{held} {patches}");
     assert!(20 * marked <= patches, "{marked} of {patches} patches are taken for the hand's own");
@@ -130,10 +145,12 @@ fn a_held_object_is_felt_as_before() {
 fn drift_alone_is_no_touch() {
     let bench = pads_only(1);
     let hand = &bench.world.cell.robot.hand;
-    let poses = hand.pad_poses(&hand.tree.forward(&hand.open()));
+    let poses = hand.pad_poses(&hand.tree.forward(&hand.open_angles()));
     for rate in [-0.06, -0.02, 0.0, 0.02, 0.06] {
-        let mut board =
-            bench.board.with_noise(9).drifting(Drift::new(vec![rate; bench.world.cell.robot.hand.cameras.len()], 30.0));
+        let mut board = bench
+            .cameras
+            .with_noise(9)
+            .drifting(BrightnessDrift::new(vec![rate; bench.world.cell.robot.hand.cameras.len()], 30.0));
         let pipeline = bench.pipeline.with_backgrounds(board.background_frames()).expect("a background of each camera");
         let frames = board.capture(hand, 30.0, &poses, &vec![0.0; hand.pads.len()], &[]);
         let felt = pipeline.perceive_frames(&frames, &[]).expect("images");

@@ -1,19 +1,19 @@
 //! Force of the arm on the table under a controller that keeps moving down, with and without the supervisor's limits.
 
-use hand_model::robot::{Command, RobotBackend as _, ServoGoal};
+use hand_model::robot::{RobotBackend as _, RobotCommand, ServoGoal};
 use hand_model::{Arm, ArmVector, Hand, RobotModel};
-use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
+use hardware_bridge::config::{ArmLimitConfig, LimitConfig, WorkspaceConfig};
 use hardware_bridge::emulator::direct::DirectRobot;
-use hardware_bridge::safety::state::{Cause, State};
+use hardware_bridge::safety::state::{StopCause, SupervisorState};
 use nalgebra::{Isometry3, Point3, Vector3, Vector6};
-use robot_backends::emulated::{SharedPlant, settings};
+use robot_backends::wire_emulation::{SharedPlant, lockstep_settings};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
 /// Requested downward speed of the hand, m/s.
-const SPEED: f64 = 0.05;
+const DOWNWARD_SPEED: f64 = 0.05;
 /// Ticks from 50 mm above the table on: 1 s to reach it, 2 s more.
-const TICKS: usize = 360;
+const TICK_COUNT: usize = 360;
 
 /// Returns the joint angles after the hand has moved by `step` (m) without turning: damped least squares.
 fn moved(arm: &Arm, q: &[f64], step: Vector3<f64>) -> ArmVector {
@@ -35,7 +35,7 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
         let covers = std::iter::once(&hand.palm_cover).chain(&hand.covers);
         let down = -Vector3::z();
         let of = |(pose, cover): (Isometry3<f64>, &hand_model::hand::CoverShape)| {
-            let skin = cover.skin(0.002);
+            let skin = cover.skin_elements(0.002);
             skin.iter().map(|one| -(pose * one.point).coords.dot(&down)).fold(f64::INFINITY, f64::min)
         };
         poses.zip(covers).map(of).fold(f64::INFINITY, f64::min)
@@ -51,20 +51,21 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
 
 /// Returns the greatest and the final force on the table (N), and the final state, of a robot whose controller asks for
 /// 5 cm/s downwards.
-fn press(limits: LimitConfig) -> (f64, f64, State) {
+fn press(limits: LimitConfig) -> (f64, f64, SupervisorState) {
     let model = RobotModel::ftac_gen3();
     let mut wanted = over_table(&model.arm, &model.hand, 0.05);
     let scene = SceneSetup::ideal(Isometry3::identity(), wanted);
     let plant = SharedPlant::new(SimulatedRobot::new(&model, &scene, TactileBoard::blank()));
-    let settings = hardware_bridge::emulator::lockstep::LockstepSettings { limits, ..settings(&model.hand, 1) };
+    let settings =
+        hardware_bridge::emulator::lockstep::LockstepSettings { limits, ..lockstep_settings(&model.hand, 1) };
     let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &model).expect("starts");
     let mut greatest = 0.0_f64;
-    for tick in 0..TICKS {
+    for tick in 0..TICK_COUNT {
         // From rest, as all of our controllers begin.
-        let speed = SPEED * (tick as f64 / 30.0).min(1.0);
+        let speed = DOWNWARD_SPEED * (tick as f64 / 30.0).min(1.0);
         wanted = moved(&model.arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
         let servos = [ServoGoal::Current(0.0); 6].into();
-        robot.send(&Command { arm: wanted, servos, capture: false }).expect("sent");
+        robot.send(&RobotCommand { arm: wanted, servos, capture: false }).expect("sent");
         robot.wait_for_tick();
         greatest = greatest.max(plant.lock().force_on_table());
     }
@@ -74,7 +75,7 @@ fn press(limits: LimitConfig) -> (f64, f64, State) {
 }
 
 /// Returns limits with only those that existed before: speed and range of the joints.
-fn without() -> LimitConfig {
+fn joint_limits_only() -> LimitConfig {
     let most = 1e6;
     let arm = ArmLimitConfig {
         acceleration: [most; 7].into(),
@@ -83,8 +84,13 @@ fn without() -> LimitConfig {
         residual: [most; 7].into(),
         ..ArmLimitConfig::default()
     };
-    let space =
-        SpaceConfig { tolerance: most, low: [-most; 3], high: [most; 3], clearance: -most, ..SpaceConfig::default() };
+    let space = WorkspaceConfig {
+        tolerance: most,
+        low: [-most; 3],
+        high: [most; 3],
+        clearance: -most,
+        ..WorkspaceConfig::default()
+    };
     LimitConfig { arm, space, ..LimitConfig::default() }
 }
 
@@ -92,10 +98,10 @@ fn without() -> LimitConfig {
 /// With them the arm is stopped as soon as it presses, reports which joint, and gives way.
 #[test]
 fn an_arm_that_presses_on_the_table_is_stopped() {
-    let (before, held, state) = press(without());
-    assert!(before > 60.0 && held > 0.9 * before && state == State::Running, "{before} N, {held} N, {state}");
+    let (before, held, state) = press(joint_limits_only());
+    assert!(before > 60.0 && held > 0.9 * before && state == SupervisorState::Running, "{before} N, {held} N, {state}");
     let (after, left, state) = press(LimitConfig::default());
-    assert!(matches!(state, State::Hold(Cause::ArmPress(..))), "{state}");
+    assert!(matches!(state, SupervisorState::Hold(StopCause::ArmResidual(..))), "{state}");
     assert!(after < 0.6 * before && left < 10.0, "{after} N, {left} N, {before} N without");
 }
 
@@ -104,5 +110,5 @@ fn an_arm_that_presses_on_the_table_is_stopped() {
 fn an_arm_without_torque_sensors_is_stopped_below_the_table() {
     let arm = ArmLimitConfig { residual: [1e6; 7].into(), torque: [1e6; 7].into(), ..ArmLimitConfig::default() };
     let (_, _, state) = press(LimitConfig { arm, ..LimitConfig::default() });
-    assert!(matches!(state, State::Hold(Cause::Table(..))), "{state}");
+    assert!(matches!(state, SupervisorState::Hold(StopCause::Table(..))), "{state}");
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 /// Returns the results of touch in the first trial of a combination, without its decision times.
 fn played(bench: &Bench, combination: usize, watcher: &mut dyn Watcher) -> Value {
-    let results = bench.trial(combination, 0, &[Condition::Touch], &[], watcher).expect("a trial");
+    let results = bench.play_conditions(combination, 0, &[Condition::Touch], &[], watcher).expect("a trial");
     let record = TrialRecord { decision_ms: None, ..results.records[0].clone() };
     serde_json::to_value((record, &results.tries)).expect("JSON")
 }
@@ -32,6 +32,6 @@ fn what_was_played_before_does_not_matter() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 5, 1, true).expect("the built-in benchmark");
     let first = played(&bench, 4, &mut NoWatcher);
-    bench.ideal(4, &mut NoWatcher).expect("an ideal run");
+    bench.play_ideal(4, &mut NoWatcher).expect("an ideal run");
     assert_eq!(first, played(&bench, 4, &mut NoWatcher));
 }

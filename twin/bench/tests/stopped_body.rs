@@ -8,38 +8,38 @@ use std::path::PathBuf;
 use anyhow::Result;
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
-use control::percept::Sighted;
-use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
-use robot_backends::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup};
-use robot_session_log::Session;
+use control::detection::PoseDetection;
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, Tick};
+use robot_backends::{BackendFactory, Detection, TrialBackend, TrialSetup, TrialStopped, TrialTask};
+use robot_session_log::SessionHeader;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::{FailureCause, Scenario};
 use sim::SimulatedRobot;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
 /// The simulated robot, which stops after some time (s), or is unreachable for some time.
-struct Stopping {
+struct StoppingRobot {
     robot: SimulatedRobot,
     after: f64,
     silent: Range<f64>,
 }
 
-impl Stopping {
+impl StoppingRobot {
     fn reached(&self) -> Result<(), RobotError> {
         match self.silent.contains(&self.robot.truth().time) {
-            true => Err(RobotError::Lost("nobody answers".to_owned())),
+            true => Err(RobotError::ConnectionLost("nobody answers".to_owned())),
             false => Ok(()),
         }
     }
 }
 
-impl RobotBackend for Stopping {
+impl RobotBackend for StoppingRobot {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         self.reached()?;
         Ok(self.robot.observe().into())
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         self.reached()?;
         Ok(self.robot.send(command))
     }
@@ -53,7 +53,7 @@ impl RobotBackend for Stopping {
     }
 }
 
-impl TrialBody for Stopping {
+impl TrialBackend for StoppingRobot {
     fn robot(&self) -> &dyn RobotBackend {
         self
     }
@@ -62,39 +62,39 @@ impl TrialBody for Stopping {
         self
     }
 
-    fn truth(&self) -> Option<Truth> {
+    fn truth(&self) -> Option<GroundTruth> {
         Some(self.robot.truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
-        TrialBody::look(&mut self.robot, glance)
+    fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
+        TrialBackend::detect(&mut self.robot, glance)
     }
 
-    fn stopped(&self) -> Option<String> {
+    fn stop_reason(&self) -> Option<String> {
         (self.robot.truth().time >= self.after).then(|| "fault: the arm leans on the table".to_owned())
     }
 }
 
-struct Source {
+struct StoppingRobotFactory {
     after: f64,
     silent: Range<f64>,
 }
 
-impl BodySource for Source {
-    fn open(&mut self, _setup: &TrialSetup, robot: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        Ok(Box::new(Stopping { robot, after: self.after, silent: self.silent.clone() }))
+impl BackendFactory for StoppingRobotFactory {
+    fn open(&mut self, _setup: &TrialSetup, robot: SimulatedRobot) -> Result<Box<dyn TrialBackend>> {
+        Ok(Box::new(StoppingRobot { robot, after: self.after, silent: self.silent.clone() }))
     }
 
-    fn session(&self, _task: &Task) -> Result<Option<(PathBuf, Session)>> {
+    fn session(&self, _task: &TrialTask) -> Result<Option<(PathBuf, SessionHeader)>> {
         Ok(None)
     }
 }
 
-const NEVER: Range<f64> = 0.0..0.0;
+const NEVER_SILENT: Range<f64> = 0.0..0.0;
 
 fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> Result<TrialRecord> {
-    let task = Task::new("sim", 1, [0, 0, 1], condition);
-    Ok(bench.play(&task, &mut Source { after, silent }, &mut NoWatcher)?.record)
+    let task = TrialTask::new("sim", 1, [0, 0, 1], condition);
+    Ok(bench.play(&task, &mut StoppingRobotFactory { after, silent }, &mut NoWatcher)?.record)
 }
 
 #[test]
@@ -102,20 +102,20 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
     let mut bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     for condition in [Condition::Blind, Condition::Touch] {
-        bench.outlasts_faults = false;
-        let error = play(&bench, condition, 2.0, NEVER).expect_err("stopped");
-        assert!(error.downcast_ref::<Stopped>().is_some_and(|why| why.0.contains("leans")), "{error:#}");
-        bench.outlasts_faults = true;
+        bench.continues_after_faults = false;
+        let error = play(&bench, condition, 2.0, NEVER_SILENT).expect_err("stopped");
+        assert!(error.downcast_ref::<TrialStopped>().is_some_and(|why| why.0.contains("leans")), "{error:#}");
+        bench.continues_after_faults = true;
         // An object that was dropped before counts first.
         let causes =
             [(2.0, vec![FailureCause::RobotFault]), (9.0, vec![FailureCause::RobotFault, FailureCause::FirstDropped])];
         for (after, causes) in causes {
-            let record = play(&bench, condition, after, NEVER).expect("a record");
+            let record = play(&bench, condition, after, NEVER_SILENT).expect("a record");
             assert!(!record.success && record.cause.is_some_and(|cause| causes.contains(&cause)), "{:?}", record.cause);
             assert!(record.reason.contains("the arm leans on the table"), "{}", record.reason);
             assert!((after..after + 0.1).contains(&record.sim_seconds), "{}", record.sim_seconds);
         }
-        let whole = play(&bench, condition, f64::INFINITY, NEVER).expect("a record");
+        let whole = play(&bench, condition, f64::INFINITY, NEVER_SILENT).expect("a record");
         assert_ne!(whole.cause, Some(FailureCause::RobotFault));
     }
 }
@@ -126,9 +126,9 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
 fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
     let mut bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
-    bench.outlasts_faults = true;
+    bench.continues_after_faults = true;
     let of = |silent: Range<f64>| play(&bench, Condition::Blind, f64::INFINITY, silent).expect("a record");
-    let (sound, held, lost) = (of(NEVER), of(2.0..2.3), of(2.0..f64::INFINITY));
+    let (sound, held, lost) = (of(NEVER_SILENT), of(2.0..2.3), of(2.0..f64::INFINITY));
     let late = held.sim_seconds - sound.sim_seconds;
     assert!((0.2..0.4).contains(&late) && held.cause != Some(FailureCause::RobotFault), "{late} s, {:?}", held.cause);
     assert_eq!(lost.cause, Some(FailureCause::RobotFault));

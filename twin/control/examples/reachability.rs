@@ -1,6 +1,6 @@
 //! Prints which palm poses over the working area the arm can reach, and the lowest wrist height, for several pedestal
 //! heights.
-use control::inverse_kinematics::{ArmKinematics, ArmServo, IkSettings, Joints, Mount, Rehearsal};
+use control::inverse_kinematics::{ArmKinematics, ArmMount, ArmServo, IkSettings, Joints, PathRollout};
 use control::trajectory::{PathLimits, PosePath};
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -32,12 +32,12 @@ fn base_gap(kinematics: &ArmKinematics, q: &Joints) -> f64 {
 
 /// Rehearses a motion from home: straight to 0.15 m above `goal`, then down to it, then at rest. `None` if the servo
 /// does not arrive there.
-fn walk(kinematics: &ArmKinematics, goal: &Isometry3<f64>, share: f64) -> Option<Rehearsal> {
+fn walk(kinematics: &ArmKinematics, goal: &Isometry3<f64>, share: f64) -> Option<PathRollout> {
     let servo = ArmServo::new(kinematics.clone(), IkSettings::default(), Arm::gen3().home);
     let servo = servo.ok()?;
     let above = Isometry3::translation(0.0, 0.0, 0.15) * goal;
-    let path = PosePath::timed(&[servo.palm_pose(), above, *goal], PathLimits::default().scaled(share));
-    let r = servo.rehearse(&path.ok()?, 1.0, 0.01).ok()?;
+    let path = PosePath::fastest(&[servo.palm_pose(), above, *goal], PathLimits::default().scaled(share));
+    let r = servo.roll_out(&path.ok()?, 1.0, 0.01).ok()?;
     (r.position_error < 1e-3 && r.rotation_error < 4e-3).then_some(r)
 }
 
@@ -71,7 +71,7 @@ fn main() {
     let xs = [0.40, 0.45, 0.50, 0.55, 0.60, 0.65];
     for z in heights {
         for pedestal in [0.0, 0.1, 0.2] {
-            let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&hand, pedestal));
+            let kinematics = ArmKinematics::new(Arm::gen3(), ArmMount::for_hand(&hand, pedestal));
             println!(
                 "palm at z = {z:.2} m, pedestal {pedestal:.1} m: reachable of 5 y per x (clear of table and base), lowest wrist point mm [worst of best]"
             );

@@ -8,11 +8,11 @@ use hand_model::{ActuatorVector, ArmVector, DigitVector};
 
 use crate::Twist;
 use crate::inverse_kinematics::{IkError, Joints};
-use crate::slip::most_tension;
+use crate::slip::max_tension;
 use crate::trajectory::PathLimits;
 use crate::workcell::Workcell;
 
-pub use self::stepper::{Stepper, TICKS};
+pub use self::stepper::{Stepper, TICKS_PER_STEP};
 
 mod stepper;
 
@@ -20,7 +20,7 @@ mod stepper;
 const OPPOSITION_CURRENT: f64 = 0.6;
 
 /// Stand-in for the limits of a continuous joint, rad.
-const ENDLESS: f64 = 100.0;
+const CONTINUOUS_JOINT_LIMIT: f64 = 100.0;
 
 /// Command to the arm for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,19 +89,19 @@ pub struct ActionLimits {
 
 impl ActionLimits {
     /// Limits of the robot in `cell`.
-    pub fn of(cell: &Workcell) -> Self {
+    pub fn for_workcell(cell: &Workcell) -> Self {
         let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.robot.hand, PathLimits::default());
         let opposition = hand.transmission.opposition.map_or([0.0; 2], |joint| {
             let thumb = &hand.tree.joints[joint];
             [thumb.lower, thumb.upper]
         });
-        let tension = most_tension(hand);
+        let tension = max_tension(hand);
         Self {
             speed,
             turn_speed,
             joints: cell.robot.arm.each(|n| {
                 let joint = &cell.robot.arm.tree.joints[n];
-                [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
+                [joint.lower.max(-CONTINUOUS_JOINT_LIMIT), joint.upper.min(CONTINUOUS_JOINT_LIMIT)]
             }),
             tension,
             opposition,
@@ -122,23 +122,23 @@ impl ActionLimits {
         match action.arm {
             ArmAction::Twist(twist) => {
                 let (linear, angular) = twist.as_slice().split_at(3);
-                within("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
-                within("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
+                check_range("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
+                check_range("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
             }
             ArmAction::Joints(joints) => {
-                count("arm joints", joints.len(), self.joints.len())?;
-                within("arm joints", &joints, |n| self.joints[n], "rad")?;
+                check_count("arm joints", joints.len(), self.joints.len())?;
+                check_range("arm joints", &joints, |n| self.joints[n], "rad")?;
             }
         }
         match action.hand {
             HandAction::Tensions { tensions, opposition } => {
-                count("tensions", tensions.len(), self.digits)?;
-                within("tensions", &tensions, |_| [0.0, self.tension], "N")?;
-                within("opposition", &[opposition], |_| self.opposition, "rad")
+                check_count("tensions", tensions.len(), self.digits)?;
+                check_range("tensions", &tensions, |_| [0.0, self.tension], "N")?;
+                check_range("opposition", &[opposition], |_| self.opposition, "rad")
             }
             HandAction::Spools(angles) => {
-                count("spools", angles.len(), self.spools.len())?;
-                within("spools", &angles, |n| self.spools[n], "rad")
+                check_count("spools", angles.len(), self.spools.len())?;
+                check_range("spools", &angles, |n| self.spools[n], "rad")
             }
         }
     }
@@ -158,11 +158,11 @@ impl ActionLimits {
     }
 }
 
-fn count(what: &'static str, found: usize, expected: usize) -> Result<(), ActionError> {
+fn check_count(what: &'static str, found: usize, expected: usize) -> Result<(), ActionError> {
     if found == expected { Ok(()) } else { Err(ActionError::Count { what, found, expected }) }
 }
 
-fn within(
+fn check_range(
     what: &'static str,
     values: &[f64],
     limits: impl Fn(usize) -> [f64; 2],

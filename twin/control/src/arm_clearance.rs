@@ -13,7 +13,7 @@ use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
 use crate::inverse_kinematics::{ArmKinematics, Joints};
 
 /// Number of links, counted from the last, that form the wrist and carry the hand.
-const WRIST: usize = 3;
+const WRIST_LINKS: usize = 3;
 
 /// Bodies of arm and hand, each in the frame of its link.
 #[derive(Clone)]
@@ -23,7 +23,7 @@ pub struct ArmBodies {
     /// Palm and digits, in the palm frame.
     hand: Vec<Solid>,
     /// Pairs that are compared: (link, link), and (hand body, link).
-    compared: [Vec<(usize, usize)>; 2],
+    checked_pairs: [Vec<(usize, usize)>; 2],
 }
 
 /// The closest pair of bodies.
@@ -48,14 +48,14 @@ impl ArmBodies {
                 Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
             })
             .collect();
-        let hand = hand_solids(hand, &hand.open(), hand.digits(), true);
+        let hand = hand_solids(hand, &hand.open_angles(), hand.digits(), true);
         let among = (0..links.len()).flat_map(|first| (first + 2..links.len()).map(move |second| (first, second)));
         let with_hand =
-            (0..hand.len()).flat_map(|body| (0..links.len().saturating_sub(WRIST)).map(move |link| (body, link)));
+            (0..hand.len()).flat_map(|body| (0..links.len().saturating_sub(WRIST_LINKS)).map(move |link| (body, link)));
         let compared = [among.collect(), with_hand.collect()];
-        let mut bodies = Self { links, hand, compared };
+        let mut bodies = Self { links, hand, checked_pairs: compared };
         let overlapping = bodies.distances(kinematics, &arm.home)?;
-        for (compared, distances) in bodies.compared.iter_mut().zip(overlapping) {
+        for (compared, distances) in bodies.checked_pairs.iter_mut().zip(overlapping) {
             let mut distances = distances.into_iter();
             compared.retain(|_| distances.next().is_some_and(|distance| distance > 0.0));
         }
@@ -69,7 +69,7 @@ impl ArmBodies {
         let palm = kinematics.palm_pose(q);
         let placed: Vec<Solid> =
             self.links.iter().zip(&poses).map(|(link, pose)| Solid { pose: *pose, ..link.clone() }).collect();
-        let [among, with_hand] = &self.compared;
+        let [among, with_hand] = &self.checked_pairs;
         let among = among.iter().map(|&(a, b)| signed_distance(&placed[a], &placed[a].pose, &placed[b]));
         let with_hand = with_hand.iter().map(|&(body, link)| {
             let body = &self.hand[body];
@@ -82,7 +82,8 @@ impl ArmBodies {
     pub fn clearance(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<SelfClearance, CollisionError> {
         let mut nearest = SelfClearance { distance: f64::INFINITY, between: [String::new(), String::new()] };
         let bodies = [&self.links, &self.hand];
-        for ((compared, distances), bodies) in self.compared.iter().zip(self.distances(kinematics, q)?).zip(bodies) {
+        for ((compared, distances), bodies) in self.checked_pairs.iter().zip(self.distances(kinematics, q)?).zip(bodies)
+        {
             for (&(a, b), distance) in compared.iter().zip(distances) {
                 if distance < nearest.distance {
                     nearest = SelfClearance { distance, between: [bodies[a].name.clone(), self.links[b].name.clone()] };
@@ -94,7 +95,7 @@ impl ArmBodies {
 
     /// Height (m) above the plane z = 0 of the world of the lowest point of the hand and of the links from the third
     /// joint on.
-    pub fn height(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<f64, CollisionError> {
+    pub fn lowest_point_height(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<f64, CollisionError> {
         let table = Solid::table(0.0);
         let palm = kinematics.palm_pose(q);
         let mut lowest = f64::INFINITY;
@@ -113,12 +114,12 @@ impl ArmBodies {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inverse_kinematics::Mount;
+    use crate::inverse_kinematics::ArmMount;
     use hand_model::Arm;
 
     fn arm() -> (ArmKinematics, ArmBodies) {
         let hand = Hand::ftac();
-        let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&hand, 0.0));
+        let kinematics = ArmKinematics::new(Arm::gen3(), ArmMount::for_hand(&hand, 0.0));
         let bodies = ArmBodies::new(&kinematics, &hand).expect("comparable");
         (kinematics, bodies)
     }
@@ -147,7 +148,7 @@ mod tests {
         let (kinematics, bodies) = arm();
         let upright = [0.0; 7].into();
         let links = kinematics.link_poses(&upright);
-        let lowest = bodies.height(&kinematics, &upright).expect("comparable");
+        let lowest = bodies.lowest_point_height(&kinematics, &upright).expect("comparable");
         assert!((lowest - (links[2].translation.z - kinematics.arm().radii[3])).abs() < 1e-9, "{lowest}");
     }
 }

@@ -12,10 +12,10 @@ use nalgebra::{Point3, Vector3};
 use tactile_perception::posture::{cable_excursion, cable_tension};
 
 /// Contact stiffness between two links, Pa/m: where links are bare, no gel yields.
-const RIGID: f64 = 2e9;
+const RIGID_STIFFNESS: f64 = 2e9;
 /// Threshold for a digit whose grasp was never verified: below this share of the empty closing, something is in its
 /// way.
-const UNVERIFIED: f64 = 0.9;
+const UNVERIFIED_CLOSING_SHARE: f64 = 0.9;
 
 /// True if every link of the digit bears a pad.
 pub fn has_pads_throughout(hand: &Hand, digit: Digit) -> bool {
@@ -24,7 +24,7 @@ pub fn has_pads_throughout(hand: &Hand, digit: Digit) -> bool {
 
 /// Cable excursion (m) at which a digit comes to rest under `tension` (N) if nothing is in its grasp. It closes from
 /// the joint angles `q` (rad) while the other joints stay at rest. `None` where statics finds no equilibrium.
-pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<f64> {
+pub fn free_excursion(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<f64> {
     let links = hand.tree.forward(q);
     let others: Vec<usize> = (0..links.len()).filter(|link| hand.digit_of(Some(*link)) != Some(digit)).collect();
     let obstacle = |link: usize, point: &Point3<f64>| {
@@ -37,12 +37,12 @@ pub fn on_nothing(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Option<
         });
         other.chain(palm).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, Vector3::z()))
     };
-    let closed = statics::closed(hand, (digit, tension), q, RIGID, obstacle).ok()?;
+    let closed = statics::close_digit(hand, (digit, tension), q, RIGID_STIFFNESS, obstacle).ok()?;
     Some(hand.transmission.cables[digit.index()].excursion(&closed))
 }
 
 /// True if a pulled digit has stopped earlier than it would on nothing: its excursion is closer to that of its verified
-/// hold (`held`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
+/// hold (`held_count`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
 /// and `sigma` is the standard deviation of an excursion, m. False if hold and empty closing are too close together to
 /// be told apart.
 pub fn stops_early(
@@ -53,9 +53,9 @@ pub fn stops_early(
     sigma: f64,
 ) -> bool {
     let tension = cable_tension(hand, digit.index(), servo);
-    let Some(empty) = on_nothing(hand, digit, tension, q) else { return false };
+    let Some(empty) = free_excursion(hand, digit, tension, q) else { return false };
     let path = &hand.transmission.cables[digit.index()];
-    let between = held.map_or(UNVERIFIED * empty, |joints| 0.5 * (path.excursion(joints) + empty));
+    let between = held.map_or(UNVERIFIED_CLOSING_SHARE * empty, |joints| 0.5 * (path.excursion(joints) + empty));
     empty - between > sigma && cable_excursion(hand, digit.index(), servo) < between
 }
 
@@ -98,21 +98,21 @@ mod tests {
     #[test]
     fn the_palm_stops_an_empty_finger() {
         let hand = allegro();
-        let open = hand.open();
+        let open = hand.open_angles();
         for (digit, tension, seen) in [
             (Digit::Ring, 14.61, 0.936),
             (Digit::Ring, 15.48, 0.937),
             (Digit::Ring, 16.54, 0.935),
             (Digit::Index, 29.12, 0.938),
         ] {
-            let share = on_nothing(&hand, digit, tension, &open).expect("at rest") / full(&hand, digit);
+            let share = free_excursion(&hand, digit, tension, &open).expect("at rest") / full(&hand, digit);
             assert!((share - seen).abs() < 0.003, "{digit:?} at {tension} N: {share}, in physics {seen}");
         }
         let mut opposed = open;
         for (joint, angle) in hand.links(Digit::Thumb).iter().zip([1.1, 0.9, 0.6]) {
             opposed[*joint] = angle;
         }
-        let [free, met] = [&open, &opposed].map(|q| on_nothing(&hand, Digit::Index, 29.12, q).expect("at rest"));
+        let [free, met] = [&open, &opposed].map(|q| free_excursion(&hand, Digit::Index, 29.12, q).expect("at rest"));
         assert!(met < 0.95 * free, "{met} {free}");
     }
 
@@ -123,7 +123,7 @@ mod tests {
         let hand = allegro();
         let (digit, tension) = (Digit::Ring, 15.0);
         let at = |share: f64| {
-            let mut q = hand.open();
+            let mut q = hand.open_angles();
             for &joint in hand.links(digit) {
                 q[joint] = share * hand.tree.joints[joint].upper;
             }
@@ -132,7 +132,7 @@ mod tests {
         let early = |share: f64, held: Option<f64>| {
             let held = held.map(at);
             let servo = servo(&hand, digit, tension, share);
-            stops_early(&hand, (digit, &servo), &hand.open(), held.as_deref(), SIGMA)
+            stops_early(&hand, (digit, &servo), &hand.open_angles(), held.as_deref(), SIGMA)
         };
         assert!(early(0.72, Some(0.72)) && early(0.80, Some(0.72)) && early(0.60, Some(0.72)));
         assert!(!early(0.90, Some(0.72)) && !early(0.935, Some(0.72)));

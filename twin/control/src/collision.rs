@@ -18,7 +18,7 @@ use thiserror::Error;
 use crate::trajectory::PosePath;
 
 /// Tolerance (m): excess of the reported clearance over the true minimum, if the number of steps allows it.
-pub const TOLERANCE: f64 = 2e-4;
+pub const CLEARANCE_TOLERANCE: f64 = 2e-4;
 
 /// Error in a clearance computation.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -68,7 +68,7 @@ impl Solid {
         Self::new(name, SharedShape::cuboid(core.x, core.y, core.z), pose).grown(radius)
     }
 
-    /// The table: everything below z = `height` (m) of the world.
+    /// The table: everything below z = `lowest_point_height` (m) of the world.
     pub fn table(height: f64) -> Self {
         Self::new("table", SharedShape::halfspace(Vector::Z), Isometry3::translation(0.0, 0.0, height))
     }
@@ -109,12 +109,12 @@ pub struct Clearance {
 }
 
 /// Computes the smallest distance between the `moving` solids (palm frame) and the `fixed` ones (world frame) while the
-/// palm follows `path`. `None` if there is no pair.
+/// palm follows `method`. `None` if there is no pair.
 ///
 /// Branch and bound over time. No point of a solid moves faster than the path's speed bound and the solid's reach
 /// allow, so the distances at both ends of an interval bound the distances in between from below. Intervals are halved,
-/// the most promising first, until none can contain a distance lower than the best one less [`TOLERANCE`], or until
-/// they are shorter than duration / `steps`.
+/// the most promising first, until none can contain a distance lower than the best one less [`CLEARANCE_TOLERANCE`], or until
+/// they are shorter than duration / `slip_counts`.
 pub fn clearance_along(
     path: &PosePath,
     moving: &[Solid],
@@ -137,12 +137,12 @@ pub fn clearance_along(
             let from = (0.0, search.distance(a, b, 0.0)?);
             if end > 0.0 {
                 let to = (end, search.distance(a, b, end)?);
-                stretches.push(Stretch::new(path, Pair { a, b, reach }, from, to));
+                stretches.push(PathInterval::new(path, Pair { a, b, reach }, from, to));
             }
         }
     }
     while let (Some(stretch), Some(best)) = (stretches.pop(), search.best.as_ref()) {
-        if stretch.bound >= best.0 - TOLERANCE {
+        if stretch.bound >= best.0 - CLEARANCE_TOLERANCE {
             break;
         }
         let (from, to) = (stretch.from, stretch.to);
@@ -151,8 +151,8 @@ pub fn clearance_along(
         }
         let time = 0.5 * (from.0 + to.0);
         let middle = (time, search.distance(stretch.pair.a, stretch.pair.b, time)?);
-        stretches.push(Stretch::new(path, stretch.pair, from, middle));
-        stretches.push(Stretch::new(path, stretch.pair, middle, to));
+        stretches.push(PathInterval::new(path, stretch.pair, from, middle));
+        stretches.push(PathInterval::new(path, stretch.pair, middle, to));
     }
     Ok(search.best.map(|(min_distance, time, a, b)| Clearance {
         min_distance,
@@ -190,14 +190,14 @@ struct Pair<'a> {
 }
 
 /// Time interval of a pair: (time s, distance m) at both ends, and the lower bound (m) of the distance within.
-struct Stretch<'a> {
+struct PathInterval<'a> {
     pair: Pair<'a>,
     from: (f64, f64),
     to: (f64, f64),
     bound: f64,
 }
 
-impl<'a> Stretch<'a> {
+impl<'a> PathInterval<'a> {
     fn new(path: &PosePath, pair: Pair<'a>, from: (f64, f64), to: (f64, f64)) -> Self {
         let mut moved = 0.0;
         let mut time = from.0;
@@ -213,25 +213,25 @@ impl<'a> Stretch<'a> {
 
 /// Orders intervals so that the lowest bound comes first out of a max-heap; ties by time, so that the search is
 /// deterministic.
-impl Ord for Stretch<'_> {
+impl Ord for PathInterval<'_> {
     fn cmp(&self, other: &Self) -> Ordering {
         other.bound.total_cmp(&self.bound).then(other.from.0.total_cmp(&self.from.0))
     }
 }
 
-impl PartialOrd for Stretch<'_> {
+impl PartialOrd for PathInterval<'_> {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Stretch<'_> {
+impl PartialEq for PathInterval<'_> {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Stretch<'_> {}
+impl Eq for PathInterval<'_> {}
 
 /// Computes the smallest distance while the palm rests at `world_from_palm`.
 pub fn clearance_at(

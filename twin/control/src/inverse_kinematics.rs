@@ -15,7 +15,7 @@
 use std::sync::Arc;
 
 use hand_model::Arm;
-use hand_model::arm::{ArmVector, MOST_ARM_JOINTS};
+use hand_model::arm::{ArmVector, MAX_ARM_JOINTS};
 use nalgebra::{Isometry3, SMatrix, SVector};
 use thiserror::Error;
 
@@ -24,15 +24,15 @@ mod pose_solver;
 mod program;
 mod servo;
 
-pub use program::QpPath;
-pub use servo::{ArmServo, IkStep, Rehearsal};
+pub use program::QpMethod;
+pub use servo::{ArmServo, IkStep, PathRollout};
 
 /// Angles (rad) or speeds (rad/s) of the arm's joints.
 pub type Joints = ArmVector;
 /// Jacobian with one column per joint an arm can have; 0 beyond the last joint.
-pub(crate) type Jacobian = SMatrix<f64, 6, MOST_ARM_JOINTS>;
+pub(crate) type Jacobian = SMatrix<f64, 6, MAX_ARM_JOINTS>;
 /// Vector over the joints; 0 beyond the last joint.
-pub(crate) type JointVector = SVector<f64, MOST_ARM_JOINTS>;
+pub(crate) type JointVector = SVector<f64, MAX_ARM_JOINTS>;
 
 /// Invalid input to the inverse kinematics.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -55,24 +55,24 @@ pub enum IkError {
 
 /// Mounting of the arm: the pose of its base, and the frame it controls.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mount {
+pub struct ArmMount {
     /// Pose of the arm's base.
     pub world_from_base: Isometry3<f64>,
     /// Pose of the controlled frame in the arm's tool frame.
     pub tool_from_palm: Isometry3<f64>,
 }
 
-impl Default for Mount {
+impl Default for ArmMount {
     /// The base at the world's origin, with the tool frame as the controlled frame.
     fn default() -> Self {
         Self { world_from_base: Isometry3::identity(), tool_from_palm: Isometry3::identity() }
     }
 }
 
-impl Mount {
+impl ArmMount {
     /// Mounting with the palm of `hand` as the controlled frame and the base above the world's origin, on a pedestal of
-    /// `height` (m).
-    pub fn of_hand(hand: &hand_model::Hand, height: f64) -> Self {
+    /// `lowest_point_height` (m).
+    pub fn for_hand(hand: &hand_model::Hand, height: f64) -> Self {
         Self {
             world_from_base: Isometry3::translation(0.0, 0.0, height),
             tool_from_palm: hand.palm_from_flange.inverse(),
@@ -141,12 +141,12 @@ impl Default for IkSettings {
 #[derive(Debug, Clone)]
 pub struct ArmKinematics {
     arm: Arc<Arm>,
-    mount: Mount,
+    mount: ArmMount,
 }
 
 impl ArmKinematics {
     /// Kinematics of a mounted arm.
-    pub fn new(arm: Arm, mount: Mount) -> Self {
+    pub fn new(arm: Arm, mount: ArmMount) -> Self {
         Self { arm: Arc::new(arm), mount }
     }
 
@@ -155,7 +155,7 @@ impl ArmKinematics {
     }
 
     /// Returns the mounting of the arm.
-    pub fn mount(&self) -> &Mount {
+    pub fn mount(&self) -> &ArmMount {
         &self.mount
     }
 
@@ -170,7 +170,7 @@ impl ArmKinematics {
     }
 
     /// `world_from_palm` and the palm's Jacobian (rows: linear, angular, world axes; columns: joints, 0 beyond the last).
-    pub fn jacobian(&self, q: &Joints) -> (Isometry3<f64>, SMatrix<f64, 6, MOST_ARM_JOINTS>) {
+    pub fn jacobian(&self, q: &Joints) -> (Isometry3<f64>, SMatrix<f64, 6, MAX_ARM_JOINTS>) {
         let links = self.arm.tree.forward(q);
         let palm = links[self.arm.last_link()] * self.arm.last_from_tool * self.mount.tool_from_palm;
         let turn = self.mount.world_from_base.rotation;

@@ -1,8 +1,8 @@
 //! Motion shared by all executors: the arm servo follows a palm path, the cables pull, and tactile images are
 //! collected.
 //!
-//! An executor decides which path comes next and which tensions are desired; [`Motion`] carries that out tick by tick.
-//! [`approach`] makes the paths to a grasp, [`tension`] the tensions over time.
+//! An executor decides which path comes next and which tensions are desired; [`MotionExecutor`] carries that out tick by tick.
+//! [`approach_path`] makes the paths to a grasp, [`tension`] the tensions over time.
 
 pub mod approach;
 pub mod tension;
@@ -10,47 +10,47 @@ pub mod tension;
 use std::sync::Arc;
 
 use dexterous_grasping::Grasp;
-use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileFrame};
+use hand_model::robot::{ArmState, Observation, RobotCommand, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ActuatorVector, DigitVector, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use tactile_perception::Readings;
 
 use self::approach::{approach, duration};
-use self::tension::{approach_tension, servo_goals};
+use self::tension::{ramp_tension, servo_goals};
+use crate::detection::DetectedObject;
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
-use crate::look::Look;
-use crate::percept::Percept;
+use crate::tactile_snapshot::TactileSnapshot;
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// Time given to the digits to close, s.
 pub const CLOSING_TIME: f64 = 1.1;
 /// Rest before and after the images of a look are taken, s.
-pub const LOOK_TIME: f64 = 0.3;
+pub const SNAPSHOT_REST_TIME: f64 = 0.3;
 /// Time given to the digits to open when objects are put down, s.
 pub const OPENING_TIME: f64 = 0.7;
 /// Share of the speed limits at which objects are lifted and put down.
-const LIFTING: f64 = 0.7;
+const LIFT_SPEED_SHARE: f64 = 0.7;
 
 /// Tolerance of the palm's distance from a path, m. If every path exceeds it, the first path that ends well is taken.
-const OFF_PATH: f64 = 0.02;
+const PATH_TOLERANCE: f64 = 0.02;
 /// Tolerance of the palm's error at the end of a path, m and rad.
-const OFF_END: (f64, f64) = (0.002, 0.02);
+const END_TOLERANCE: (f64, f64) = (0.002, 0.02);
 /// Shares of the speed limits that are tried: joints in an unfavourable posture cannot follow at full speed.
-const SPEEDS: [f64; 2] = [1.0, 0.5];
+const SPEED_SHARES: [f64; 2] = [1.0, 0.5];
 /// Time step of a path's rehearsal by the arm servo, and its settling time at the end, s. Both are coarser than the
 /// real ones.
-const REHEARSAL: (f64, f64) = (1.0 / 40.0, 0.1);
+const ROLLOUT_TIMING: (f64, f64) = (1.0 / 40.0, 0.1);
 
 /// Distances, times and limits of an executor's motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Protocol {
+pub struct MotionProtocol {
     /// Height by which objects are lifted, m.
     pub lift: f64,
     /// Distance by which they are carried sideways, m.
-    pub carry: f64,
+    pub carry_distance: f64,
     /// Time for which they are held at the end, s.
-    pub hold: f64,
+    pub hold_time: f64,
     /// Cartesian limits of free motion.
     pub limits: PathLimits,
     /// Known friction in the cable guides, for which the servos compensate by pulling harder.
@@ -70,7 +70,7 @@ pub enum MotionError {
 
 /// Arm, cables and cameras in motion along one palm path after another.
 #[derive(Clone)]
-pub struct Motion {
+pub struct MotionExecutor {
     hand: Arc<Hand>,
     servo: ArmServo,
     /// Palm pose at the very beginning.
@@ -86,16 +86,16 @@ pub struct Motion {
     servos: ActuatorVector<ServoState>,
     arm: ArmState,
     tick: f64,
-    worst_tracking: f64,
+    max_tracking_error: f64,
 }
 
-impl Motion {
+impl MotionExecutor {
     /// At rest in the posture of `servo` with slack cables. A tick lasts `tick` s.
     pub fn new(hand: Arc<Hand>, servo: ArmServo, tick: f64) -> Result<Self, MotionError> {
         let (home, still) = (servo.palm_pose(), *servo.qd());
         Ok(Self {
             sequences_before: vec![None; hand.cameras.len()],
-            tension: hand.slack(),
+            tension: hand.slack_tensions(),
             servos: hand.each_actuator(|_| ServoState::default()),
             hand,
             servo,
@@ -104,9 +104,9 @@ impl Motion {
             clock: 0.0,
             images: Vec::new(),
             newest: Vec::new(),
-            arm: ArmState::still(still),
+            arm: ArmState::at_rest(still),
             tick,
-            worst_tracking: 0.0,
+            max_tracking_error: 0.0,
         })
     }
 
@@ -151,14 +151,14 @@ impl Motion {
     }
 
     /// The last look, completed or in progress.
-    pub fn look(&self) -> Look<'_> {
+    pub fn snapshot(&self) -> TactileSnapshot<'_> {
         let readings = Readings::new(&self.servos, &self.palm().rotation);
-        Look { images: &self.images, sequences_before: &self.sequences_before, readings }
+        TactileSnapshot { images: &self.images, sequences_before: &self.sequences_before, readings }
     }
 
     /// Largest distance so far between the palm's set-point and the reached reference, m.
-    pub fn worst_tracking(&self) -> f64 {
-        self.worst_tracking
+    pub fn max_tracking_error(&self) -> f64 {
+        self.max_tracking_error
     }
 
     /// Fraction of the present path that is over, 0 to 1.
@@ -189,90 +189,95 @@ impl Motion {
     }
 
     /// Path that rests for `time` s at the end of the present path.
-    pub fn rest(&self, time: f64) -> Result<PosePath, PathError> {
+    pub fn rest_path(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end()), (time, self.end())])
     }
 
     /// Path that rests for `time` s at the present palm pose, on the way.
-    pub fn stop(&self, time: f64) -> Result<PosePath, PathError> {
+    pub fn stop_path(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
     }
 
     /// Path without motion: the executor waits for a decision.
-    pub fn wait(&self) -> Result<PosePath, PathError> {
+    pub fn wait_path(&self) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end())])
     }
 
     /// Path on which the palm rises by `raise` m while the digits close.
-    pub fn close(&self, raise: f64) -> Result<PosePath, PathError> {
-        PosePath::new(vec![(0.0, self.end()), (CLOSING_TIME, self.above(raise))])
+    pub fn closing_path(&self, raise: f64) -> Result<PosePath, PathError> {
+        PosePath::new(vec![(0.0, self.end()), (CLOSING_TIME, self.end_raised(raise))])
     }
 
-    /// Straight path to `target` within `limits`.
-    pub fn straight(&self, limits: &PathLimits, target: Isometry3<f64>) -> Result<PosePath, PathError> {
+    /// Straight path to `aim_sigma` within `limits`.
+    pub fn straight_path(&self, limits: &PathLimits, target: Isometry3<f64>) -> Result<PosePath, PathError> {
         let here = self.end();
         PosePath::new(vec![(0.0, here), (duration(limits, &here, &target), target)])
     }
 
     /// Slow path to the pose at the very beginning, from which the hand occludes nothing in front of it.
-    pub fn home(&self, limits: &PathLimits) -> Result<PosePath, PathError> {
-        self.straight(&limits.scaled(LIFTING), self.home)
+    pub fn home_path(&self, limits: &PathLimits) -> Result<PosePath, PathError> {
+        self.straight_path(&limits.scaled(LIFT_SPEED_SHARE), self.home)
     }
 
-    /// Slow path up by `height` m.
-    pub fn lift(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
-        self.straight(&limits.scaled(LIFTING), self.above(height))
+    /// Slow path up by `lowest_point_height` m.
+    pub fn lift_path(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
+        self.straight_path(&limits.scaled(LIFT_SPEED_SHARE), self.end_raised(height))
     }
 
-    /// Path down by `height` m, with a pause in which the digits open, and up again. Also returns the path time at
+    /// Path down by `lowest_point_height` m, with a pause in which the digits open, and up again. Also returns the path time at
     /// which they are to open, s.
-    pub fn put_down(&self, limits: &PathLimits, height: f64) -> Result<(PosePath, f64), PathError> {
-        let (here, down) = (self.end(), self.above(-height));
-        let time = duration(&limits.scaled(LIFTING), &here, &down);
+    pub fn put_down_path(&self, limits: &PathLimits, height: f64) -> Result<(PosePath, f64), PathError> {
+        let (here, down) = (self.end(), self.end_raised(-height));
+        let time = duration(&limits.scaled(LIFT_SPEED_SHARE), &here, &down);
         let opened = time + OPENING_TIME;
         Ok((PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?, time))
     }
 
-    /// End of the present path, `height` m higher.
-    fn above(&self, height: f64) -> Isometry3<f64> {
+    /// End of the present path, `lowest_point_height` m higher.
+    fn end_raised(&self, height: f64) -> Isometry3<f64> {
         let here = self.end();
         Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
     }
 
-    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `percept`.
-    pub fn approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Result<PosePath, PathError> {
+    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `detection`.
+    pub fn approach_path(
+        &self,
+        limits: &PathLimits,
+        grasp: &Grasp,
+        percept: &DetectedObject,
+    ) -> Result<PosePath, PathError> {
         approach((self.hand(), limits), &[self.end()], grasp, percept)
     }
 
-    /// Path like [`Motion::approach`] by way of `stops`, rehearsed by the arm servo: straight or through the pose at
+    /// Path like [`MotionExecutor::approach_path`] by way of `start_stops`, rehearsed by the arm servo: straight or through the pose at
     /// the very beginning, at full speed or slower.
     ///
     /// A straight path from the end of a failed try can lead the joints to their limits with the palm decimetres off,
     /// although another posture would reach the target. `None` if no path ends there.
-    pub fn rehearsed_approach(
+    pub fn feasible_approach(
         &self,
         limits: &PathLimits,
         grasp: &Grasp,
-        percept: &Percept,
+        percept: &DetectedObject,
         stops: &[Isometry3<f64>],
     ) -> Option<PosePath> {
         let by_home = [stops, &[self.home]].concat();
         let paths =
             |limits: &PathLimits| [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, percept));
-        self.rehearsed(limits, paths)
+        self.first_feasible(limits, paths)
     }
 
     /// Returns the first of the `paths`, at full speed and then at lower speeds, that the arm can follow. If the arm
     /// lags behind on all of them, returns the first path whose end it reaches.
-    pub fn rehearsed<P: IntoIterator<Item = Result<PosePath, PathError>>>(
+    pub fn first_feasible<P: IntoIterator<Item = Result<PosePath, PathError>>>(
         &self,
         limits: &PathLimits,
         paths: impl Fn(&PathLimits) -> P,
     ) -> Option<PosePath> {
         let mut lagging = None;
-        for path in SPEEDS.iter().flat_map(|speed| paths(&limits.scaled(*speed))).flatten() {
-            match self.off_path(&path) {
-                Some(off) if off < OFF_PATH => return Some(path),
+        for path in SPEED_SHARES.iter().flat_map(|speed| paths(&limits.scaled(*speed))).flatten() {
+            match self.max_path_deviation(&path) {
+                Some(off) if off < PATH_TOLERANCE => return Some(path),
                 Some(_) => lagging = lagging.or(Some(path)),
                 None => {}
             }
@@ -281,21 +286,21 @@ impl Motion {
     }
 
     /// End of the present path, and the pose `rise` m above it if that differs.
-    pub fn stops(&self, rise: f64) -> Vec<Isometry3<f64>> {
+    pub fn start_stops(&self, rise: f64) -> Vec<Isometry3<f64>> {
         let here = self.end();
-        if rise > 0.0 { vec![here, self.above(rise)] } else { vec![here] }
+        if rise > 0.0 { vec![here, self.end_raised(rise)] } else { vec![here] }
     }
 
-    /// Largest distance (m) of the palm from `path` on the way; `None` if the palm would not reach its end.
-    fn off_path(&self, path: &PosePath) -> Option<f64> {
-        let (tick, settle) = REHEARSAL;
-        let done = self.servo.rehearse(path, settle, tick).ok()?;
-        let there = done.position_error < OFF_END.0 && done.rotation_error < OFF_END.1;
+    /// Largest distance (m) of the palm from `method` on the way; `None` if the palm would not reach its end.
+    fn max_path_deviation(&self, path: &PosePath) -> Option<f64> {
+        let (tick, settle) = ROLLOUT_TIMING;
+        let done = self.servo.roll_out(path, settle, tick).ok()?;
+        let there = done.position_error < END_TOLERANCE.0 && done.rotation_error < END_TOLERANCE.1;
         there.then_some(done.worst_position_error)
     }
 
     /// Begins a look. Earlier images do not count.
-    pub fn begin_look(&mut self) {
+    pub fn begin_snapshot(&mut self) {
         self.images.clear();
         for frame in &self.newest {
             if let Some(before) = self.sequences_before.get_mut(frame.camera) {
@@ -305,12 +310,12 @@ impl Motion {
     }
 
     /// True if the images of a look have arrived, or will not arrive any more.
-    pub fn has_looked(&self) -> bool {
-        self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
+    pub fn snapshot_is_complete(&self) -> bool {
+        self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * SNAPSHOT_REST_TIME
     }
 
     /// True if the images of a look are to be requested in this tick: at the end of the path, when everything rests.
-    pub fn captures_look(&self) -> bool {
+    pub fn captures_snapshot(&self) -> bool {
         (self.clock - self.path.duration() + self.tick).abs() < 0.6 * self.tick
     }
 
@@ -329,14 +334,14 @@ impl Motion {
         self.clock += self.tick;
         let (palm, twist) = self.path.sample(self.clock);
         let step = self.servo.step(&palm, &twist, self.tick)?;
-        self.worst_tracking = self.worst_tracking.max(step.position_error);
+        self.max_tracking_error = self.max_tracking_error.max(step.position_error);
         Ok(step.q)
     }
 
     /// Command of a tick: the tensions move towards `wanted` (N), the opposition joint goes to `opposition` (rad).
-    pub fn command(&mut self, arm: Joints, wanted: &[f64], opposition: f64, capture: bool) -> Command {
-        approach_tension(&mut self.tension, wanted, self.tick);
-        Command { arm, servos: servo_goals(&self.hand, &self.tension, opposition), capture }
+    pub fn command(&mut self, arm: Joints, wanted: &[f64], opposition: f64, capture: bool) -> RobotCommand {
+        ramp_tension(&mut self.tension, wanted, self.tick);
+        RobotCommand { arm, servos: servo_goals(&self.hand, &self.tension, opposition), capture }
     }
 }
 

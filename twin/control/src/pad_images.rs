@@ -6,22 +6,22 @@ use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 
-use crate::action::TICKS;
+use crate::action::TICKS_PER_STEP;
 
 /// Smallest side of an image, pixels.
-pub const LEAST_SIDE: usize = 8;
+pub const MIN_SIDE: usize = 8;
 
 /// An invalid image size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("side of the tactile images: found {0} pixels, expected {LEAST_SIDE} to {IMAGE_SIZE}")]
+#[error("side of the tactile images: found {0} pixels, expected {MIN_SIDE} to {IMAGE_SIZE}")]
 pub struct ImageSizeError(pub usize);
 
 /// Tick of a step, counted from 1, at which images must be captured to arrive within the step, given a latency of
 /// `delay` s.
-pub fn capture_at(delay: f64, tick: f64) -> usize {
+pub fn capture_tick(delay: f64, tick: f64) -> usize {
     // Times are sums of ticks: tolerate rounding up to a thousandth of a tick.
     let under_way = (delay / tick - 1e-3).ceil().max(0.0) as usize;
-    TICKS.saturating_sub(under_way).max(1)
+    TICKS_PER_STEP.saturating_sub(under_way).max(1)
 }
 
 /// The newest image of every pad. A pixel is the mean of the camera pixels it covers. Where a pad has two cameras, each
@@ -37,7 +37,7 @@ pub struct PadImages {
 impl PadImages {
     /// Black images of `side` x `side` pixels.
     pub fn new(hand: &Hand, side: usize) -> Result<Self, ImageSizeError> {
-        if !(LEAST_SIDE..=IMAGE_SIZE).contains(&side) {
+        if !(MIN_SIDE..=IMAGE_SIZE).contains(&side) {
             return Err(ImageSizeError(side));
         }
         let pads = hand.pads.len();

@@ -1,18 +1,18 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
-//! A policy receives the measurements of the robot and the reports of its [`Eyes`]. It is asked at the decisions of a
+//! A policy receives the measurements of the robot and the reports of its [`ObjectDetector`]. It is asked at the decisions of a
 //! trial, acts on the [`Executor`], and answers how to go on. [`blind`] carries out the plan, and [`touch`] adapts to
-//! tactile perception. [`in_turn`] does so with more than two objects. [`chosen`] delegates the choice to an external
+//! tactile perception. [`sequential`] does so with more than two objects. [`chooser`] delegates the choice to an external
 //! chooser. [`order`] determines which object is taken first, [`pick_sequence`] decides the picks of a transport, and
 //! [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth: the true-pose
-//! ablation is an [`Injected`] estimate from outside.
+//! ablation is an [`InjectedHold`] estimate from outside.
 
 pub mod blind;
-pub mod chosen;
-pub mod in_turn;
+pub mod chooser;
 pub mod order;
 pub mod pick_sequence;
 pub mod reach;
+pub mod sequential;
 pub mod touch;
 mod tracked;
 
@@ -22,18 +22,18 @@ use dexterous_grasping::Repertoire;
 use nalgebra::Isometry3;
 use tactile_perception::TouchError;
 use world::attempt::Attempt;
-use world::layout::MOST_OBJECTS;
+use world::layout::MAX_OBJECTS;
 use world::objects::{ObjectModel, ObjectSet};
 
+use crate::detection::{DetectionError, ObjectDetector};
 use crate::executor::Executor;
-use crate::foresight::Foresees;
+use crate::look_ahead::LookAheadSettings;
 use crate::motion::MotionError;
-use crate::percept::{Eyes, EyesError};
-use crate::perception::{Felt, Grip, KnownObject};
-use crate::strategy::{Assessment, Course, Decision, StrategyError, Weighed};
+use crate::perception::{HoldState, KnownObject, ObjectEstimate};
+use crate::score::{GraspCandidate, GraspSequence};
+use crate::strategy::{Assessment, Decision, HeldObjectPath, ScoredCandidate, StrategyError};
 use crate::uncertainty::Uncertainty;
 use crate::workcell::Workcell;
-use crate::worth::{Candidate, Sequence};
 
 /// Knowledge of a policy before a trial begins.
 #[derive(Clone)]
@@ -47,49 +47,49 @@ pub struct Knowledge<'a> {
     /// The objects of the trial, in the order in which they are taken.
     pub objects: Vec<Arc<ObjectModel>>,
     /// The same objects, prepared for registration.
-    pub known: Vec<&'a KnownObject>,
+    pub known_objects: Vec<&'a KnownObject>,
     /// Grasps of the second object, the planned one first; empty in a trial of one object.
-    pub second: Vec<Candidate>,
+    pub second_candidates: Vec<GraspCandidate>,
     /// Grasps of the third object, the planned one first; empty in a trial of fewer objects.
-    pub third: Vec<Candidate>,
+    pub third_candidates: Vec<GraspCandidate>,
     /// Rehearsed grasps of the second object for the ways in which it can fall over; the object of each names that way.
-    pub fallen: Vec<Candidate>,
+    pub fallen_candidates: Vec<GraspCandidate>,
     /// Alternative first grasps, each with the second grasps rehearsed after it.
-    pub others: Vec<Sequence>,
+    pub alternative_firsts: Vec<GraspSequence>,
     /// Standard deviations of the errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
     /// Standard deviation that the first look at each object states for its own error, m
-    /// ([`crate::percept::Sighted::sigma`]).
-    pub sighted: [Option<f64>; MOST_OBJECTS],
+    /// ([`crate::detection::PoseDetection::sigma`]).
+    pub first_detection_sigmas: [Option<f64>; MAX_OBJECTS],
     /// Time limit of a trial, s.
     pub time_limit: f64,
     /// Permitted retries.
     pub recovery: Recovery,
     /// True if the policy palpates objects to locate them before it grasps them.
-    pub explores: bool,
+    pub palpates: bool,
     /// Settings for playing second grasps in a twin of the scene before one is chosen, if that is enabled.
-    pub foresees: Option<Foresees<'a>>,
+    pub look_ahead: Option<LookAheadSettings<'a>>,
     /// Expected results of both orders, if the objects are taken in another order than planned.
-    pub reordered: Option<Reordered>,
+    pub reordered: Option<OrderComparison>,
 }
 
 /// Factor by which the other order must promise more than the planned one. Where no sequence of the plan is sure, the
 /// best of many odds was searched in both orders, and the best of many is partly the luckiest. Set by hand on seed 1.
-const GAIN: f64 = 1.1;
+const REORDER_GAIN: f64 = 1.1;
 
 /// Expected results of two orders, where the other order promises more than the planned one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reordered {
+pub struct OrderComparison {
     /// Promise of the planned order.
     pub planned: f64,
     /// Promise of the other order.
     pub other: f64,
 }
 
-impl Reordered {
+impl OrderComparison {
     /// Returns `Some` if the other order should be taken.
-    pub fn of(planned: f64, other: f64) -> Option<Self> {
-        (other > GAIN * planned).then_some(Self { planned, other })
+    pub fn if_better(planned: f64, other: f64) -> Option<Self> {
+        (other > REORDER_GAIN * planned).then_some(Self { planned, other })
     }
 }
 
@@ -99,28 +99,28 @@ pub struct Recovery {
     /// True if failed grasps are tried again.
     pub retry: bool,
     /// True if the objects are looked at again before a retry.
-    pub new_look: bool,
+    pub new_detection: bool,
 }
 
 impl Recovery {
     /// All retries permitted.
-    pub const FULL: Self = Self { retry: true, new_look: true };
+    pub const FULL: Self = Self { retry: true, new_detection: true };
 }
 
 /// Contents of the hand from a source other than touch: the upper bound of an ablation.
 #[derive(Debug, Clone, Copy)]
-pub struct Injected {
+pub struct InjectedHold {
     /// Pose of the first object in the hand.
     pub palm_from_object: Isometry3<f64>,
     /// Objects in the hand.
-    pub grip: Grip,
+    pub hold_state: HoldState,
 }
 
 /// Continuation of a trial after a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
+pub enum PolicyStep {
     /// Play until the next decision.
-    Play,
+    Continue,
     /// The trial is over.
     Finish,
     /// The trial is given up: no grasp is within reach.
@@ -128,30 +128,30 @@ pub enum Step {
     /// The trial is given up: a contact is likelier than a hold for every grasp.
     Decline,
     /// The trial is given up: a required object is not visible.
-    NotSeen,
+    NotDetected,
     /// The trial is given up: the decision maker has failed.
     Failed,
 }
 
 /// A decision for an observer: the options that were weighed, and the result.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Choice {
+pub struct DecisionRecord {
     /// The candidates.
-    pub weighed: Vec<Weighed>,
+    pub candidates: Vec<ScoredCandidate>,
     /// Index of the chosen candidate; `None` if none was taken.
     pub chosen: Option<usize>,
     /// Predicted course of the plan, if another option was chosen.
-    pub rejected: Option<Course>,
+    pub rejected: Option<HeldObjectPath>,
     /// Predicted course of the chosen option.
-    pub course: Option<Course>,
+    pub course: Option<HeldObjectPath>,
 }
 
-impl Choice {
+impl DecisionRecord {
     /// Record of `decision`; with `declined`, nothing is taken.
-    fn of(decision: &Decision, declined: bool) -> Self {
-        let Decision { weighed, choice, rejected, course, .. } = decision;
+    fn from_decision(decision: &Decision, declined: bool) -> Self {
+        let Decision { candidates: weighed, choice, rejected, course, .. } = decision;
         Self {
-            weighed: weighed.clone(),
+            candidates: weighed.clone(),
             chosen: (!declined).then_some(*choice),
             rejected: if declined { Some(course.clone()) } else { rejected.clone() },
             course: (!declined).then(|| course.clone()),
@@ -163,14 +163,14 @@ impl Choice {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstDecision {
     /// Assessment of the plan, aimed at the seen position.
-    pub plan: Assessment,
+    pub planned: Assessment,
     /// Assessment of the chosen grasp; `None` if the policy declined.
     pub chosen: Option<Assessment>,
 }
 
 /// Record of a policy's actions in a trial.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Story {
+pub struct DecisionTrace {
     /// Number of retries.
     pub retries: u32,
     /// True if a second grasp other than the planned one was chosen.
@@ -188,10 +188,10 @@ pub struct Story {
     /// Announcements of upcoming actions with their reasons, for an observer.
     announcements: Vec<String>,
     /// The latest decision, until an observer takes it.
-    choice: Option<Choice>,
+    choice: Option<DecisionRecord>,
 }
 
-impl Story {
+impl DecisionTrace {
     /// True if everything so far follows the plan.
     pub fn is_as_planned(&self) -> bool {
         self.retries == 0 && !self.switched && !self.aimed
@@ -203,12 +203,12 @@ impl Story {
     }
 
     /// Takes the decision since the last call, if there was one.
-    pub fn take_choice(&mut self) -> Option<Choice> {
+    pub fn take_choice(&mut self) -> Option<DecisionRecord> {
         self.choice.take()
     }
 
     /// Records and announces a reason.
-    fn tell(&mut self, reason: String) {
+    fn record(&mut self, reason: String) {
         self.announcements.push(reason.clone());
         self.reasons.push(reason);
     }
@@ -228,22 +228,27 @@ pub enum PolicyError {
     Motion(#[from] MotionError),
     /// Prior perception failed.
     #[error(transparent)]
-    Eyes(#[from] EyesError),
+    Detection(#[from] DetectionError),
     /// The plan has no second grasp.
     #[error("the plan for {0} has no second grasp")]
-    NoPlan(String),
+    NoSecondGrasp(String),
 }
 
 /// Policy of a trial. It is asked whenever the executor waits: first it perceives, then it decides.
-pub trait Policy {
+pub trait TrialPolicy {
     /// Perceives the measurements of the last look.
-    fn perceive(&mut self, executor: &Executor, injected: Option<Injected>) -> Result<(), PolicyError>;
+    fn perceive(&mut self, executor: &Executor, injected: Option<InjectedHold>) -> Result<(), PolicyError>;
     /// Decides at `time` (s, the robot's clock) and acts on the executor.
-    fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
+    fn decide(
+        &mut self,
+        executor: &mut Executor,
+        eyes: &mut dyn ObjectDetector,
+        time: f64,
+    ) -> Result<PolicyStep, PolicyError>;
     /// Returns the record of its actions so far.
-    fn story(&mut self) -> &mut Story;
+    fn trace(&mut self) -> &mut DecisionTrace;
     /// Pose estimate of each object in the hand at the last look.
-    fn felt(&self) -> &[Felt];
+    fn felt(&self) -> &[ObjectEstimate];
     /// True if its decisions depend on measurements, and therefore take time.
     fn deliberates(&self) -> bool;
 }

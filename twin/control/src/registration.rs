@@ -8,11 +8,11 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Rotation3, Translation3, Uni
 
 /// Tolerance of collinearity, m: points whose spread across their longest line is smaller leave a rotation
 /// undetermined.
-const SPREAD: f64 = 0.02;
+const COLLINEARITY_TOLERANCE: f64 = 0.02;
 
 /// A touched point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touched {
+pub struct TouchedPoint {
     /// Known position on the table, m, world.
     pub known: Point3<f64>,
     /// Felt position, m, in the frame of the arm's base.
@@ -28,7 +28,7 @@ pub struct Registration {
     /// Covariance of the position of the points' centre (m) and of the rotation (rad, rotation vector), world axes.
     pub covariance: Matrix6<f64>,
     /// Centre of the known points, m, world.
-    pub middle: Point3<f64>,
+    pub centroid: Point3<f64>,
     /// Residual of each point: its distance from the known position, m.
     pub residuals: Vec<f64>,
 }
@@ -39,12 +39,12 @@ pub enum RegistrationError {
     #[error("points: found {0}, expected at least 3")]
     TooFew(usize),
     #[error("points: found them within {:.0} mm of one line, expected a triangle", 1e3 * .0)]
-    Line(f64),
+    Collinear(f64),
     /// A value is not finite, or a covariance is not positive definite.
     #[error(
         "point {0}: found a place or a covariance that cannot be, expected finite numbers and a positive definite covariance"
     )]
-    Numbers(usize),
+    NotFinite(usize),
     /// A residual is too large: the points do not fit together.
     #[error(
         "point {point}: it stays {:.1} mm from where it is known to be, expected at most {:.1} mm: is it in its place?",
@@ -62,7 +62,7 @@ pub enum RegistrationError {
 }
 
 /// Computes the rigid transform from the felt points to the known ones. No residual may exceed `most` (m).
-pub fn register(points: &[Touched], most: f64) -> Result<Registration, RegistrationError> {
+pub fn register(points: &[TouchedPoint], most: f64) -> Result<Registration, RegistrationError> {
     if points.len() < 3 {
         return Err(RegistrationError::TooFew(points.len()));
     }
@@ -70,10 +70,10 @@ pub fn register(points: &[Touched], most: f64) -> Result<Registration, Registrat
     for (n, point) in points.iter().enumerate() {
         let finite = point.known.coords.iter().chain(&point.felt.coords).all(|value| value.is_finite());
         let inverse = point.covariance.cholesky().filter(|_| finite).map(|root| root.inverse());
-        information.push(inverse.ok_or(RegistrationError::Numbers(n + 1))?);
+        information.push(inverse.ok_or(RegistrationError::NotFinite(n + 1))?);
     }
     let weights: Vec<f64> = points.iter().map(|point| 3.0 / point.covariance.trace()).collect();
-    let middle = |place: fn(&Touched) -> Point3<f64>| {
+    let middle = |place: fn(&TouchedPoint) -> Point3<f64>| {
         let sum: Vector3<f64> = points.iter().zip(&weights).map(|(point, weight)| *weight * place(point).coords).sum();
         Point3::from(sum / weights.iter().sum::<f64>())
     };
@@ -86,11 +86,11 @@ pub fn register(points: &[Touched], most: f64) -> Result<Registration, Registrat
     let mut variances: Vec<f64> = spread.symmetric_eigenvalues().iter().copied().collect();
     variances.sort_by(f64::total_cmp);
     let across = variances[1].max(0.0).sqrt();
-    if across < SPREAD {
-        return Err(RegistrationError::Line(across));
+    if across < COLLINEARITY_TOLERANCE {
+        return Err(RegistrationError::Collinear(across));
     }
     let svd = cross.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(RegistrationError::Numbers(1)) };
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(RegistrationError::NotFinite(1)) };
     // Excludes reflections.
     let handed = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * handed * v_t));
@@ -103,13 +103,13 @@ pub fn register(points: &[Touched], most: f64) -> Result<Registration, Registrat
     }
     let covariance = covariance(points, (&information, &off), turn, known)?;
     let residuals = off.iter().map(Vector3::norm).collect();
-    Ok(Registration { world_from_base, covariance, middle: known, residuals })
+    Ok(Registration { world_from_base, covariance, centroid: known, residuals })
 }
 
 /// Covariance of the weighted least-squares solution. It is enlarged if the residuals exceed what the covariances of
 /// the touches predict.
 fn covariance(
-    points: &[Touched],
+    points: &[TouchedPoint],
     (information, off): (&[Matrix3<f64>], &[Vector3<f64>]),
     turn: UnitQuaternion<f64>,
     middle: Point3<f64>,
@@ -125,7 +125,7 @@ fn covariance(
         chi += (off.transpose() * information * off).x;
     }
     let freedom = 3.0 * points.len() as f64 - 6.0;
-    let inverse = normal.cholesky().ok_or(RegistrationError::Numbers(1))?.inverse();
+    let inverse = normal.cholesky().ok_or(RegistrationError::NotFinite(1))?.inverse();
     Ok(inverse * (chi / freedom).max(1.0))
 }
 
@@ -139,10 +139,10 @@ mod tests {
         Isometry3::new(Vector3::new(0.012, -0.007, 0.004), Vector3::new(0.004, -0.007, 0.02))
     }
 
-    fn touched(off: [Vector3<f64>; 3]) -> Vec<Touched> {
+    fn touched(off: [Vector3<f64>; 3]) -> Vec<TouchedPoint> {
         let point = |([x, y], off): (&[f64; 2], Vector3<f64>)| {
             let known = Point3::new(*x, *y, 0.03);
-            Touched {
+            TouchedPoint {
                 known,
                 felt: truth().inverse_transform_point(&known) + off,
                 covariance: Matrix3::from_diagonal_element(1e-6),
@@ -176,7 +176,7 @@ mod tests {
             let off = [(); 3].map(|()| Vector3::from_fn(|_, _| normal.sample(&mut rng)));
             let found = register(&touched(off), 1.0).expect("registers");
             let error = found.world_from_base * truth().inverse();
-            squares += (error * found.middle - found.middle).z.powi(2);
+            squares += (error * found.centroid - found.centroid).z.powi(2);
             turns += error.rotation.scaled_axis().z.powi(2);
         }
         let exact = register(&touched([Vector3::zeros(); 3]), 1.0).expect("registers").covariance;
@@ -190,11 +190,11 @@ mod tests {
     fn what_cannot_be_registered_is_refused() {
         let good = touched([Vector3::zeros(); 3]);
         assert_eq!(register(&good[..2], 0.01), Err(RegistrationError::TooFew(2)));
-        let line = good.iter().map(|point| Touched { known: Point3::new(0.5, point.known.y, 0.03), ..*point });
-        assert!(matches!(register(&line.collect::<Vec<_>>(), 0.01), Err(RegistrationError::Line(_))));
+        let line = good.iter().map(|point| TouchedPoint { known: Point3::new(0.5, point.known.y, 0.03), ..*point });
+        assert!(matches!(register(&line.collect::<Vec<_>>(), 0.01), Err(RegistrationError::Collinear(_))));
         let mut numbers = good.clone();
         numbers[1].felt.x = f64::NAN;
-        assert_eq!(register(&numbers, 0.01), Err(RegistrationError::Numbers(2)));
+        assert_eq!(register(&numbers, 0.01), Err(RegistrationError::NotFinite(2)));
         // One ball is beside its mark.
         let moved = touched([Vector3::zeros(), Vector3::zeros(), Vector3::new(0.03, 0.0, 0.0)]);
         let error = register(&moved, 0.005).expect_err("refused").to_string();

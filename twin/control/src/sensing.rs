@@ -7,25 +7,25 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::parameters::HoldLimits;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
-use tactile_perception::{Perceived, PoseOptions, TouchError, TouchPipeline};
+use tactile_perception::{PadPerception, PoseOptions, TouchError, TouchPipeline};
 use world::Sensing;
 
-use crate::look::Look;
+use crate::tactile_snapshot::TactileSnapshot;
 
 /// Side of the blocks of pixels that a coarse image averages, pixels.
-const BLOCK: usize = 10;
-/// One of this many pads is left in [`Sensing::QuarterOfPads`].
-const EVERY: usize = 4;
+const COARSE_BLOCK_SIDE: usize = 10;
+/// One of this many pads is left in [`SensorFigures::QuarterOfPads`].
+const PAD_STRIDE: usize = 4;
 
 /// Perception of a hand, restricted to the senses it may use.
 #[derive(Debug, Clone)]
-pub struct Senses<'a> {
+pub struct TouchPerception<'a> {
     pipeline: Cow<'a, TouchPipeline>,
     sensing: Sensing,
     hold: HoldLimits,
 }
 
-impl<'a> Senses<'a> {
+impl<'a> TouchPerception<'a> {
     /// Restricts `pipeline` to `sensing`.
     ///
     /// # Errors
@@ -38,7 +38,7 @@ impl<'a> Senses<'a> {
                 pipeline = Cow::Owned(pipeline.into_owned().with_backgrounds(coarse)?);
             }
             Sensing::PointsOnly => {
-                let pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+                let pose = PoseOptions { use_contact_free: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
                 pipeline.to_mut().pose = pose;
             }
             _ => {}
@@ -53,32 +53,32 @@ impl<'a> Senses<'a> {
     }
 
     /// Thresholds of the signs that the hand holds something.
-    pub fn hold(&self) -> &HoldLimits {
+    pub fn hold_limits(&self) -> &HoldLimits {
         &self.hold
     }
 
     /// Perceives the contacts on the pads in a look. Cameras that may not be used do not count as faults.
-    pub fn perceive(&self, look: &Look) -> Result<Perceived, TouchError> {
+    pub fn perceive(&self, look: &TactileSnapshot) -> Result<PadPerception, TouchError> {
         let hand = self.pipeline.hand();
-        let frames = self.left(look.images);
+        let frames = self.remaining_frames(look.images);
         let mut perceived = self.pipeline.perceive_frames(&frames, look.sequences_before)?;
-        perceived.faults.retain(|fault| self.uses(hand, hand.cameras[fault.camera].pad));
+        perceived.faults.retain(|fault| self.uses_pad(hand, hand.cameras[fault.camera].pad));
         Ok(perceived)
     }
 
     /// True if a pad may be used.
-    pub fn uses(&self, hand: &Hand, pad: usize) -> bool {
+    pub fn uses_pad(&self, hand: &Hand, pad: usize) -> bool {
         let link = hand.pads[pad].link;
         match self.sensing {
             Sensing::ServosOnly => false,
             Sensing::PalmOnly => link.is_none(),
             Sensing::Fingertips => hand.digits().iter().any(|digit| link == hand.links(*digit).last().copied()),
-            Sensing::QuarterOfPads => pad.is_multiple_of(EVERY),
+            Sensing::QuarterOfPads => pad.is_multiple_of(PAD_STRIDE),
             _ => true,
         }
     }
 
-    fn left<'f>(&self, frames: &'f [TactileFrame]) -> Cow<'f, [TactileFrame]> {
+    fn remaining_frames<'f>(&self, frames: &'f [TactileFrame]) -> Cow<'f, [TactileFrame]> {
         let hand = self.pipeline.hand();
         match self.sensing {
             Sensing::Full | Sensing::PointsOnly | Sensing::TruePose => Cow::Borrowed(frames),
@@ -88,7 +88,7 @@ impl<'a> Senses<'a> {
                 .collect(),
             _ => {
                 let used = |frame: &&TactileFrame| {
-                    hand.cameras.get(frame.camera).is_some_and(|camera| self.uses(hand, camera.pad))
+                    hand.cameras.get(frame.camera).is_some_and(|camera| self.uses_pad(hand, camera.pad))
                 };
                 frames.iter().filter(used).cloned().collect()
             }
@@ -97,24 +97,31 @@ impl<'a> Senses<'a> {
 }
 
 /// True if a pad is on one of `digits`.
-pub fn is_on(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
+pub fn is_pad_on_digits(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
     hand.digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
 }
 
-/// Replaces every block of [`BLOCK`] x [`BLOCK`] pixels by its mean. An image of another size is returned unchanged, to
+/// Replaces every block of [`COARSE_BLOCK_SIDE`] x [`COARSE_BLOCK_SIDE`] pixels by its mean. An image of another size is returned unchanged, to
 /// be refused later.
 fn coarsen(image: &TactileImage) -> TactileImage {
-    const N: usize = IMAGE_SIZE;
+    const WIDTH: usize = IMAGE_SIZE;
     let mut rgb = image.rgb.clone();
-    if rgb.len() != 3 * N * N {
+    if rgb.len() != 3 * WIDTH * WIDTH {
         return TactileImage { rgb };
     }
-    for block in 0..(N / BLOCK) * (N / BLOCK) {
-        let (top, left) = (block / (N / BLOCK) * BLOCK, block % (N / BLOCK) * BLOCK);
-        let inside = || (0..BLOCK * BLOCK).map(|n| (top + n / BLOCK) * N + left + n % BLOCK);
+    for block in 0..(WIDTH / COARSE_BLOCK_SIDE) * (WIDTH / COARSE_BLOCK_SIDE) {
+        let (top, left) = (
+            block / (WIDTH / COARSE_BLOCK_SIDE) * COARSE_BLOCK_SIDE,
+            block % (WIDTH / COARSE_BLOCK_SIDE) * COARSE_BLOCK_SIDE,
+        );
+        let inside = || {
+            (0..COARSE_BLOCK_SIDE * COARSE_BLOCK_SIDE)
+                .map(|n| (top + n / COARSE_BLOCK_SIDE) * WIDTH + left + n % COARSE_BLOCK_SIDE)
+        };
         for channel in 0..3 {
             let sum: u32 = inside().map(|pixel| u32::from(image.rgb[3 * pixel + channel])).sum();
-            let mean = (sum + (BLOCK * BLOCK / 2) as u32) / (BLOCK * BLOCK) as u32;
+            let mean = (sum + (COARSE_BLOCK_SIDE * COARSE_BLOCK_SIDE / 2) as u32)
+                / (COARSE_BLOCK_SIDE * COARSE_BLOCK_SIDE) as u32;
             inside().for_each(|pixel| rgb[3 * pixel + channel] = mean as u8);
         }
     }
@@ -149,8 +156,8 @@ mod tests {
         let calibration = tactile_perception::PhotometricCalibration { version: 1, configurations: Default::default() };
         let pipeline = TouchPipeline::new(&hand, calibration, vec![image; hand.cameras.len()]).expect("made");
         let pads = |sensing| {
-            let senses = Senses::new(&pipeline, sensing).expect("made");
-            (0..hand.pads.len()).filter(|pad| senses.uses(&hand, *pad)).count()
+            let senses = TouchPerception::new(&pipeline, sensing).expect("made");
+            (0..hand.pads.len()).filter(|pad| senses.uses_pad(&hand, *pad)).count()
         };
         assert_eq!(pads(Sensing::Full), 17);
         assert_eq!(pads(Sensing::ServosOnly), 0);

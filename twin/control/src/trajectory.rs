@@ -8,11 +8,11 @@ use thiserror::Error;
 use crate::Twist;
 
 /// Ratio of peak speed to mean speed of the minimum-jerk profile.
-const PEAK_SPEED: f64 = 1.875;
+const PEAK_SPEED_RATIO: f64 = 1.875;
 /// Peak acceleration of the minimum-jerk profile relative to length / duration^2 (10 / sqrt 3).
-const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
+const PEAK_ACCELERATION_RATIO: f64 = 5.773_502_691_896_258;
 /// Shortest duration of a segment that moves at all, s.
-const SHORTEST: f64 = 1e-3;
+const MIN_SEGMENT_DURATION: f64 = 1e-3;
 
 /// Invalid path or limits.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -54,7 +54,7 @@ pub struct PathLimits {
 
 impl Default for PathLimits {
     /// The published twist speeds of the Gen3. Its joints reach them only in favourable motions (not in a sideways
-    /// motion with a turn, for example). `ArmServo::rehearse` predicts the tracking of a path, and
+    /// motion with a turn, for example). `ArmServo::roll_out` predicts the tracking of a path, and
     /// [`PathLimits::scaled`] slows it down.
     fn default() -> Self {
         Self { speed: 0.5, turn_speed: 1.74, acceleration: 1.5, turn_acceleration: 4.0 }
@@ -72,7 +72,7 @@ impl PathLimits {
         }
     }
 
-    fn valid(self) -> bool {
+    fn is_valid(self) -> bool {
         [self.speed, self.turn_speed, self.acceleration, self.turn_acceleration]
             .iter()
             .all(|limit| limit.is_finite() && *limit > 0.0)
@@ -84,11 +84,11 @@ impl PathLimits {
             return 0.0;
         }
         [
-            PEAK_SPEED * length / self.speed,
-            PEAK_SPEED * angle / self.turn_speed,
-            (PEAK_ACCELERATION * length / self.acceleration).sqrt(),
-            (PEAK_ACCELERATION * angle / self.turn_acceleration).sqrt(),
-            SHORTEST,
+            PEAK_SPEED_RATIO * length / self.speed,
+            PEAK_SPEED_RATIO * angle / self.turn_speed,
+            (PEAK_ACCELERATION_RATIO * length / self.acceleration).sqrt(),
+            (PEAK_ACCELERATION_RATIO * angle / self.turn_acceleration).sqrt(),
+            MIN_SEGMENT_DURATION,
         ]
         .into_iter()
         .fold(0.0, f64::max)
@@ -152,15 +152,15 @@ impl PosePath {
     }
 
     /// The fastest path through `waypoints` (the first is the start) within `limits`.
-    pub fn timed(waypoints: &[Isometry3<f64>], limits: PathLimits) -> Result<Self, PathError> {
-        Self::new(stretch(waypoints.iter().map(|pose| (0.0, *pose)).collect(), limits)?)
+    pub fn fastest(waypoints: &[Isometry3<f64>], limits: PathLimits) -> Result<Self, PathError> {
+        Self::new(slow_to_limits(waypoints.iter().map(|pose| (0.0, *pose)).collect(), limits)?)
     }
 
     /// Stretches every segment as far as `limits` require. Rests stay as they are.
-    pub fn stretched(&self, limits: PathLimits) -> Result<Self, PathError> {
+    pub fn slowed_to_limits(&self, limits: PathLimits) -> Result<Self, PathError> {
         let waypoints: Vec<_> =
             std::iter::once((0.0, self.start)).chain(self.segments.iter().map(|s| (s.duration, s.to))).collect();
-        Self::new(stretch(waypoints, limits)?)
+        Self::new(slow_to_limits(waypoints, limits)?)
     }
 
     /// Total time, s.
@@ -197,8 +197,8 @@ impl PosePath {
     pub fn speed_bound(&self, t: f64) -> SpeedBound {
         self.segment(t.max(0.0)).map_or(SpeedBound { linear: 0.0, angular: 0.0, until: f64::INFINITY }, |segment| {
             SpeedBound {
-                linear: PEAK_SPEED * segment.shift.norm() / segment.duration,
-                angular: PEAK_SPEED * segment.turn.norm() / segment.duration,
+                linear: PEAK_SPEED_RATIO * segment.shift.norm() / segment.duration,
+                angular: PEAK_SPEED_RATIO * segment.turn.norm() / segment.duration,
                 until: segment.start + segment.duration,
             }
         })
@@ -239,11 +239,11 @@ pub fn displacement(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (Vector3<f64>
 }
 
 /// Raises the durations of waypoints as far as `limits` require.
-fn stretch(
+fn slow_to_limits(
     mut waypoints: Vec<(f64, Isometry3<f64>)>,
     limits: PathLimits,
 ) -> Result<Vec<(f64, Isometry3<f64>)>, PathError> {
-    if !limits.valid() {
+    if !limits.is_valid() {
         return Err(PathError::Limits);
     }
     for i in 1..waypoints.len() {
@@ -270,7 +270,7 @@ mod tests {
         fn limits_hold(raw in proptest::collection::vec(-1.0f64..1.0, 24)) {
             let limits = PathLimits::default();
             let waypoints: Vec<_> = raw.chunks(6).map(|c| pose(&[c[0], c[1], c[2], 3.0 * c[3], 3.0 * c[4], 3.0 * c[5]])).collect();
-            let path = PosePath::timed(&waypoints, limits).expect("valid");
+            let path = PosePath::fastest(&waypoints, limits).expect("valid");
             let h = 1e-4;
             let mut t = h;
             while t < path.duration() {
@@ -304,19 +304,19 @@ mod tests {
         assert_eq!(path.duration(), 1.6);
         assert_eq!(path.sample(0.4), (a, Twist::zeros()));
         assert_eq!(path.sample(9.0), (b, Twist::zeros()));
-        let slow = path.stretched(PathLimits::default()).expect("valid");
+        let slow = path.slowed_to_limits(PathLimits::default()).expect("valid");
         assert!((slow.duration() - (1.5 + 1.875 * 0.3 / 0.5)).abs() < 1e-12, "{}", slow.duration());
         assert_eq!(PosePath::new(vec![]), Err(PathError::Empty));
         assert_eq!(PosePath::new(vec![(0.0, a), (0.0, b)]), Err(PathError::NoTime { index: 1 }));
         let zero = PathLimits { speed: 0.0, ..PathLimits::default() };
-        assert_eq!(PosePath::timed(&[a, b], zero), Err(PathError::Limits));
+        assert_eq!(PosePath::fastest(&[a, b], zero), Err(PathError::Limits));
     }
 
     #[test]
     fn transformed_keeps_time_and_twist_shifts() {
         let turn =
             Isometry3::from_parts(Translation3::new(0.2, 0.1, 0.3), UnitQuaternion::from_euler_angles(0.3, 1.0, 0.2));
-        let path = PosePath::timed(&[Isometry3::identity(), turn], PathLimits::default()).expect("valid");
+        let path = PosePath::fastest(&[Isometry3::identity(), turn], PathLimits::default()).expect("valid");
         let offset = Vector3::new(0.1, 0.0, 0.02);
         let t = path.duration() * 0.4;
         let (pose, twist) = path.sample(t);

@@ -33,28 +33,28 @@ impl Uncertainty {
 
     /// Replaces the error of the eyes by the standard deviation that a look states, m, each of x and y.
     #[must_use]
-    pub fn stated(self, sigma: Option<f64>) -> Self {
+    pub fn with_detector_sigma(self, sigma: Option<f64>) -> Self {
         Self { eyes: sigma.unwrap_or(self.eyes), ..self }
     }
 
     /// Standard deviation of the part of a look's error that is new each time, each of x and y, m.
-    pub fn fresh_look(&self) -> f64 {
+    pub fn independent_detection_sigma(&self) -> f64 {
         self.eyes * (1.0 - self.eyes_lasting).sqrt()
     }
 
     /// Standard deviation of the part of the hand's position error relative to an object that persists through a trial,
     /// each of x and y, m.
-    pub fn lasting(&self) -> f64 {
+    pub fn persistent_sigma(&self) -> f64 {
         self.arm.hypot(self.eyes * self.eyes_lasting.sqrt())
     }
 
-    /// Standard deviation of the hand's position relative to an object whose position is the mean of `looks` looks,
+    /// Standard deviation of the hand's position relative to an object whose position is the mean of `detections` looks,
     /// each axis, m.
-    pub fn target(&self, looks: u32) -> f64 {
-        self.lasting().hypot(self.fresh_look() / f64::from(looks.max(1)).sqrt())
+    pub fn aim_sigma(&self, looks: u32) -> f64 {
+        self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(looks.max(1)).sqrt())
     }
 
-    /// Parses and checks the text of a file; `path` is used in errors.
+    /// Parses and checks the text of a file; `method` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let read: Self = parse_toml(text, path)?;
         for (field, value) in [("arm", read.arm), ("eyes", read.eyes)] {

@@ -3,7 +3,7 @@
 use hand_model::RobotModel;
 use nalgebra::Isometry3;
 
-use crate::inverse_kinematics::{ArmKinematics, ArmServo, IkError, IkSettings, Joints, Mount};
+use crate::inverse_kinematics::{ArmKinematics, ArmMount, ArmServo, IkError, IkSettings, Joints};
 
 /// The robot and its nominal pose.
 #[derive(Debug, Clone)]
@@ -12,14 +12,14 @@ pub struct Workcell {
     /// Nominal pose of the arm's base.
     pub world_from_base: Isometry3<f64>,
     /// Arm posture at the start of a trial, rad.
-    pub ready: Joints,
+    pub ready_posture: Joints,
 }
 
 impl Workcell {
     /// Kinematics of the nominal arm with the palm as the controlled frame.
     pub fn kinematics(&self) -> ArmKinematics {
         let tool_from_palm = self.robot.hand.palm_from_flange.inverse();
-        let mount = Mount { world_from_base: self.world_from_base, tool_from_palm };
+        let mount = ArmMount { world_from_base: self.world_from_base, tool_from_palm };
         ArmKinematics::new((*self.robot.arm).clone(), mount)
     }
 
@@ -30,7 +30,7 @@ impl Workcell {
 
     /// True if the arm reaches a palm pose from the posture at the start of a trial.
     pub fn reaches(&self, palm: &Isometry3<f64>) -> bool {
-        self.posture(palm, &self.ready).is_some()
+        self.posture(palm, &self.ready_posture).is_some()
     }
 
     /// Arm servo at rest in a posture.

@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use std::time::Instant;
 
 use control::Twist;
-use control::inverse_kinematics::{ArmKinematics, ArmServo, IkError, IkSettings, IkStep, Joints, Mount, QpPath};
+use control::inverse_kinematics::{ArmKinematics, ArmMount, ArmServo, IkError, IkSettings, IkStep, Joints, QpMethod};
 use control::trajectory::{PathLimits, PosePath};
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 const DT: f64 = 0.005;
 
 fn servo(posture: Joints) -> ArmServo {
-    let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&Hand::ftac(), 0.0));
+    let kinematics = ArmKinematics::new(Arm::gen3(), ArmMount::for_hand(&Hand::ftac(), 0.0));
     ArmServo::new(kinematics, IkSettings::default(), posture).expect("within limits")
 }
 
@@ -20,7 +20,7 @@ fn servo(posture: Joints) -> ArmServo {
 fn checked(servo: &mut ArmServo, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> IkStep {
     let (q, qd) = (*servo.q(), *servo.qd());
     let step = servo.step(target, feedforward, dt).expect("valid input");
-    assert_ne!(step.solved, QpPath::Failed);
+    assert_ne!(step.method, QpMethod::Failed);
     let arm = servo.kinematics().arm();
     for i in 0..7 {
         let joint = &arm.tree.joints[i];
@@ -42,7 +42,7 @@ fn goal_from_home(servo: &ArmServo) -> Isometry3<f64> {
 fn tracks_a_line_with_a_turn() {
     let mut servo = servo(Arm::gen3().home);
     let goal = goal_from_home(&servo);
-    let path = PosePath::timed(&[servo.palm_pose(), goal], PathLimits::default()).expect("valid");
+    let path = PosePath::fastest(&[servo.palm_pose(), goal], PathLimits::default()).expect("valid");
     let (mut t, mut lag, mut turn_lag, mut saturated) = (0.0, 0.0f64, 0.0f64, 0);
     let mut last = None;
     while t < path.duration() + 0.2 {
@@ -67,8 +67,8 @@ fn tracks_a_line_with_a_turn() {
     assert!(!last.saturated);
     for share in [0.8, 0.6, 0.5, 0.4] {
         let servo = self::servo(Arm::gen3().home);
-        let path = PosePath::timed(&[servo.palm_pose(), goal], PathLimits::default().scaled(share)).expect("valid");
-        let r = servo.rehearse(&path, 0.2, DT).expect("valid");
+        let path = PosePath::fastest(&[servo.palm_pose(), goal], PathLimits::default().scaled(share)).expect("valid");
+        let r = servo.roll_out(&path, 0.2, DT).expect("valid");
         println!(
             "at {share} of the limits, {:.2} s: worst lag {:.3} mm {:.3} deg, saturated {}/{}",
             path.duration(),
@@ -167,7 +167,7 @@ fn time_per_step() {
         let begin = Instant::now();
         let step = servo.step(&goal, &Twist::zeros(), DT).expect("valid");
         let micros = begin.elapsed().as_secs_f64() * 1e6;
-        if step.solved == QpPath::Interior { interior.push(micros) } else { bounded.push(micros) }
+        if step.method == QpMethod::Unconstrained { interior.push(micros) } else { bounded.push(micros) }
     }
     for (name, mut times) in [("closed form", interior), ("at bounds", bounded)] {
         times.sort_by(f64::total_cmp);
@@ -194,7 +194,7 @@ proptest! {
     /// The pose solver reaches every pose that some posture reaches, always with the same answer.
     #[test]
     fn solve_finds_reachable_poses(raw in proptest::collection::vec(-1.0f64..1.0, 7)) {
-        let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&Hand::ftac(), 0.1));
+        let kinematics = ArmKinematics::new(Arm::gen3(), ArmMount::for_hand(&Hand::ftac(), 0.1));
         let q: Joints = raw.iter().zip([PI, 2.0, PI, 2.4, PI, 1.9, PI]).map(|(share, most)| share * most).collect();
         let pose = kinematics.palm_pose(&q);
         let found = kinematics.solve(&pose, &Arm::gen3().home).expect("reachable");

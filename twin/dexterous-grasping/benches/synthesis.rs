@@ -5,11 +5,11 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dexterous_grasping::synthesis::chain::{self, Schedule};
+use dexterous_grasping::synthesis::chain::{self, AnnealingSchedule};
 use dexterous_grasping::synthesis::closure_energy::{closure, closure_with_gradient};
-use dexterous_grasping::synthesis::energy::{GraspEnergy, Weights};
+use dexterous_grasping::synthesis::energy::{EnergyWeights, GraspEnergy};
 use dexterous_grasping::synthesis::field::DistanceField;
-use dexterous_grasping::synthesis::frames::Frames;
+use dexterous_grasping::synthesis::frames::LinkFrames;
 use dexterous_grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
 use nalgebra::{Point3, Vector3};
@@ -48,9 +48,9 @@ fn grasp_steps(criterion: &mut Criterion) {
         (p.coords.norm() - radius, p.coords.try_normalize(1e-12).unwrap_or_else(Vector3::x))
     })
     .expect("a ball can be sampled");
-    let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
-    let mut frames = Frames::new(&hand.tree);
-    let schedule = Schedule::default();
+    let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
+    let mut frames = LinkFrames::new(&hand.tree);
+    let schedule = AnnealingSchedule::default();
     let steps = (schedule.burn_in + schedule.steady) as u64;
     let mut group = criterion.benchmark_group(format!("chain, 5 contacts, {} surface points", surface.len()));
     group.throughput(Throughput::Elements(steps)).sample_size(20);
@@ -58,7 +58,7 @@ fn grasp_steps(criterion: &mut Criterion) {
     group.bench_function("grasp-steps", |bencher| {
         bencher.iter(|| {
             number += 1;
-            chain::run(&energy, &mut frames, 5, &schedule, &mut chain::stream(1, number))
+            chain::run(&energy, &mut frames, 5, &schedule, &mut chain::chain_rng(1, number))
         });
     });
     group.finish();

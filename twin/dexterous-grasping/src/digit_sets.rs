@@ -2,7 +2,7 @@
 //!
 //! [`crate::sampler`] covers the two ways in which the benchmark's pairs are picked up. To carry more than two objects,
 //! each must be held with fewer digits: a ball by one or more fingers against the palm, or between thumb and fingers.
-//! The distributions of [`propose_with`] are wide, and physics decides which proposals hold.
+//! The distributions of [`propose_ball_grasp`] are wide, and physics decides which proposals hold.
 
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
@@ -35,7 +35,7 @@ pub fn digit_sets(hand: &Hand, objects: usize) -> Vec<Vec<Digit>> {
 }
 
 /// Formats digits as text: "thumb, index and middle finger".
-pub fn in_words(digits: &[Digit]) -> String {
+pub fn describe_digits(digits: &[Digit]) -> String {
     let names: Vec<&str> = digits.iter().map(|digit| digit.name()).collect();
     match names.split_last() {
         Some((last, [])) => format!("{last} finger"),
@@ -45,14 +45,21 @@ pub fn in_words(digits: &[Digit]) -> String {
 }
 
 /// Proposes a random grasp of a ball of `radius` (m) called `object` with `digits`.
-pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id: u32, rng: &mut impl Rng) -> Grasp {
+pub fn propose_ball_grasp(
+    hand: &Hand,
+    digits: &[Digit],
+    object: &str,
+    radius: f64,
+    id: u32,
+    rng: &mut impl Rng,
+) -> Grasp {
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
     let fingers: Vec<Digit> = digits.iter().copied().filter(|digit| *digit != Digit::Thumb).collect();
     let column = |digit: &Digit| hand.tree.joints[hand.links(*digit)[0]].origin.translation.x;
     let middle = fingers.iter().map(column).sum::<f64>() / fingers.len().max(1) as f64;
     let opposed = fingers.len() < digits.len();
-    let (mut pre, mut close) = (hand.slack(), hand.slack());
+    let (mut pre, mut close) = (hand.slack_tensions(), hand.slack_tensions());
     for digit in digits {
         pre[digit.index()] = uniform(1.0, 4.0);
         close[digit.index()] = uniform(10.0, 36.0);

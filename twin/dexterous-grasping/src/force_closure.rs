@@ -22,11 +22,11 @@ use clarabel::solver::{
 use nalgebra::{Point3, UnitVector3, Vector3, Vector6};
 
 /// Threshold below which a resisted wrench is solver rounding and counts as 0, as a share of the force limit.
-const NOTHING: f64 = 1e-6;
+const ZERO_THRESHOLD: f64 = 1e-6;
 
 /// One frictional point contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
+pub struct FrictionContact {
     /// Contact point on the object, m.
     pub point: Point3<f64>,
     /// Direction in which the hand pushes: the surface normal *into* the object.
@@ -78,7 +78,7 @@ pub enum ForceClosureError {
 /// # Ok::<(), dexterous_grasping::force_closure::ForceClosureError>(())
 /// ```
 pub fn wrench_margin(
-    contacts: &[Contact],
+    contacts: &[FrictionContact],
     center: &Point3<f64>,
     length_scale: f64,
     max_normal_force: f64,
@@ -91,7 +91,7 @@ pub fn wrench_margin(
 /// ellipsoid of Howe and Cutkosky 1996). A pair of opposed contacts then resists the torque about the line through
 /// them, which point contacts do not.
 pub fn soft_wrench_margin(
-    contacts: &[Contact],
+    contacts: &[FrictionContact],
     torsion_arm: f64,
     center: &Point3<f64>,
     length_scale: f64,
@@ -104,7 +104,7 @@ pub fn soft_wrench_margin(
     }
     let mut worst = f64::INFINITY;
     for direction in 0..12 {
-        worst = worst.min(resisted(contacts, torsion_arm, center, length_scale, direction)?);
+        worst = worst.min(max_resisted(contacts, torsion_arm, center, length_scale, direction)?);
         if worst == 0.0 {
             break;
         }
@@ -114,7 +114,7 @@ pub fn soft_wrench_margin(
 
 /// Computes the paper's ||G c||: the imbalance of unit forces along all normals, with torques about the origin of the
 /// points' frame. 0 is best. Force (dimensionless) and torque (m) enter one norm, as published.
-pub fn dfc_residual(contacts: &[Contact]) -> f64 {
+pub fn dfc_residual(contacts: &[FrictionContact]) -> f64 {
     let sum: Vector6<f64> = contacts.iter().map(|c| wrench(&c.point.coords, &c.normal)).sum();
     sum.norm()
 }
@@ -125,7 +125,7 @@ fn wrench(arm: &Vector3<f64>, force: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
 }
 
-fn check(contacts: &[Contact], length_scale: f64, max_normal_force: f64) -> Result<(), ForceClosureError> {
+fn check(contacts: &[FrictionContact], length_scale: f64, max_normal_force: f64) -> Result<(), ForceClosureError> {
     let expect = |good: bool, field: &str, found: f64, expected| {
         if good { Ok(()) } else { Err(ForceClosureError::Argument { field: field.to_owned(), found, expected }) }
     };
@@ -147,8 +147,8 @@ fn check(contacts: &[Contact], length_scale: f64, max_normal_force: f64) -> Resu
 /// The unknowns are, for each contact, its normal force and, with friction, two tangential forces, plus the torque
 /// about its normal over `torsion_arm` if that is not 0. The last unknown is t. In the solver's form A x + s = b with s
 /// in cones, there are 6 rows of balance and one for the total normal force, then one cone per contact.
-fn resisted(
-    contacts: &[Contact],
+fn max_resisted(
+    contacts: &[FrictionContact],
     torsion_arm: f64,
     center: &Point3<f64>,
     length_scale: f64,
@@ -215,7 +215,7 @@ fn resisted(
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {
             let found = solver.solution.x[t];
-            Ok(if found > NOTHING { found } else { 0.0 })
+            Ok(if found > ZERO_THRESHOLD { found } else { 0.0 })
         }
         status => Err(failed(status.to_string())),
     }
@@ -234,12 +234,12 @@ mod tests {
     use proptest::prelude::*;
 
     /// Contacts on a sphere about the origin, pressing towards its centre.
-    fn on_sphere(directions: &[Vector3<f64>], radius: f64, friction: f64) -> Vec<Contact> {
+    fn on_sphere(directions: &[Vector3<f64>], radius: f64, friction: f64) -> Vec<FrictionContact> {
         directions
             .iter()
             .map(|d| {
                 let outward = UnitVector3::new_normalize(*d);
-                Contact { point: Point3::from(outward.scale(radius)), normal: -outward, friction }
+                FrictionContact { point: Point3::from(outward.scale(radius)), normal: -outward, friction }
             })
             .collect()
     }
@@ -260,7 +260,7 @@ mod tests {
         ]
     }
 
-    fn margin(contacts: &[Contact], force: f64) -> f64 {
+    fn margin(contacts: &[FrictionContact], force: f64) -> f64 {
         wrench_margin(contacts, &Point3::origin(), 0.03, force).expect("solved")
     }
 
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn two_opposed_soft_contacts_bear_torsion() {
         let pair = on_sphere(&[Vector3::x(), -Vector3::x()], 0.03, 0.6);
-        let about_x = resisted(&pair, 0.003, &Point3::origin(), 0.01, 6).expect("solved");
+        let about_x = max_resisted(&pair, 0.003, &Point3::origin(), 0.01, 6).expect("solved");
         assert!((about_x - 0.6 * 0.003 / 0.01).abs() < 1e-6, "{about_x}");
         let soft = soft_wrench_margin(&pair, 0.003, &Point3::origin(), 0.01, 10.0).expect("solved");
         assert!((soft - 1.8).abs() < 1e-4, "{soft}");
@@ -310,12 +310,12 @@ mod tests {
     #[test]
     fn known_values_of_a_triangle() {
         let contacts = on_sphere(&triangle(), 0.03, 0.2);
-        let along_z = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 4).expect("solved");
-        let about_z = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 10).expect("solved");
+        let along_z = max_resisted(&contacts, 0.0, &Point3::origin(), 0.03, 4).expect("solved");
+        let about_z = max_resisted(&contacts, 0.0, &Point3::origin(), 0.03, 10).expect("solved");
         assert!((along_z - 0.2).abs() < 1e-6, "{along_z}");
         assert!((about_z - 0.2).abs() < 1e-6, "{about_z}");
         // About x the longest arms are +-R sin 60, and all friction together is at most mu.
-        let about_x = resisted(&contacts, 0.0, &Point3::origin(), 0.03, 6).expect("solved");
+        let about_x = max_resisted(&contacts, 0.0, &Point3::origin(), 0.03, 6).expect("solved");
         assert!(about_x < 0.2 * 3.0_f64.sqrt() / 2.0 + 1e-6, "{about_x}");
     }
 
@@ -356,7 +356,7 @@ mod tests {
         assert!(dfc_residual(&on_sphere(&tetrahedron(), 0.03, 0.5)) < 1e-12);
         assert!((dfc_residual(&on_sphere(&[Vector3::x()], 0.03, 0.5)) - 1.0).abs() < 1e-12);
         // A couple: forces balance, torques add up to 2 * 0.1.
-        let couple = [(0.1, 1.0), (-0.1, -1.0)].map(|(x, y)| Contact {
+        let couple = [(0.1, 1.0), (-0.1, -1.0)].map(|(x, y)| FrictionContact {
             point: Point3::new(x, 0.0, 0.0),
             normal: UnitVector3::new_normalize(Vector3::new(0.0, y, 0.0)),
             friction: 0.0,
@@ -374,7 +374,7 @@ mod tests {
         fn another_contact_never_harms(
             contacts in prop::collection::vec((direction(), direction(), 0.0..1.2_f64), 1..7),
         ) {
-            let contacts: Vec<Contact> = contacts.iter().map(|(p, n, friction)| Contact {
+            let contacts: Vec<FrictionContact> = contacts.iter().map(|(p, n, friction)| FrictionContact {
                 point: Point3::from(p * 0.03),
                 normal: UnitVector3::new_normalize(*n),
                 friction: *friction,

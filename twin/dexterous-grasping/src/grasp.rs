@@ -68,7 +68,7 @@ impl From<GraspFields> for Grasp {
     fn from(fields: GraspFields) -> Self {
         let GraspFields { id, object, digits, yaw, pitch, roll, center, pre_tension, close_tension, .. } = fields;
         let GraspFields { opposition, raise, thumb_delay, held, held_joints, held_spread, score, .. } = fields;
-        let digits = digits.unwrap_or_else(|| pulled(&close_tension));
+        let digits = digits.unwrap_or_else(|| pulled_digits(&close_tension));
         Self {
             id,
             object,
@@ -91,7 +91,7 @@ impl From<GraspFields> for Grasp {
 }
 
 /// Returns the digits whose cables are pulled.
-pub fn pulled(tensions: &[f64]) -> Vec<Digit> {
+pub fn pulled_digits(tensions: &[f64]) -> Vec<Digit> {
     Digit::ALL.into_iter().zip(tensions).filter(|(_, tension)| **tension > 0.0).map(|(digit, _)| digit).collect()
 }
 
@@ -122,12 +122,12 @@ pub fn palm_rotation(heading: f64, pitch: f64, roll: f64) -> UnitQuaternion<f64>
     let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
     let y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), pitch);
     let x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), roll);
-    z * y * x * level()
+    z * y * x * level_rotation()
 }
 
 /// Returns the level orientation: palm facing down, fingers along world x, so that palm y is world x and palm z is
 /// world z.
-fn level() -> UnitQuaternion<f64> {
+fn level_rotation() -> UnitQuaternion<f64> {
     let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns))
 }

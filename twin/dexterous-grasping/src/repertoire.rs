@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ftac_platform::digest::sha256;
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use hand_model::{Digit, RobotModel};
 use serde::{Deserialize, Serialize};
 
@@ -52,9 +52,9 @@ impl Repertoire {
     }
 
     /// Returns the value of a repertoire's field `robot` for this robot.
-    pub fn mark(robot: &RobotModel) -> Option<[String; 2]> {
+    pub fn robot_identity(robot: &RobotModel) -> Option<[String; 2]> {
         let other = !robot.moves_like(&RobotModel::ftac_gen3());
-        other.then(|| [robot.name.clone(), sha256(robot.mechanics().as_bytes())])
+        other.then(|| [robot.name.clone(), sha256(robot.mechanics_text().as_bytes())])
     }
 
     /// Reads a file of grasps of `robot`.
@@ -62,7 +62,7 @@ impl Repertoire {
     /// # Errors
     /// [`RepertoireError::Robot`] for a file of a robot that moves differently.
     pub fn read_for(robot: &RobotModel, path: &Path) -> Result<Self, RepertoireError> {
-        let (found, expected) = (Self::read(path)?, Self::mark(robot));
+        let (found, expected) = (Self::read(path)?, Self::robot_identity(robot));
         let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
         if digest(&found.robot) == digest(&expected) {
             found.check(robot, path)?;
@@ -115,11 +115,15 @@ impl Repertoire {
             );
         }
         text += "}}\n";
-        write_whole(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
+        write_atomically(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
     }
 
     /// Returns the grasps of `object` that close these `digits`, best first.
-    pub fn of<'a, 'd>(&'a self, object: &str, digits: &'d [Digit]) -> impl Iterator<Item = &'a Grasp> + use<'a, 'd> {
+    pub fn for_digits<'a, 'd>(
+        &'a self,
+        object: &str,
+        digits: &'d [Digit],
+    ) -> impl Iterator<Item = &'a Grasp> + use<'a, 'd> {
         self.grasps.get(object).into_iter().flatten().filter(move |grasp| grasp.digits == digits)
     }
 
@@ -172,10 +176,10 @@ mod tests {
     #[test]
     fn best_first_and_by_digits() {
         let repertoire = repertoire();
-        let ids = |digits| repertoire.of("ball", digits).map(|grasp| grasp.id).collect::<Vec<_>>();
+        let ids = |digits| repertoire.for_digits("ball", digits).map(|grasp| grasp.id).collect::<Vec<_>>();
         assert_eq!((ids(FIRST), ids(SECOND)), (vec![2, 0, 3], vec![1]));
         assert_eq!(repertoire.grasps["ball"].iter().map(|grasp| grasp.id).collect::<Vec<_>>(), [1, 2, 0, 3]);
-        assert_eq!(repertoire.of("pawn", FIRST).count(), 0);
+        assert_eq!(repertoire.for_digits("pawn", FIRST).count(), 0);
     }
 
     /// The writer formats one grasp per line itself. The result must still be valid JSON that can be read.

@@ -39,7 +39,7 @@ pub struct HandForm {
 }
 
 impl HandForm {
-    pub fn of(hand: &Hand) -> Self {
+    pub fn from_hand(hand: &Hand) -> Self {
         let side = match hand.parameters.handedness {
             Handedness::Left => 1.0,
             Handedness::Right => -1.0,
@@ -106,7 +106,7 @@ pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32
     })
 }
 
-/// Varies `grasp` by a small random change of each of its parameters.
+/// Varies `from_row` by a small random change of each of its parameters.
 pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
     let mut new = grasp.clone();
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn same_seed_same_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
-        let form = HandForm::of(&Hand::ftac());
+        let form = HandForm::from_hand(&Hand::ftac());
         let pinch = [Digit::Thumb, Digit::Index, Digit::Middle];
         let draw = |seed| propose(&form, &object, &pinch, 1, &mut ChaCha8Rng::seed_from_u64(seed)).expect("ranges");
         assert_eq!(draw(3), draw(3));
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn a_right_hand_mirrors_proposals() {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
-        let left = HandForm::of(&Hand::ftac());
+        let left = HandForm::from_hand(&Hand::ftac());
         assert_eq!((left.side, left.scale, left.digits, left.jaws), (1.0, 1.0, 5, None));
         let side = [Digit::Ring, Digit::Little];
         let draw = |form| propose(form, &object, &side, 1, &mut ChaCha8Rng::seed_from_u64(5)).expect("ranges");
@@ -167,8 +167,8 @@ mod tests {
         let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: false };
         let (hand, mut rng) = (Hand::ftac(), ChaCha8Rng::seed_from_u64(1));
         for digits in [digit_sets(&hand, 2), digit_sets(&hand, 3)].concat() {
-            let grasp = propose(&HandForm::of(&hand), &object, &digits, 0, &mut rng).expect("ranges");
-            assert_eq!(crate::grasp::pulled(&grasp.close_tension), digits);
+            let grasp = propose(&HandForm::from_hand(&hand), &object, &digits, 0, &mut rng).expect("ranges");
+            assert_eq!(crate::grasp::pulled_digits(&grasp.close_tension), digits);
         }
     }
 }

@@ -53,7 +53,7 @@ pub struct GraspType {
 
 /// Errors of the taxonomy's data files, and of files of people's labels.
 #[derive(Debug, thiserror::Error)]
-pub enum DataError {
+pub enum TaxonomyError {
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
     #[error("{path}: {message}")]
@@ -87,12 +87,12 @@ impl Taxonomy {
     }
 
     /// Parses a table; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Self, TaxonomyError> {
         let File { types } = toml::from_str(text)
-            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
         for (n, kind) in types.iter().enumerate() {
             if kind.form.digits.is_empty() {
-                return Err(DataError::Field {
+                return Err(TaxonomyError::Field {
                     path: path.into(),
                     field: format!("type[{n}].form.digits"),
                     found: "none".into(),
@@ -100,7 +100,7 @@ impl Taxonomy {
                 });
             }
             if types[..n].iter().any(|other| other.name == kind.name) {
-                return Err(DataError::Field {
+                return Err(TaxonomyError::Field {
                     path: path.into(),
                     field: format!("type[{n}].name"),
                     found: format!("{:?} twice", kind.name),

@@ -2,38 +2,43 @@
 
 use std::sync::Arc;
 
-use control::policy::chosen::{Answer, Chooser, ChooserError, Situation};
+use control::policy::chooser::{Chooser, ChooserDecision, ChooserError, ChooserSituation};
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
 use serde_json::Value;
 
-use super::host::{Array, Host};
 use super::message;
+use super::server::{PolicyServer, QuestionArray};
 
 /// Asks a host for the decisions.
-pub struct HostChooser<'a> {
-    host: &'a mut dyn Host,
+pub struct ExternalChooser<'a> {
+    server: &'a mut dyn PolicyServer,
     hand: &'a Hand,
     /// Images of the untouched pads, one a camera.
-    untouched: &'a [Arc<TactileImage>],
+    untouched_images: &'a [Arc<TactileImage>],
     /// Question that is asked before the first decision.
-    reset: Option<Value>,
+    reset_question: Option<Value>,
 }
 
-impl<'a> HostChooser<'a> {
-    /// A chooser for a trial that begins with the question `reset`; `untouched` are the images of the untouched pads.
-    pub fn new(host: &'a mut dyn Host, hand: &'a Hand, untouched: &'a [Arc<TactileImage>], reset: Value) -> Self {
-        Self { host, hand, untouched, reset: Some(reset) }
+impl<'a> ExternalChooser<'a> {
+    /// A chooser for a trial that begins with the question `reset_question`; `untouched_images` are the images of the untouched pads.
+    pub fn new(
+        host: &'a mut dyn PolicyServer,
+        hand: &'a Hand,
+        untouched: &'a [Arc<TactileImage>],
+        reset: Value,
+    ) -> Self {
+        Self { server: host, hand, untouched_images: untouched, reset_question: Some(reset) }
     }
 }
 
-impl Chooser for HostChooser<'_> {
-    fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError> {
-        if let Some(reset) = self.reset.take() {
-            self.host.ask(&reset, &[])?;
+impl Chooser for ExternalChooser<'_> {
+    fn choose(&mut self, situation: &ChooserSituation) -> Result<ChooserDecision, ChooserError> {
+        if let Some(reset) = self.reset_question.take() {
+            self.server.ask(&reset, &[])?;
         }
-        let images = situation.images.iter().map(|frame| &frame.image).chain(self.untouched);
-        let pictures: Vec<Array> = images.map(Array::picture).collect();
-        Ok(message::chosen(self.host.ask(&message::choose(self.hand, situation), &pictures)?)?)
+        let images = situation.images.iter().map(|frame| &frame.image).chain(self.untouched_images);
+        let pictures: Vec<QuestionArray> = images.map(QuestionArray::from_image).collect();
+        Ok(message::parse_choice(self.server.ask(&message::choose_question(self.hand, situation), &pictures)?)?)
     }
 }

@@ -10,13 +10,13 @@ use ftac_platform::child;
 use progress::interrupt;
 
 /// Polling interval for the operator's request to stop while an answer is awaited.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Grace period for an answer after the operator's request to stop.
-const GRACE: Duration = Duration::from_secs(1);
+const GRACE_PERIOD: Duration = Duration::from_secs(1);
 
 /// Cause of the end of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum EndCause {
     /// It exceeded this time limit.
     Late(Duration),
     /// The operator requested a stop.
@@ -24,68 +24,72 @@ pub enum Ended {
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct DeadlineState {
     /// Deadline of the awaited answer, and its time limit.
-    awaited: Option<(Instant, Duration)>,
+    awaited_answer: Option<(Instant, Duration)>,
     /// Time at which the operator requested a stop.
-    wished: Option<Instant>,
+    stop_requested_at: Option<Instant>,
     /// Leader of the process group, as long as the group may exist.
     group: Option<u32>,
-    ended: Option<Ended>,
+    ended: Option<EndCause>,
     /// True if no answer will be awaited any more.
-    over: bool,
+    finished: bool,
 }
 
 /// Supervises one process group from a thread of its own. A blocking read from or write to the process returns when the
 /// process ends.
 #[derive(Debug)]
 pub struct Deadline {
-    shared: Arc<(Mutex<State>, Condvar)>,
+    shared: Arc<(Mutex<DeadlineState>, Condvar)>,
 }
 
-fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+fn lock(state: &Mutex<DeadlineState>) -> MutexGuard<'_, DeadlineState> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Deadline {
     /// Supervises the process group of the process `leader`.
-    pub fn over(leader: u32) -> Self {
-        let state = State { group: Some(leader), ..State::default() };
+    pub fn supervise(leader: u32) -> Self {
+        let state = DeadlineState { group: Some(leader), ..DeadlineState::default() };
         let shared = Arc::new((Mutex::new(state), Condvar::new()));
         let watched = shared.clone();
         std::thread::spawn(move || watch(&watched.0, &watched.1));
         Self { shared }
     }
 
-    /// Waits for `answer`, which reads or writes, for at most `limit`. If the process is ended meanwhile, returns the
+    /// Waits for `read_answer`, which reads or writes, for at most `answer_timeout`. If the process is ended meanwhile, returns the
     /// reason for that instead of the resulting error.
-    pub fn within<T, E>(&self, limit: Duration, answer: impl FnOnce() -> Result<T, E>) -> Result<T, Result<Ended, E>> {
+    pub fn wait_for<T, E>(
+        &self,
+        limit: Duration,
+        answer: impl FnOnce() -> Result<T, E>,
+    ) -> Result<T, Result<EndCause, E>> {
         let (state, changed) = &*self.shared;
         {
             let mut state = lock(state);
-            (state.awaited, state.wished) = (Some((Instant::now() + limit, limit)), None);
+            (state.awaited_answer, state.stop_requested_at) = (Some((Instant::now() + limit, limit)), None);
         }
         changed.notify_one();
         let answer = answer();
         let mut state = lock(state);
-        state.awaited = None;
+        state.awaited_answer = None;
         answer.map_err(|error| state.ended.ok_or(error))
     }
 
     /// Ends every process of the group, once only, because its number may belong to another group later.
-    pub fn end(&self) {
-        end(&mut lock(&self.shared.0));
+    pub fn kill_group(&self) {
+        kill_locked_group(&mut lock(&self.shared.0));
     }
 }
 
 impl Drop for Deadline {
     fn drop(&mut self) {
-        lock(&self.shared.0).over = true;
+        lock(&self.shared.0).finished = true;
         self.shared.1.notify_one();
     }
 }
 
-fn end(state: &mut State) {
+fn kill_locked_group(state: &mut DeadlineState) {
     if let Some(group) = state.group.take() {
         // The shell's own `kill`, because the standard library cannot signal groups. A group that has ended by itself
         // is fine.
@@ -95,28 +99,28 @@ fn end(state: &mut State) {
     }
 }
 
-fn watch(state: &Mutex<State>, changed: &Condvar) {
+fn watch(state: &Mutex<DeadlineState>, changed: &Condvar) {
     let mut state = lock(state);
-    while !state.over {
-        let Some((until, limit)) = state.awaited else {
+    while !state.finished {
+        let Some((until, limit)) = state.awaited_answer else {
             state = changed.wait(state).unwrap_or_else(PoisonError::into_inner);
             continue;
         };
         let now = Instant::now();
         if interrupt::is_interrupted() {
-            state.wished.get_or_insert(now);
+            state.stop_requested_at.get_or_insert(now);
         }
-        let ended = match state.wished {
-            Some(wished) if now >= wished + GRACE => Some(Ended::Interrupted),
-            _ if now >= until => Some(Ended::Late(limit)),
+        let ended = match state.stop_requested_at {
+            Some(wished) if now >= wished + GRACE_PERIOD => Some(EndCause::Interrupted),
+            _ if now >= until => Some(EndCause::Late(limit)),
             _ => None,
         };
         if ended.is_some() {
             state.ended = ended;
-            end(&mut state);
+            kill_locked_group(&mut state);
             return;
         }
-        let wait = LOOK.min(until.saturating_duration_since(now));
+        let wait = POLL_INTERVAL.min(until.saturating_duration_since(now));
         state = changed.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
     }
 }

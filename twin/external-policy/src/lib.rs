@@ -1,6 +1,6 @@
 //! Policies of the user's own: a condition of the benchmark with an external decision maker.
 //!
-//! [`host`] is the interface to whatever answers for a policy, including the introduction of the policy. [`message`]
+//! [`server`] is the interface to whatever answers for a policy, including the introduction of the policy. [`message`]
 //! composes a question from information that a controller may have. [`process`] runs a policy in a process of its own,
 //! with the [`python`] that is installed and under a time limit, and [`pool`] keeps such processes for a run.
 //! [`chooser`] is a policy that chooses grasps. A policy that moves the robot itself is played by the benchmark.
@@ -11,14 +11,14 @@
 
 pub mod chooser;
 mod deadline;
-pub mod host;
 pub mod message;
 pub mod pool;
 pub mod process;
 pub mod python;
+pub mod server;
 pub mod source;
 
-pub use host::{Guest, Host, HostError, Level};
-pub use pool::Own;
-pub use process::Interrupted;
-pub use source::{Pace, Source};
+pub use pool::ExternalPolicy;
+pub use process::PolicyInterrupted;
+pub use server::{DecisionLevel, PolicyIntroduction, PolicyServer, PolicyServerError};
+pub use source::{PolicySource, SimulatedTimePassage};

@@ -1,15 +1,15 @@
 //! Questions to a policy, as JSON. They contain only measurements and estimates.
 
 use control::action::{Action, ActionLimits, ArmAction, HandAction};
-use control::policy::chosen::{Aim, Answer, Situation};
-use control::worth::Candidate;
+use control::policy::chooser::{AimOffset, ChooserDecision, ChooserSituation};
+use control::score::GraspCandidate;
 use hand_model::robot::{ArmState, ServoState};
 use hand_model::{DigitVector, Hand};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::host::HostError;
+use super::server::PolicyServerError;
 
 /// Pose as x, y, z (m) and the quaternion's x, y, z, w. Its w is not negative, so that each pose has one
 /// representation.
@@ -31,7 +31,7 @@ pub fn arm_rows(arm: &ArmState) -> Vec<[f64; 3]> {
 
 /// Information for a policy before a trial.
 #[derive(Debug, Clone)]
-pub struct Info<'a> {
+pub struct TrialInfo<'a> {
     pub combination: usize,
     pub trial: usize,
     /// Seed for the random numbers of the policy. It reveals nothing about the random numbers of the trial.
@@ -44,7 +44,7 @@ pub struct Info<'a> {
 
 /// Question at the beginning of a trial. For a policy that acts and wants images, an array with the images of the
 /// untouched pads accompanies it.
-pub fn reset(info: &Info) -> Value {
+pub fn reset_question(info: &TrialInfo) -> Value {
     json!({
         "ask": "reset",
         "info": {
@@ -56,13 +56,13 @@ pub fn reset(info: &Info) -> Value {
 
 /// Question how to take the second object. Accompanying arrays: the images of the situation, then those of all
 /// untouched pads, one per camera.
-pub fn choose(hand: &Hand, situation: &Situation) -> Value {
+pub fn choose_question(hand: &Hand, situation: &ChooserSituation) -> Value {
     let camera = |camera: usize| hand.cameras.get(camera).map_or("", |camera| camera.name.as_str());
     let covariance = situation.felt.map(|felt| {
         let matrix = &felt.estimate.covariance;
         (0..6).map(|row| (0..6).map(|column| matrix[(row, column)]).collect()).collect::<Vec<Vec<f64>>>()
     });
-    let candidate = |candidate: &Candidate| json!({ "grasp": candidate.grasp, "worth": candidate.worth });
+    let candidate = |candidate: &GraspCandidate| json!({ "grasp": candidate.grasp, "worth": candidate.score });
     json!({
         "ask": "choose",
         "cameras": situation.images.iter().map(|frame| camera(frame.camera)).collect::<Vec<_>>(),
@@ -76,12 +76,12 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
             "arm": arm_rows(situation.arm),
             "palm": pose_row(&situation.palm),
             "objects": situation.objects,
-            "seen": situation.seen.iter().map(|seen| pose_row(&seen.pose())).collect::<Vec<_>>(),
-            "yaws": situation.seen.iter().map(|seen| seen.yaw).collect::<Vec<_>>(),
-            "sees_second": situation.sees_second,
+            "seen": situation.detected.iter().map(|seen| pose_row(&seen.pose())).collect::<Vec<_>>(),
+            "yaws": situation.detected.iter().map(|seen| seen.yaw).collect::<Vec<_>>(),
+            "sees_second": situation.second_is_visible,
             "held": situation.felt.map(|felt| pose_row(&felt.estimate.palm_from_object)),
             "held_covariance": covariance,
-            "grip": (0..situation.objects.len()).map(|object| situation.grip.holds(object)).collect::<Vec<_>>(),
+            "grip": (0..situation.objects.len()).map(|object| situation.hold_state.holds(object)).collect::<Vec<_>>(),
             "first": situation.first,
             "candidates": situation.candidates.iter().map(candidate).collect::<Vec<_>>(),
         },
@@ -89,7 +89,7 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
 }
 
 /// Observation for a policy that acts.
-pub struct Observed<'a> {
+pub struct PolicyObservation<'a> {
     /// Time since the robot was started, s.
     pub time: f64,
     /// Time left until the trial fails, s.
@@ -99,11 +99,11 @@ pub struct Observed<'a> {
     /// `world_from_palm` from the arm's encoders.
     pub palm: Isometry3<f64>,
     /// `world_from_object` of each object, as reported by vision at the start of the trial.
-    pub seen: Vec<Isometry3<f64>>,
+    pub detected_poses: Vec<Isometry3<f64>>,
 }
 
 /// Question for the action of the coming step.
-pub fn act(observed: &Observed) -> Value {
+pub fn act_question(observed: &PolicyObservation) -> Value {
     json!({
         "ask": "act",
         "observation": {
@@ -112,50 +112,53 @@ pub fn act(observed: &Observed) -> Value {
             "servos": servo_rows(observed.servos),
             "arm": arm_rows(observed.arm),
             "palm": pose_row(&observed.palm),
-            "seen": observed.seen.iter().map(pose_row).collect::<Vec<_>>(),
+            "seen": observed.detected_poses.iter().map(pose_row).collect::<Vec<_>>(),
         },
     })
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Chosen {
+struct ChoiceAnswer {
     /// Index of the candidate, and x and y (m) and yaw (rad) of the aim's offset; `None` to keep the contents of the
     /// hand.
     choice: Option<(usize, f64, f64, f64)>,
 }
 
-/// Reads the answer to [`choose`].
-pub fn chosen(answer: Value) -> Result<Answer, HostError> {
-    let Chosen { choice } = read(answer)?;
-    Ok(choice.map_or(Answer::Keep, |(candidate, x, y, yaw)| Answer::Take { candidate, aim: Aim { x, y, yaw } }))
+/// Reads the answer to [`choose_question`].
+pub fn parse_choice(answer: Value) -> Result<ChooserDecision, PolicyServerError> {
+    let ChoiceAnswer { choice } = read(answer)?;
+    Ok(choice.map_or(ChooserDecision::Keep, |(candidate, x, y, yaw)| ChooserDecision::Take {
+        candidate,
+        aim: AimOffset { x, y, yaw },
+    }))
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Acted {
-    action: Option<Asked>,
+struct ActionAnswer {
+    action: Option<RequestedAction>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Asked {
+struct RequestedAction {
     twist: [f64; 6],
     tensions: DigitVector,
     opposition: f64,
 }
 
-/// Reads the answer to [`act`]; `None` if the policy has finished.
-pub fn acted(answer: Value) -> Result<Option<Action>, HostError> {
-    let Acted { action } = read(answer)?;
-    Ok(action.map(|Asked { twist, tensions, opposition }| Action {
+/// Reads the answer to [`act_question`]; `None` if the policy has finished.
+pub fn parse_action(answer: Value) -> Result<Option<Action>, PolicyServerError> {
+    let ActionAnswer { action } = read(answer)?;
+    Ok(action.map(|RequestedAction { twist, tensions, opposition }| Action {
         arm: ArmAction::Twist(twist.into()),
         hand: HandAction::Tensions { tensions, opposition },
     }))
 }
 
-fn read<T: serde::de::DeserializeOwned>(answer: Value) -> Result<T, HostError> {
-    serde_json::from_value(answer).map_err(|error| HostError::Answer(error.to_string()))
+fn read<T: serde::de::DeserializeOwned>(answer: Value) -> Result<T, PolicyServerError> {
+    serde_json::from_value(answer).map_err(|error| PolicyServerError::InvalidAnswer(error.to_string()))
 }
 
 #[cfg(test)]
@@ -164,23 +167,26 @@ mod tests {
 
     #[test]
     fn answers_are_read_and_others_are_refused_in_words() {
-        let aim = Aim { x: 0.01, y: -0.02, yaw: 0.5 };
-        assert_eq!(chosen(json!({ "choice": [3, 0.01, -0.02, 0.5] })).unwrap(), Answer::Take { candidate: 3, aim });
-        assert_eq!(chosen(json!({ "choice": null })).unwrap(), Answer::Keep);
-        assert!(acted(json!({ "action": null })).unwrap().is_none());
+        let aim = AimOffset { x: 0.01, y: -0.02, yaw: 0.5 };
+        assert_eq!(
+            parse_choice(json!({ "choice": [3, 0.01, -0.02, 0.5] })).unwrap(),
+            ChooserDecision::Take { candidate: 3, aim }
+        );
+        assert_eq!(parse_choice(json!({ "choice": null })).unwrap(), ChooserDecision::Keep);
+        assert!(parse_action(json!({ "action": null })).unwrap().is_none());
         let row = json!({ "twist": [0, 0, 0.1, 0, 0, 0], "tensions": [1, 2, 3, 4, 5], "opposition": 0.3 });
-        let action = acted(json!({ "action": row })).unwrap().unwrap();
+        let action = parse_action(json!({ "action": row })).unwrap().unwrap();
         assert_eq!(action.hand, HandAction::Tensions { tensions: [1.0, 2.0, 3.0, 4.0, 5.0].into(), opposition: 0.3 });
         for (answer, words) in [
             (json!({ "choice": [-1, 0, 0, 0] }), "invalid value"),
             (json!({ "choice": "left" }), "invalid type"),
             (json!({ "answer": null }), "unknown field `answer`"),
         ] {
-            let error = chosen(answer).unwrap_err().to_string();
+            let error = parse_choice(answer).unwrap_err().to_string();
             assert!(error.starts_with("the policy's answer: ") && error.contains(words), "{error}");
         }
         let short = json!({ "action": { "twist": [0, 0], "tensions": [1, 2, 3, 4, 5], "opposition": 0 } });
-        assert!(acted(short).unwrap_err().to_string().contains("invalid length 2"));
+        assert!(parse_action(short).unwrap_err().to_string().contains("invalid length 2"));
     }
 
     #[test]

@@ -13,27 +13,27 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use serde_json::Value;
 
-use super::deadline::{Deadline, Ended};
-use super::host::{Array, Guest, Host, HostError};
+use super::deadline::{Deadline, EndCause};
 use super::python;
-use super::source::Source;
+use super::server::{PolicyIntroduction, PolicyServer, PolicyServerError, QuestionArray};
+use super::source::PolicySource;
 
 /// Time limit for a process to end by itself once it is no longer needed.
-const PATIENCE: Duration = Duration::from_millis(500);
+const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
 /// Time limit for the introduction of a policy, which includes loading large libraries and weights.
-const START: Duration = Duration::from_secs(300);
+const INTRODUCTION_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Largest answer, bytes.
-const LONGEST: u64 = 1 << 24;
+const MAX_ANSWER_SIZE: u64 = 1 << 24;
 
 /// The process of a policy.
-pub struct Process {
+pub struct PolicyProcess {
     pipes: Pipes,
     deadline: Deadline,
     /// Time limit of an answer.
-    limit: Duration,
+    answer_timeout: Duration,
     /// True if every question was answered.
-    well: bool,
+    healthy: bool,
     interrupted: bool,
 }
 
@@ -44,48 +44,48 @@ struct Pipes {
     answers: BufReader<ChildStdout>,
 }
 
-impl Process {
+impl PolicyProcess {
     /// Starts the process of a policy and waits for its introduction.
-    pub fn start(source: &Source) -> Result<(Self, Guest)> {
+    pub fn start(source: &PolicySource) -> Result<(Self, PolicyIntroduction)> {
         let asked = format!("{}:{}", source.file.display(), source.class);
-        let mut command = python::module("ftac.policy_host");
+        let mut command = python::module_command("ftac.policy_host");
         command.arg(&asked).arg(serde_json::to_string(&source.arguments)?);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
         // Ctrl-C is meant for this program, which finishes the trials in progress. A process group of its own can be
         // ended as a whole.
-        let mut child = command.process_group(0).spawn().with_context(|| python::missing("--policy"))?;
-        let deadline = Deadline::over(child.id());
+        let mut child = command.process_group(0).spawn().with_context(|| python::missing_interpreter("--policy"))?;
+        let deadline = Deadline::supervise(child.id());
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            deadline.end();
-            bail!("--policy: `{}` has no pipes", python::name());
+            deadline.kill_group();
+            bail!("--policy: `{}` has no pipes", python::interpreter_name());
         };
         let pipes = Pipes { child, questions: Some(BufWriter::new(input)), answers: BufReader::new(output) };
         let limit = Duration::from_secs(source.timeout.into());
-        let mut process = Self { pipes, deadline, limit, well: true, interrupted: false };
-        match process.within(START.max(limit), Pipes::answer) {
+        let mut process = Self { pipes, deadline, answer_timeout: limit, healthy: true, interrupted: false };
+        match process.exchange_within(INTRODUCTION_TIMEOUT.max(limit), Pipes::read_answer) {
             Ok(guest) => {
                 let guest = serde_json::from_value(guest).context("--policy: its introduction")?;
                 Ok((process, guest))
             }
-            Err(HostError::Failed(why)) => bail!("--policy {asked}: {why}"),
-            Err(HostError::Late(limit)) => {
+            Err(PolicyServerError::Failed(why)) => bail!("--policy {asked}: {why}"),
+            Err(PolicyServerError::TimedOut(limit)) => {
                 bail!(
                     "--policy {asked}: found a class that was not made within {} s, expected one that is",
                     limit.as_secs()
                 )
             }
-            Err(HostError::Interrupted) => bail!(Interrupted),
+            Err(PolicyServerError::Interrupted) => bail!(PolicyInterrupted),
             Err(error) => bail!(
                 "--policy {asked}: `{} -m ftac.policy_host` does not answer: {error}; {}",
-                python::name(),
-                python::EXPECTED
+                python::interpreter_name(),
+                python::INTERPRETER_REQUIREMENTS
             ),
         }
     }
 
     /// True if it can be asked again.
-    pub fn is_well(&self) -> bool {
-        self.well
+    pub fn is_healthy(&self) -> bool {
+        self.healthy
     }
 
     /// True if the operator requested a stop while the policy was thinking.
@@ -93,43 +93,45 @@ impl Process {
         self.interrupted
     }
 
-    /// Runs `talk` with the process under the time limit `limit`.
-    fn within(
+    /// Runs `talk` with the process under the time limit `answer_timeout`.
+    fn exchange_within(
         &mut self,
         limit: Duration,
-        talk: impl FnOnce(&mut Pipes) -> Result<Value, HostError>,
-    ) -> Result<Value, HostError> {
-        let said = self.deadline.within(limit, || talk(&mut self.pipes)).map_err(|error| match error {
-            Ok(Ended::Late(limit)) => HostError::Late(limit),
-            Ok(Ended::Interrupted) => HostError::Interrupted,
+        talk: impl FnOnce(&mut Pipes) -> Result<Value, PolicyServerError>,
+    ) -> Result<Value, PolicyServerError> {
+        let said = self.deadline.wait_for(limit, || talk(&mut self.pipes)).map_err(|error| match error {
+            Ok(EndCause::Late(limit)) => PolicyServerError::TimedOut(limit),
+            Ok(EndCause::Interrupted) => PolicyServerError::Interrupted,
             Err(error) => error,
         });
-        self.well &= said.is_ok();
-        self.interrupted |= matches!(said, Err(HostError::Interrupted));
+        self.healthy &= said.is_ok();
+        self.interrupted |= matches!(said, Err(PolicyServerError::Interrupted));
         said
     }
 }
 
 impl Pipes {
-    fn answer(&mut self) -> Result<Value, HostError> {
+    fn read_answer(&mut self) -> Result<Value, PolicyServerError> {
         let mut line = String::new();
-        if self.answers.by_ref().take(LONGEST).read_line(&mut line)? == 0 {
-            return Err(HostError::Ended(self.child.wait()?.to_string()));
+        if self.answers.by_ref().take(MAX_ANSWER_SIZE).read_line(&mut line)? == 0 {
+            return Err(PolicyServerError::ProcessEnded(self.child.wait()?.to_string()));
         }
         match serde_json::from_str::<Value>(&line) {
             Ok(mut answer) => match answer.get_mut("error").map(Value::take) {
-                Some(Value::String(why)) => Err(HostError::Failed(why)),
-                Some(other) => Err(HostError::Failed(other.to_string())),
+                Some(Value::String(why)) => Err(PolicyServerError::Failed(why)),
+                Some(other) => Err(PolicyServerError::Failed(other.to_string())),
                 None => Ok(answer),
             },
-            Err(error) => Err(HostError::Answer(format!("found {:.80}: {error}", line.trim_end()))),
+            Err(error) => Err(PolicyServerError::InvalidAnswer(format!("found {:.80}: {error}", line.trim_end()))),
         }
     }
 
-    fn put(&mut self, question: &Value, arrays: &[Array]) -> Result<(), HostError> {
+    fn write_question(&mut self, question: &Value, arrays: &[QuestionArray]) -> Result<(), PolicyServerError> {
         let mut question = question.clone();
         question["shapes"] = arrays.iter().map(|array| array.shape.clone()).collect::<Vec<_>>().into();
-        let Some(to) = &mut self.questions else { return Err(HostError::Ended("it was told to".to_owned())) };
+        let Some(to) = &mut self.questions else {
+            return Err(PolicyServerError::ProcessEnded("it was told to".to_owned()));
+        };
         let mut put = || {
             writeln!(to, "{question}")?;
             arrays.iter().try_for_each(|array| to.write_all(array.bytes))?;
@@ -138,29 +140,31 @@ impl Pipes {
         match put() {
             // The reader is gone: the exit status of the process says more.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
-                Err(HostError::Ended(self.child.wait()?.to_string()))
+                Err(PolicyServerError::ProcessEnded(self.child.wait()?.to_string()))
             }
             other => Ok(other?),
         }
     }
 }
 
-impl Host for Process {
-    fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError> {
-        self.within(self.limit, |pipes| pipes.put(question, arrays).and_then(|()| pipes.answer()))
+impl PolicyServer for PolicyProcess {
+    fn ask(&mut self, question: &Value, arrays: &[QuestionArray]) -> Result<Value, PolicyServerError> {
+        self.exchange_within(self.answer_timeout, |pipes| {
+            pipes.write_question(question, arrays).and_then(|()| pipes.read_answer())
+        })
     }
 }
 
-impl Drop for Process {
+impl Drop for PolicyProcess {
     fn drop(&mut self) {
         // The process ends at the end of its input.
         drop(self.pipes.questions.take());
         let begun = Instant::now();
-        while begun.elapsed() < PATIENCE && matches!(self.pipes.child.try_wait(), Ok(None)) {
+        while begun.elapsed() < EXIT_TIMEOUT && matches!(self.pipes.child.try_wait(), Ok(None)) {
             std::thread::sleep(Duration::from_millis(5));
         }
         // Ends the process if it has not ended, and every process that it has started.
-        self.deadline.end();
+        self.deadline.kill_group();
         let _ = self.pipes.child.wait();
     }
 }
@@ -168,4 +172,4 @@ impl Drop for Process {
 /// The operator requested a stop while a policy was thinking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted while the policy thought: this trial is left out, what is finished is kept")]
-pub struct Interrupted;
+pub struct PolicyInterrupted;

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use ftac_platform::digest::sha256;
-use ftac_platform::file::{LARGEST, read_regular};
+use ftac_platform::file::{MAX_TEXT_SIZE, read_regular};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Passage of simulated time while a policy thinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Pace {
+pub enum SimulatedTimePassage {
     /// No simulated time passes: results are repeatable.
     #[default]
     Stand,
@@ -22,13 +22,13 @@ pub enum Pace {
 
 /// Origin of a policy.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Source {
+pub struct PolicySource {
     pub file: PathBuf,
     pub class: String,
     /// SHA-256 of the file, hexadecimal: a run is continued with the same policy only.
     pub sha256: String,
     #[serde(default)]
-    pub pace: Pace,
+    pub pace: SimulatedTimePassage,
     /// Arguments of the class, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub arguments: BTreeMap<String, Value>,
@@ -38,19 +38,19 @@ pub struct Source {
 }
 
 /// Default time limit of an answer, s.
-pub const TIMEOUT: u32 = 60;
+pub const DEFAULT_TIMEOUT: u32 = 60;
 
 fn timeout() -> u32 {
-    TIMEOUT
+    DEFAULT_TIMEOUT
 }
 
 fn is_usual(timeout: &u32) -> bool {
-    *timeout == TIMEOUT
+    *timeout == DEFAULT_TIMEOUT
 }
 
-impl Source {
+impl PolicySource {
     /// Parses `FILE.py:CLASS` and the arguments of the class, each `KEY=VALUE`.
-    pub fn parse(text: &str, arguments: &[String], pace: Pace) -> Result<Self> {
+    pub fn parse(text: &str, arguments: &[String], pace: SimulatedTimePassage) -> Result<Self> {
         let parts = text.rsplit_once(':').filter(|(file, class)| !file.is_empty() && !class.is_empty());
         let Some((file, class)) = parts else {
             bail!("--policy: found `{text}`, expected FILE.py:CLASS, such as my_policy.py:MyPolicy");
@@ -58,18 +58,18 @@ impl Source {
         let file = PathBuf::from(file);
         let mut by_name = BTreeMap::new();
         for text in arguments {
-            let (name, value) = argument(text)?;
+            let (name, value) = parse_argument(text)?;
             if by_name.insert(name.clone(), value).is_some() {
                 bail!("--policy-arg: found {name} twice, expected every name once");
             }
         }
-        let (sha256, class) = (digest(&file)?, class.to_owned());
-        Ok(Self { sha256, file, class, pace, arguments: by_name, timeout: TIMEOUT })
+        let (sha256, class) = (file_digest(&file)?, class.to_owned());
+        Ok(Self { sha256, file, class, pace, arguments: by_name, timeout: DEFAULT_TIMEOUT })
     }
 
     /// Checks that the file has not changed.
     pub fn check(&self) -> Result<()> {
-        let found = digest(&self.file)?;
+        let found = file_digest(&self.file)?;
         if found != self.sha256 {
             bail!(
                 "--policy {}: found a file of SHA-256 {found}, expected {}, with which the run began",
@@ -82,7 +82,7 @@ impl Source {
 }
 
 /// Parses `KEY=VALUE`. A value that is valid JSON is read as such, any other as text.
-fn argument(text: &str) -> Result<(String, Value)> {
+fn parse_argument(text: &str) -> Result<(String, Value)> {
     let named = |name: &str| {
         let begins = |letter: char| letter.is_alphabetic() || letter == '_';
         name.starts_with(begins) && name.chars().all(|letter| letter.is_alphanumeric() || letter == '_')
@@ -95,8 +95,9 @@ fn argument(text: &str) -> Result<(String, Value)> {
     }
 }
 
-fn digest(file: &Path) -> Result<String> {
-    let bytes = read_regular(file, LARGEST).with_context(|| format!("--policy: cannot read {}", file.display()))?;
+fn file_digest(file: &Path) -> Result<String> {
+    let bytes =
+        read_regular(file, MAX_TEXT_SIZE).with_context(|| format!("--policy: cannot read {}", file.display()))?;
     Ok(sha256(&bytes))
 }
 
@@ -109,17 +110,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a:b.py");
         std::fs::write(&file, "class Mine: ...").unwrap();
-        let source = Source::parse(&format!("{}:Mine", file.display()), &[], Pace::Stand).unwrap();
+        let source =
+            PolicySource::parse(&format!("{}:Mine", file.display()), &[], SimulatedTimePassage::Stand).unwrap();
         assert_eq!((source.file.as_path(), source.class.as_str()), (file.as_path(), "Mine"));
         source.check().unwrap();
         std::fs::write(&file, "class Mine: pass").unwrap();
         let words = source.check().unwrap_err().to_string();
         assert!(words.contains("with which the run began") && words.contains(&source.sha256), "{words}");
         for text in ["", "mine.py", ":Mine", "mine.py:"] {
-            let words = Source::parse(text, &[], Pace::Stand).unwrap_err().to_string();
+            let words = PolicySource::parse(text, &[], SimulatedTimePassage::Stand).unwrap_err().to_string();
             assert!(words.contains(&format!("found `{text}`, expected FILE.py:CLASS")), "{words}");
         }
-        let words = format!("{:#}", Source::parse("/no/where.py:Mine", &[], Pace::Stand).unwrap_err());
+        let words =
+            format!("{:#}", PolicySource::parse("/no/where.py:Mine", &[], SimulatedTimePassage::Stand).unwrap_err());
         assert!(words.contains("cannot read /no/where.py"), "{words}");
     }
 
@@ -130,7 +133,7 @@ mod tests {
         std::fs::write(&file, "class Mine: ...").unwrap();
         let parse = |arguments: &[&str]| {
             let arguments: Vec<String> = arguments.iter().map(|text| (*text).to_owned()).collect();
-            Source::parse(&format!("{}:Mine", file.display()), &arguments, Pace::Stand)
+            PolicySource::parse(&format!("{}:Mine", file.display()), &arguments, SimulatedTimePassage::Stand)
         };
         let source = parse(&["gain=0.5", "weights=a=b.pt", "deep=true", "name=\"7\"", "empty="]).unwrap();
         let expected = serde_json::json!({ "gain": 0.5, "weights": "a=b.pt", "deep": true, "name": "7", "empty": "" });
@@ -147,7 +150,7 @@ mod tests {
         // Text from before there were arguments describes the same run.
         let text = serde_json::to_string(&parse(&[]).unwrap()).unwrap();
         assert!(!text.contains("arguments") && !text.contains("timeout"), "{text}");
-        let read: Source = serde_json::from_str(&text).unwrap();
-        assert_eq!((read.timeout, serde_json::to_string(&read).unwrap()), (TIMEOUT, text));
+        let read: PolicySource = serde_json::from_str(&text).unwrap();
+        assert_eq!((read.timeout, serde_json::to_string(&read).unwrap()), (DEFAULT_TIMEOUT, text));
     }
 }

@@ -6,17 +6,17 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 
 use super::cables::Finding;
-use super::divergence::Kind;
+use super::fault::FaultKind;
 use super::limits::CameraLimits;
 
 /// Sampling stride of the compared pixels in both directions, px.
-const STRIDE: usize = 10;
+const SAMPLE_STRIDE: usize = 10;
 /// Darkest value used for a brightness ratio; darker ones are too noisy.
-const DARK: u8 = 24;
+const MIN_BRIGHTNESS: u8 = 24;
 
 /// State of one camera.
 #[derive(Debug, Clone, Default)]
-struct Camera {
+struct CameraState {
     newest: Option<(u64, Arc<TactileImage>)>,
     /// Samples of its first image, RGB.
     first: Vec<[u8; 3]>,
@@ -36,19 +36,19 @@ struct Camera {
 /// Detector for all cameras.
 #[derive(Debug, Clone)]
 pub struct CameraWatch {
-    cameras: Vec<Camera>,
+    cameras: Vec<CameraState>,
     /// Time since which images have been requested without any arriving, s.
     waits_since: Option<f64>,
     /// True if that silence was reported.
     silent: bool,
     /// Longest wait that ended with images, s.
-    longest: f64,
+    longest_wait: f64,
 }
 
 impl CameraWatch {
     /// Creates the detector for a hand with this many cameras.
     pub fn new(cameras: usize) -> Self {
-        Self { cameras: vec![Camera::default(); cameras], waits_since: None, silent: false, longest: 0.0 }
+        Self { cameras: vec![CameraState::default(); cameras], waits_since: None, silent: false, longest_wait: 0.0 }
     }
 }
 
@@ -57,10 +57,12 @@ fn samples(image: &TactileImage) -> Vec<[u8; 3]> {
     if image.rgb.len() != IMAGE_SIZE * IMAGE_SIZE * 3 {
         return Vec::new();
     }
-    let rows = (STRIDE / 2..IMAGE_SIZE).step_by(STRIDE);
-    rows.flat_map(|row| (STRIDE / 2..IMAGE_SIZE).step_by(STRIDE).map(move |column| row * IMAGE_SIZE + column))
-        .map(|pixel| std::array::from_fn(|channel| image.rgb[3 * pixel + channel]))
-        .collect()
+    let rows = (SAMPLE_STRIDE / 2..IMAGE_SIZE).step_by(SAMPLE_STRIDE);
+    rows.flat_map(|row| {
+        (SAMPLE_STRIDE / 2..IMAGE_SIZE).step_by(SAMPLE_STRIDE).map(move |column| row * IMAGE_SIZE + column)
+    })
+    .map(|pixel| std::array::from_fn(|channel| image.rgb[3 * pixel + channel]))
+    .collect()
 }
 
 /// Returns the median brightness of each colour over the samples, as a share of `first`. `None` if too few samples are
@@ -68,7 +70,7 @@ fn samples(image: &TactileImage) -> Vec<[u8; 3]> {
 fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
     let mut medians = [0.0; 3];
     for (channel, median) in medians.iter_mut().enumerate() {
-        let lit = first.iter().zip(now).filter(|(first, _)| first[channel] > DARK);
+        let lit = first.iter().zip(now).filter(|(first, _)| first[channel] > MIN_BRIGHTNESS);
         let mut shares: Vec<f64> =
             lit.map(|(first, now)| f64::from(now[channel]) / f64::from(first[channel])).collect();
         if shares.len() < 20 {
@@ -82,7 +84,7 @@ fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
 
 impl CameraWatch {
     /// Returns the median number of images taken per camera.
-    fn usual(&self) -> u32 {
+    fn median_image_count(&self) -> u32 {
         let mut taken: Vec<u32> = self.cameras.iter().map(|camera| camera.taken).collect();
         taken.sort_unstable();
         taken[self.cameras.len() / 2]
@@ -91,13 +93,13 @@ impl CameraWatch {
     /// Processes the newest images of all cameras at `time` (s); `asked` is true if new ones were requested. Returns
     /// the findings with their cameras, or without one if all cameras are concerned. In `real_time` the latency of
     /// images depends on host and link, so that only a wait much longer than any before counts as silence.
-    pub fn see(
+    pub fn update(
         &mut self,
         limits: &CameraLimits,
         (time, asked, real_time): (f64, bool, bool),
         images: &[TactileFrame],
     ) -> Vec<(Option<usize>, Finding)> {
-        let (mut fresh, usual, cameras) = (Vec::new(), self.usual(), self.cameras.len());
+        let (mut fresh, usual, cameras) = (Vec::new(), self.median_image_count(), self.cameras.len());
         for frame in images.iter().filter(|frame| frame.camera < cameras) {
             let camera = &mut self.cameras[frame.camera];
             if camera.newest.as_ref().is_some_and(|(sequence, _)| *sequence == frame.sequence) {
@@ -120,14 +122,14 @@ impl CameraWatch {
         if fresh.is_empty() {
             let waits = asked.then_some(time);
             self.waits_since = self.waits_since.or(waits);
-            let patience = if real_time { limits.silent_real.max(3.0 * self.longest) } else { limits.silent };
+            let patience = if real_time { limits.silent_real.max(3.0 * self.longest_wait) } else { limits.silent };
             let silent = self.waits_since.is_some_and(|since| time > since + patience);
             let named = silent && !std::mem::replace(&mut self.silent, silent);
-            return if named { vec![(None, (Kind::CameraDead, 0.0, 1.0))] } else { Vec::new() };
+            return if named { vec![(None, (FaultKind::CameraDead, 0.0, 1.0))] } else { Vec::new() };
         }
-        self.longest = self.longest.max(self.waits_since.map_or(0.0, |since| time - since));
+        self.longest_wait = self.longest_wait.max(self.waits_since.map_or(0.0, |since| time - since));
         (self.waits_since, self.silent) = (asked.then_some(time), false);
-        let usual = self.usual();
+        let usual = self.median_image_count();
         // Without read-out noise an idle pad repeats its image; then most cameras do.
         let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
         let (lively, alone) = (repeating <= cameras / 2, repeating == 1);
@@ -140,7 +142,7 @@ impl CameraWatch {
                 camera.dead = true;
                 found.push((
                     Some(n),
-                    (Kind::CameraDead, f64::from(camera.taken.saturating_sub(camera.repeats)), f64::from(usual)),
+                    (FaultKind::CameraDead, f64::from(camera.taken.saturating_sub(camera.repeats)), f64::from(usual)),
                 ));
             }
             if behind == 0 && camera.dimmed == 0 {
@@ -166,10 +168,10 @@ impl CameraWatch {
             }
             if black && !camera.dead {
                 camera.dead = true;
-                found.push((Some(n), (Kind::CameraDead, 0.0, 1.0)));
+                found.push((Some(n), (FaultKind::CameraDead, 0.0, 1.0)));
             } else if !black && !camera.drifted {
                 camera.drifted = true;
-                found.push((Some(n), (Kind::PadDrifted, worst, 1.0)));
+                found.push((Some(n), (FaultKind::PadDrifted, worst, 1.0)));
             }
         }
         found
@@ -178,15 +180,17 @@ impl CameraWatch {
 
 #[cfg(test)]
 mod tests {
-    use super::super::limits::Limits;
+    use super::super::limits::DetectionLimits;
     use super::*;
 
     const CAMERAS: usize = 18;
 
     /// Returns the findings over eight captures. `image` maps capture, camera and usual image to the camera's image of
     /// that capture.
-    fn named(image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>) -> Vec<(usize, usize, Kind)> {
-        let limits = Limits::standard().expect("the limits").camera;
+    fn detected_faults(
+        image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>,
+    ) -> Vec<(usize, usize, FaultKind)> {
+        let limits = DetectionLimits::standard().expect("the limits").camera;
         let mut watch = CameraWatch::new(CAMERAS);
         let mut newest: Vec<TactileFrame> = Vec::new();
         let mut all = Vec::new();
@@ -198,7 +202,7 @@ mod tests {
                 newest.retain(|frame| frame.camera != camera);
                 newest.push(TactileFrame { camera, time: n as f64, sequence: n as u64, image: Arc::new(image) });
             }
-            let found = watch.see(&limits, (0.2 * n as f64, true, false), &newest);
+            let found = watch.update(&limits, (0.2 * n as f64, true, false), &newest);
             all.extend(found.into_iter().map(|(camera, (kind, ..))| (n, camera.unwrap_or(CAMERAS), kind)));
         }
         all
@@ -206,31 +210,35 @@ mod tests {
 
     #[test]
     fn cameras_that_send_nothing_or_the_same_are_dead() {
-        assert_eq!(named(|_, _, image| Some(image)), []);
-        let gone = named(|n, camera, image| (camera != 3 || n < 4).then_some(image));
-        assert_eq!(gone, [(5, 3, Kind::CameraDead)]);
+        assert_eq!(detected_faults(|_, _, image| Some(image)), []);
+        let gone = detected_faults(|n, camera, image| (camera != 3 || n < 4).then_some(image));
+        assert_eq!(gone, [(5, 3, FaultKind::CameraDead)]);
         let frozen = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
-        let frozen = named(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
-        assert_eq!(frozen, [(4, 5, Kind::CameraDead)]);
+        let frozen =
+            detected_faults(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
+        assert_eq!(frozen, [(4, 5, FaultKind::CameraDead)]);
         // A camera that loses images on the way, but none at the end.
-        let lossy = named(|n, camera, image| (camera != 3 || n % 2 == 1).then_some(image));
+        let lossy = detected_faults(|n, camera, image| (camera != 3 || n % 2 == 1).then_some(image));
         assert_eq!(lossy, []);
-        let silent = named(|n, _, image| (n < 3).then_some(image));
-        assert_eq!(silent, [(4, CAMERAS, Kind::CameraDead)], "nothing has come for longer than it takes");
+        let silent = detected_faults(|n, _, image| (n < 3).then_some(image));
+        assert_eq!(silent, [(4, CAMERAS, FaultKind::CameraDead)], "nothing has come for longer than it takes");
     }
 
     /// Without noise all idle pads repeat their images, and none of them is faulty.
     #[test]
     fn idle_pads_without_noise_are_not_dead() {
         let still = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
-        assert_eq!(named(|_, _, _| Some(still.clone())), []);
+        assert_eq!(detected_faults(|_, _, _| Some(still.clone())), []);
     }
 
     #[test]
     fn a_camera_that_sees_black_is_dead() {
         let black = TactileImage { rgb: vec![0; IMAGE_SIZE * IMAGE_SIZE * 3] };
-        let named = named(|n, camera, image| Some(if camera == 7 && n >= 3 { black.clone() } else { image }));
-        assert_eq!(named.iter().map(|(_, camera, kind)| (*camera, *kind)).collect::<Vec<_>>(), [(7, Kind::CameraDead)]);
+        let named = detected_faults(|n, camera, image| Some(if camera == 7 && n >= 3 { black.clone() } else { image }));
+        assert_eq!(
+            named.iter().map(|(_, camera, kind)| (*camera, *kind)).collect::<Vec<_>>(),
+            [(7, FaultKind::CameraDead)]
+        );
     }
 
     #[test]
@@ -241,7 +249,7 @@ mod tests {
             }
             Some(image)
         };
-        assert_eq!(named(dim), [(5, 2, Kind::PadDrifted)]);
+        assert_eq!(detected_faults(dim), [(5, 2, FaultKind::PadDrifted)]);
         // A contact changes a part of the image, and all colours.
         let touched = |n: usize, _: usize, mut image: TactileImage| {
             if n >= 4 {
@@ -249,6 +257,6 @@ mod tests {
             }
             Some(image)
         };
-        assert_eq!(named(touched), []);
+        assert_eq!(detected_faults(touched), []);
     }
 }

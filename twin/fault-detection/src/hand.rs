@@ -3,32 +3,32 @@
 use std::collections::VecDeque;
 
 use control::executor::{Phase, Skill};
-use hand_model::hand::MOST_DIGITS;
+use hand_model::hand::MAX_DIGITS;
 use hand_model::{Digit, DigitVector, GRAVITY};
 use nalgebra::Vector3;
 
 use super::cables::Finding;
-use super::divergence::Kind;
-use super::expected::{Expects, expects, held};
-use super::limits::{HandLimits, Limits};
-use super::outside::{Outside, Pushed};
+use super::expected::{ExpectedContact, expected_contact, expected_held};
+use super::external_wrench::{ExternalWrench, WrenchLevel};
+use super::fault::FaultKind;
+use super::limits::{DetectionLimits, HandLimits};
 use super::residuals::Residuals;
-use super::steps::{STAYING, Step, step};
+use super::steps::{PERSISTENCE_TICKS, ResidualStep, detect_step};
 
 /// Range within which a force counts as steady if it stays there for some ticks, N.
-const STILL: f64 = 0.4;
+const STEADY_FORCE_RANGE: f64 = 0.4;
 /// Change of force within a tenth of a second that counts as a push on the hand, N.
-const PUSH: f64 = 1.5;
+const PUSH_FORCE_CHANGE: f64 = 1.5;
 /// Upward force beyond which a hand that holds something must be touching something else, too, N.
-const PUSHED_UP: f64 = 0.5;
+const MIN_UPWARD_PUSH: f64 = 0.5;
 /// Ticks for which the force must be known before it can be judged, and within which a push shows.
-const KNOWN: usize = 12;
+const MIN_KNOWN_TICKS: usize = 12;
 /// Ticks over which the force is averaged to weigh an object that digits have released.
-const WEIGHED: usize = 4;
+const WEIGHT_AVERAGE_TICKS: usize = 4;
 /// Ticks within which a jolt of the hand shows that a digit has met something.
-const JOLTED: usize = 6;
+const JOLT_TICKS: usize = 6;
 /// Contacts that follow each other within this time count as one, s.
-const AGAIN: f64 = 0.3;
+const CONTACT_REPORT_INTERVAL: f64 = 0.3;
 
 /// State and expectations of the hand in one tick.
 #[derive(Debug, Clone, Copy)]
@@ -53,36 +53,36 @@ pub struct HandWatch {
     /// Cable tensions in the same ticks, N.
     tensions: VecDeque<DigitVector>,
     /// Force bias: force measured on the empty hand, N.
-    empty: Option<Vector3<f64>>,
+    force_bias: Option<Vector3<f64>>,
     /// Weight last measured in the hand, N.
     weight: Option<f64>,
     contact_since: Option<f64>,
     payload_since: Option<f64>,
     /// Time of the last sudden change of weight, s.
-    stepped: Option<f64>,
+    last_weight_step: Option<f64>,
     /// Excess weight in the hand since then, N.
-    more: f64,
+    excess_weight: f64,
     lost_since: Option<f64>,
     /// Object that its digits have released, and the time, s.
-    dropped: Option<(usize, f64)>,
+    released: Option<(usize, f64)>,
     /// Digits that carry a load.
-    carrying: [bool; MOST_DIGITS],
+    carrying: [bool; MAX_DIGITS],
     /// Times since which digits have been free, s.
-    free_since: [Option<f64>; MOST_DIGITS],
+    free_since: [Option<f64>; MAX_DIGITS],
     /// True while a reported contact lasts: it is reported again only after it has ended.
-    touching: bool,
-    /// Time of the last report of a contact, s: see [`AGAIN`].
-    touched: Option<f64>,
+    contact_reported: bool,
+    /// Time of the last report of a contact, s: see [`CONTACT_REPORT_INTERVAL`].
+    last_contact: Option<f64>,
     overloaded: bool,
     lost: usize,
     /// Number of objects that should have been in the hand in the last tick.
-    should: usize,
+    expected_held: usize,
     /// True if the phase expects contact.
-    meets: bool,
+    expects_contact: bool,
 }
 
 /// Updates `since`, the time since which `now` has been true, s. Returns true if it has been for at least `long` (s).
-fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
+fn has_lasted(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
     if !now {
         *since = None;
         return false;
@@ -92,43 +92,45 @@ fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
 
 impl HandWatch {
     /// Returns the external load on the hand now, or within the last hundredths of a second.
-    pub fn outside(&self, limits: &HandLimits) -> Outside {
-        let newest = self.past.iter().rev().take(JOLTED).map(|(_, force)| force);
+    pub fn external_wrench(&self, limits: &HandLimits) -> ExternalWrench {
+        let newest = self.past.iter().rev().take(JOLT_TICKS).map(|(_, force)| force);
         let changes = newest.clone().zip(newest.skip(1)).map(|(one, other)| (one - other).norm());
-        let jolt = if self.meets { changes.fold(0.0, f64::max) } else { 0.0 };
-        Outside { pushed: self.pushed(limits), jolt }
+        let jolt = if self.expects_contact { changes.fold(0.0, f64::max) } else { 0.0 };
+        ExternalWrench { level: self.wrench_level(limits), jolt }
     }
 
-    fn pushed(&self, limits: &HandLimits) -> Pushed {
+    fn wrench_level(&self, limits: &HandLimits) -> WrenchLevel {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
-        let empty = self.empty.unwrap_or_else(Vector3::zeros);
+        let empty = self.force_bias.unwrap_or_else(Vector3::zeros);
         // Conservative: a hand about which nothing is known counts as pushed hard.
-        if self.past.len() < KNOWN || self.past.iter().any(|(_, force)| (force - empty).norm() > limits.hard) {
-            return Pushed::Hard;
+        if self.past.len() < MIN_KNOWN_TICKS || self.past.iter().any(|(_, force)| (force - empty).norm() > limits.hard)
+        {
+            return WrenchLevel::Strong;
         }
-        let changes = self.past.iter().rev().take(KNOWN).any(|(_, force)| (newest - force).norm() > PUSH);
-        if self.touching || changes { Pushed::Yes } else { Pushed::No }
+        let changes =
+            self.past.iter().rev().take(MIN_KNOWN_TICKS).any(|(_, force)| (newest - force).norm() > PUSH_FORCE_CHANGE);
+        if self.contact_reported || changes { WrenchLevel::Moderate } else { WrenchLevel::Absent }
     }
 
     /// Skips a tick in which the forces on the hand are unknown, because a joint of the arm is on its stop.
-    pub fn see_nothing(&mut self) {
+    pub fn skip_tick(&mut self) {
         self.past.clear();
         self.tensions.clear();
         (self.contact_since, self.payload_since, self.lost_since) = (None, None, None);
-        self.touching = false;
+        self.contact_reported = false;
     }
 
     /// Processes one tick.
-    pub fn see(&mut self, all: &Limits, tick: &HandTick) -> Option<Finding> {
+    pub fn update(&mut self, all: &DetectionLimits, tick: &HandTick) -> Option<Finding> {
         let limits = &all.hand;
         let force = tick.residuals.force;
-        let should = held(limits, tick.phase, tick.progress, tick.masses.len());
-        if should < self.should {
-            (self.weight, self.lost, self.overloaded, self.more) = (None, 0, false, 0.0);
+        let should = expected_held(limits, tick.phase, tick.progress, tick.masses.len());
+        if should < self.expected_held {
+            (self.weight, self.lost, self.overloaded, self.excess_weight) = (None, 0, false, 0.0);
         }
-        let quiet = expects(limits, tick.phase, tick.progress) == Expects::Nothing;
-        (self.should, self.meets) = (should, !quiet);
-        let usual = self.usual();
+        let quiet = expected_contact(limits, tick.phase, tick.progress) == ExpectedContact::NoContact;
+        (self.expected_held, self.expects_contact) = (should, !quiet);
+        let usual = self.mean_force();
         self.past.push_back((tick.time, force));
         self.tensions.push_back(tick.residuals.cables.iter().map(|cable| cable.tension).collect());
         while self.past.front().is_some_and(|(time, _)| *time < tick.time - limits.memory) {
@@ -137,29 +139,35 @@ impl HandWatch {
         }
         let moved = usual.map_or_else(Vector3::zeros, |usual| force - usual);
         let found = self
-            .contact(limits, tick, &moved, quiet)
-            .or_else(|| self.lost_weight(limits, tick, should, quiet))
-            .or_else(|| self.lost_digits(limits, tick, should, quiet))
-            .or_else(|| self.stepped(all, tick, should, quiet))
-            .or_else(|| self.payload(limits, tick, &moved, (should, quiet)));
-        let early = !tick.phase.lifts(0) && tick.progress < limits.empty[0];
-        if should == 0 && quiet && early && !self.touching && moved.norm() < limits.empty[1] {
+            .detect_contact(limits, tick, &moved, quiet)
+            .or_else(|| self.detect_lost_weight(limits, tick, should, quiet))
+            .or_else(|| self.detect_lost_digits(limits, tick, should, quiet))
+            .or_else(|| self.detect_weight_step(all, tick, should, quiet))
+            .or_else(|| self.detect_payload(limits, tick, &moved, (should, quiet)));
+        let early = !tick.phase.has_begun_lift(0) && tick.progress < limits.empty[0];
+        if should == 0 && quiet && early && !self.contact_reported && moved.norm() < limits.empty[1] {
             // Tracks the bias of the empty hand: errors of the arm's model.
-            let before = *self.empty.get_or_insert(force);
-            self.empty = Some(before + 0.05 * (force - before));
+            let before = *self.force_bias.get_or_insert(force);
+            self.force_bias = Some(before + 0.05 * (force - before));
         }
         found
     }
 
     /// Returns the mean force of the last ticks without the newest two hundredths of a second, N.
-    fn usual(&self) -> Option<Vector3<f64>> {
+    fn mean_force(&self) -> Option<Vector3<f64>> {
         let count = self.past.len().saturating_sub(3);
         (count > 3).then(|| self.past.iter().take(count).map(|(_, force)| force).sum::<Vector3<f64>>() / count as f64)
     }
 
     /// Detects a force on the hand that the phase does not expect. During grasping, and with weights that come and go,
     /// only the horizontal component counts.
-    fn contact(&mut self, limits: &HandLimits, tick: &HandTick, moved: &Vector3<f64>, quiet: bool) -> Option<Finding> {
+    fn detect_contact(
+        &mut self,
+        limits: &HandLimits,
+        tick: &HandTick,
+        moved: &Vector3<f64>,
+        quiet: bool,
+    ) -> Option<Finding> {
         let level = moved.xy().norm();
         let (size, least) = match quiet {
             true => (level.max(moved.z), limits.contact),
@@ -167,23 +175,24 @@ impl HandWatch {
             false => (0.0, limits.contact_level),
         };
         let now = size > least;
-        let lasts = lasts(&mut self.contact_since, now, tick.time, limits.contact_time);
+        let lasts = has_lasted(&mut self.contact_since, now, tick.time, limits.contact_time);
         if !now {
             // A contact is over once the force is back to its mean over the remembered span.
-            self.touching &= size > 0.3 * least;
+            self.contact_reported &= size > 0.3 * least;
             return None;
         }
-        if !lasts || self.touching {
+        if !lasts || self.contact_reported {
             return None;
         }
-        self.touching = true;
-        let again = self.touched.replace(tick.time).is_some_and(|before| tick.time < before + AGAIN);
-        (!again).then_some((Kind::UnexpectedContact, size, 0.0))
+        self.contact_reported = true;
+        let again =
+            self.last_contact.replace(tick.time).is_some_and(|before| tick.time < before + CONTACT_REPORT_INTERVAL);
+        (!again).then_some((FaultKind::UnexpectedContact, size, 0.0))
     }
 
     /// True if the tension of a cable of the `holding` digits changed by more than `least_change` (N) within the
     /// remembered span: digits feel an object leave.
-    fn let_go(&self, least_change: f64, holding: &[&[Digit]]) -> bool {
+    fn tension_changed(&self, least_change: f64, holding: &[&[Digit]]) -> bool {
         let changed = |n: usize| {
             let all = self.tensions.iter().map(|tensions| tensions[n]);
             let (least, most) = all.fold((f64::MAX, f64::MIN), |(a, b), tension| (a.min(tension), b.max(tension)));
@@ -205,12 +214,19 @@ impl HandWatch {
     }
 
     /// Returns the present weight on the hand, N, or `None` if the force bias is unknown.
-    fn weighs(&self, force: &Vector3<f64>) -> Option<f64> {
-        self.empty.map(|empty| empty.z - force.z)
+    fn measured_weight(&self, force: &Vector3<f64>) -> Option<f64> {
+        self.force_bias.map(|empty| empty.z - force.z)
     }
 
-    fn lost_weight(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
-        let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
+    fn detect_lost_weight(
+        &mut self,
+        limits: &HandLimits,
+        tick: &HandTick,
+        should: usize,
+        quiet: bool,
+    ) -> Option<Finding> {
+        let weight =
+            self.measured_weight(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.contact_reported)?;
         let had = self.weight.unwrap_or(0.0);
         let gone = had - weight;
         let single = tick.masses[..should].iter().copied().fold(f64::INFINITY, f64::min) * GRAVITY;
@@ -220,11 +236,11 @@ impl HandWatch {
         let pushed = gone > single + limits.lost_least || !self.is_steady(0.5 * limits.lost_least);
         let lost = gone > (limits.lost_share * single).max(limits.lost_least)
             && !pushed
-            && self.let_go(limits.let_go, &tick.digits[..should]);
-        if lasts(&mut self.lost_since, lost, tick.time, limits.lost_time) {
+            && self.tension_changed(limits.let_go, &tick.digits[..should]);
+        if has_lasted(&mut self.lost_since, lost, tick.time, limits.lost_time) {
             self.weight = Some(weight);
             self.lost += 1;
-            return (self.lost <= 2).then_some((Kind::ObjectLost, weight, had));
+            return (self.lost <= 2).then_some((FaultKind::ObjectLost, weight, had));
         }
         if !lost && !pushed {
             self.weight = Some(self.weight.map_or(weight, |had| had + 0.1 * (weight - had)));
@@ -233,17 +249,23 @@ impl HandWatch {
     }
 
     /// Detects digits that carried something and now bear no more than a free digit does.
-    fn lost_digits(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
-        let mut dropped = [false; MOST_DIGITS];
+    fn detect_lost_digits(
+        &mut self,
+        limits: &HandLimits,
+        tick: &HandTick,
+        should: usize,
+        quiet: bool,
+    ) -> Option<Finding> {
+        let mut dropped = [false; MAX_DIGITS];
         for (n, cable) in tick.residuals.cables.iter().enumerate() {
-            let load = cable.tension - cable.free;
-            let free = load.abs() < (limits.free_share * cable.pulled).max(0.5);
+            let load = cable.tension - cable.reference_tension;
+            let free = load.abs() < (limits.free_share * cable.servo_tension).max(0.5);
             if should == 0 {
                 self.carrying[n] = false;
             } else if load > limits.carrying {
                 self.carrying[n] = true;
             }
-            let free = lasts(&mut self.free_since[n], free && self.carrying[n], tick.time, limits.free_time);
+            let free = has_lasted(&mut self.free_since[n], free && self.carrying[n], tick.time, limits.free_time);
             if free {
                 self.carrying[n] = false;
                 dropped[n] = true;
@@ -257,73 +279,80 @@ impl HandWatch {
         let dropped = tick.digits[..should].iter().position(gone);
         // Digits of a held object change their grip while the next object is raised.
         let moves = tick.phase.skill == Skill::Lift && tick.phase.object > 0 && !quiet;
-        self.dropped = dropped.filter(|_| !moves).map(|object| (object, tick.time)).or(self.dropped);
-        let (object, since) = self.dropped?;
+        self.released = dropped.filter(|_| !moves).map(|object| (object, tick.time)).or(self.released);
+        let (object, since) = self.released?;
         let single = tick.masses.get(object)? * GRAVITY;
         let whole = tick.masses[..should].iter().sum::<f64>() * GRAVITY;
         // The object may rest in the palm, or be caught again.
-        let weight = self.weighs(&self.newest_mean(WEIGHED)).filter(|_| quiet);
+        let weight = self.measured_weight(&self.newest_mean(WEIGHT_AVERAGE_TICKS)).filter(|_| quiet);
         if self.lost >= should || object >= should || weight.is_some_and(|weight| weight > whole - 0.5 * single) {
-            self.dropped = None;
+            self.released = None;
             return None;
         }
         if weight.is_some() && tick.time < since + limits.gone_time {
             return None;
         }
-        self.dropped = None;
+        self.released = None;
         self.lost += 1;
         self.weight = None;
-        Some((Kind::ObjectLost, 0.0, single))
+        Some((FaultKind::ObjectLost, 0.0, single))
     }
 
     /// Detects weight that comes or goes suddenly, whatever the hand carried before.
-    fn stepped(&mut self, limits: &Limits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
-        let again = self.stepped.is_none_or(|at| tick.time > at + limits.hand.memory);
-        let stayed = step(&self.past, &limits.step, !quiet, STAYING);
+    fn detect_weight_step(
+        &mut self,
+        limits: &DetectionLimits,
+        tick: &HandTick,
+        should: usize,
+        quiet: bool,
+    ) -> Option<Finding> {
+        let again = self.last_weight_step.is_none_or(|at| tick.time > at + limits.hand.memory);
+        let stayed = detect_step(&self.past, &limits.step, !quiet, PERSISTENCE_TICKS);
         // A heavy object may fall out before its weight has stayed.
-        let comes = |step: &Step| step.weight > 0.0 && quiet;
-        let step = stayed.or_else(|| step(&self.past, &limits.step, !quiet, 0).filter(comes));
-        let step = step.filter(|_| should > 0 && again && !self.touching)?;
+        let comes = |step: &ResidualStep| step.weight > 0.0 && quiet;
+        let step = stayed.or_else(|| detect_step(&self.past, &limits.step, !quiet, 0).filter(comes));
+        let step = step.filter(|_| should > 0 && again && !self.contact_reported)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
-        let pushed_up = self.empty.is_some_and(|empty| step.before.z > empty.z + PUSHED_UP);
+        let pushed_up = self.force_bias.is_some_and(|empty| step.before.z > empty.z + MIN_UPWARD_PUSH);
         if step.weight < 0.0 {
             // An obstacle that the hand meets as it arrives pushes it up.
             let arrives = !quiet && tick.phase.skill != Skill::Lift && tick.phase != Phase::run(Skill::Grasp, 1);
-            let most = limits.step.most * GRAVITY * expected + self.more;
+            let most = limits.step.most * GRAVITY * expected + self.excess_weight;
             if self.lost >= should || arrives || pushed_up || -step.weight > most {
                 return None;
             }
-            (self.stepped, self.weight) = (Some(tick.time), None);
+            (self.last_weight_step, self.weight) = (Some(tick.time), None);
             self.lost += 1;
-            return Some((Kind::ObjectLost, GRAVITY * expected + step.weight, GRAVITY * expected));
+            return Some((FaultKind::ObjectLost, GRAVITY * expected + step.weight, GRAVITY * expected));
         }
         if pushed_up || !quiet && step.weight > limits.step.heaviest {
             return None;
         }
-        (self.stepped, self.overloaded) = (Some(tick.time), true);
-        self.more += step.weight;
-        Some((Kind::OtherPayload, expected + step.weight / GRAVITY, expected))
+        (self.last_weight_step, self.overloaded) = (Some(tick.time), true);
+        self.excess_weight += step.weight;
+        Some((FaultKind::OtherPayload, expected + step.weight / GRAVITY, expected))
     }
 
-    fn payload(
+    fn detect_payload(
         &mut self,
         limits: &HandLimits,
         tick: &HandTick,
         moved: &Vector3<f64>,
         (should, quiet): (usize, bool),
     ) -> Option<Finding> {
-        let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
+        let weight =
+            self.measured_weight(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.contact_reported)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
         // Weighed only where the object was raised: elsewhere the arm's own errors differ. A push also acts sideways.
-        let raised = matches!(tick.phase.skill, Skill::Lift | Skill::Look);
-        let more = raised && weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH;
-        let lasts = lasts(&mut self.payload_since, more, tick.time, limits.payload_time);
+        let raised = matches!(tick.phase.skill, Skill::Lift | Skill::Snapshot);
+        let more = raised && weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH_FORCE_CHANGE;
+        let lasts = has_lasted(&mut self.payload_since, more, tick.time, limits.payload_time);
         // A weight comes and stays, whereas a contact pushes harder and harder.
-        if !lasts || self.overloaded || !self.is_steady(STILL) {
+        if !lasts || self.overloaded || !self.is_steady(STEADY_FORCE_RANGE) {
             return None;
         }
         self.overloaded = true;
-        Some((Kind::OtherPayload, weight / GRAVITY, expected))
+        Some((FaultKind::OtherPayload, weight / GRAVITY, expected))
     }
 }
 
@@ -331,7 +360,7 @@ impl HandWatch {
 mod tests {
     use hand_model::Digit;
 
-    use super::super::residuals::Cable;
+    use super::super::residuals::CableState;
     use super::*;
 
     const ROLES: [&[Digit]; 2] = [&[Digit::Ring, Digit::Little], &[Digit::Thumb, Digit::Index, Digit::Middle]];
@@ -341,8 +370,8 @@ mod tests {
     /// Returns the findings for a hand that approaches for half a second, lifts 0.1 kg as it should, and then bears an
     /// additional `force` (N), which builds up within `ticks`. Its ring finger holds the object, and continues to if it
     /// still `grips`. The arm's torques follow with their lag.
-    fn named_of(force: Vector3<f64>, ticks: usize, grips: bool) -> Vec<Kind> {
-        let limits = Limits::standard().expect("the limits");
+    fn detected_faults_for(force: Vector3<f64>, ticks: usize, grips: bool) -> Vec<FaultKind> {
+        let limits = DetectionLimits::standard().expect("the limits");
         let mut watch = HandWatch::default();
         let own = Vector3::new(0.4, -0.2, -1.0);
         let object = Vector3::new(0.0, 0.0, -0.1 * GRAVITY);
@@ -353,45 +382,45 @@ mod tests {
             let (phase, progress) = match n {
                 0..60 => (Phase::run(Skill::Approach, 0), 0.3),
                 60..120 => (Phase::run(Skill::Lift, 0), share(60, 60)),
-                120..180 => (Phase::run(Skill::Look, 0), 0.3),
-                _ => (Phase::decide(Skill::Look, 0), 0.3),
+                120..180 => (Phase::run(Skill::Snapshot, 0), 0.3),
+                _ => (Phase::decide(Skill::Snapshot, 0), 0.3),
             };
             let acts = own + share(60, 30) * object + share(179, ticks) * force;
             felt = acts + limits.step.lag * (felt - acts);
-            let mut residuals = Residuals { force: felt, cables: [Cable::default(); 5].into() };
+            let mut residuals = Residuals { force: felt, cables: [CableState::default(); 5].into() };
             residuals.cables[Digit::Ring.index()].tension = if n < 60 || n >= 180 && !grips { 0.0 } else { 2.0 };
             let tick = HandTick { time, phase, progress, residuals: &residuals, masses: &[0.1, 0.2], digits: &ROLES };
-            watch.see(&limits, &tick).map(|(kind, ..)| kind)
+            watch.update(&limits, &tick).map(|(kind, ..)| kind)
         };
         (0..240).filter_map(see).collect()
     }
 
-    fn named(force: Vector3<f64>) -> Vec<Kind> {
-        named_of(force, 1, true)
+    fn detected_faults(force: Vector3<f64>) -> Vec<FaultKind> {
+        detected_faults_for(force, 1, true)
     }
 
     #[test]
     fn weight_that_goes_is_an_object_lost_if_it_goes_at_once_or_a_digit_felt_it_go() {
-        assert_eq!(named(Vector3::zeros()), []);
+        assert_eq!(detected_faults(Vector3::zeros()), []);
         let gone = Vector3::new(0.0, 0.0, 0.1 * GRAVITY);
-        assert_eq!(named_of(gone, 1, false), [Kind::ObjectLost]);
-        assert_eq!(named_of(gone, 1, true), [Kind::ObjectLost], "what goes at once is weight");
-        assert_eq!(named_of(gone, 20, true), [], "the arm's friction");
+        assert_eq!(detected_faults_for(gone, 1, false), [FaultKind::ObjectLost]);
+        assert_eq!(detected_faults_for(gone, 1, true), [FaultKind::ObjectLost], "what goes at once is weight");
+        assert_eq!(detected_faults_for(gone, 20, true), [], "the arm's friction");
     }
 
     /// A sudden load is a weight, even if it is less than that of both objects. A slow load is none until it is too
     /// large for too long.
     #[test]
     fn weight_that_comes_is_another_payload() {
-        assert_eq!(named(Vector3::new(0.0, 0.0, -0.15 * GRAVITY)), [Kind::OtherPayload]);
-        assert_eq!(named(Vector3::new(0.0, 0.0, -0.1 * GRAVITY)), [Kind::OtherPayload]);
-        assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.07 * GRAVITY), 20, true), []);
-        assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.15 * GRAVITY), 30, true), [Kind::OtherPayload]);
+        assert_eq!(detected_faults(Vector3::new(0.0, 0.0, -0.15 * GRAVITY)), [FaultKind::OtherPayload]);
+        assert_eq!(detected_faults(Vector3::new(0.0, 0.0, -0.1 * GRAVITY)), [FaultKind::OtherPayload]);
+        assert_eq!(detected_faults_for(Vector3::new(0.0, 0.0, -0.07 * GRAVITY), 20, true), []);
+        assert_eq!(detected_faults_for(Vector3::new(0.0, 0.0, -0.15 * GRAVITY), 30, true), [FaultKind::OtherPayload]);
     }
 
     #[test]
     fn a_push_is_a_contact() {
-        assert_eq!(named(Vector3::new(8.0, 0.0, 0.0)), [Kind::UnexpectedContact]);
-        assert_eq!(named(Vector3::new(1.0, 0.0, 0.0)), []);
+        assert_eq!(detected_faults(Vector3::new(8.0, 0.0, 0.0)), [FaultKind::UnexpectedContact]);
+        assert_eq!(detected_faults(Vector3::new(1.0, 0.0, 0.0)), []);
     }
 }

@@ -1,156 +1,164 @@
 //! The mirror: a twin that runs beside the robot as an observer, fed with the same commands and corrected by the
 //! robot's measurements, and the divergences that it reports.
 //!
-//! [`twin`] is the observer and [`seen`] is all of its input. [`pace`] resamples that input to even ticks if a robot
+//! [`reference_model`] is the observer and [`measurements`] is all of its input. [`pace`] resamples that input to even ticks if a robot
 //! runs in real time. [`residuals`] are the differences between robot and twin. [`cables`], [`torque`], [`hand`] with
 //! [`steps`], and [`cameras`] detect faults in the residuals. They use the expectations of a phase ([`expected`]), the
-//! load from [`outside`], and the thresholds of [`limits`]. [`divergence`] words the findings. [`belief`] is the pose
+//! load from [`external_wrench`], and the thresholds of [`limits`]. [`fault`] words the findings. [`held_pose`] is the pose
 //! estimate of the object in the hand.
 //!
-//! A mirror only observes. It takes measurements, sent commands and the controller's estimates ([`seen::Seen`]). It has
+//! A mirror only observes. It takes measurements, sent commands and the controller's estimates ([`seen::TickMeasurements`]). It has
 //! no access to the robot's ground truth and gives nothing back to the controller.
 
-pub mod belief;
 pub mod cables;
 pub mod cameras;
-pub mod divergence;
 pub mod expected;
+pub mod external_wrench;
+pub mod fault;
 pub mod hand;
+pub mod held_pose;
 pub mod limits;
-pub mod outside;
-pub mod pace;
+pub mod measurements;
+pub mod reference_model;
+pub mod resampling;
 pub mod residuals;
-pub mod seen;
 pub mod steps;
 pub mod torque;
-pub mod twin;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use control::executor::Target;
+use control::executor::GraspTarget;
 use control::inverse_kinematics::ArmKinematics;
-use grasp_verification::simulated_world::World;
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::robot::{ArmState, ServoState};
 use hand_model::{ActuatorVector, Arm, ArmVector, Digit, Hand};
 use nalgebra::Isometry3;
 
-use self::belief::{Belief, Believes};
 use self::cables::{CableWatch, Finding};
 use self::cameras::CameraWatch;
-use self::divergence::{Divergence, Kind};
+use self::fault::{DetectedFault, FaultKind};
 use self::hand::{HandTick, HandWatch};
-use self::limits::{Limits, LimitsError};
-use self::pace::{Look, Pace, Passed};
+use self::held_pose::{HeldPose, HeldPoseTracker};
+use self::limits::{DetectionLimits, LimitsError};
+use self::measurements::TickMeasurements;
+use self::reference_model::ReferenceModel;
+use self::resampling::{Observation, Resampled, Resampler};
 use self::residuals::Residuals;
-use self::seen::Seen;
-use self::twin::Twin;
 
 /// A twin beside a robot, with all divergences reported so far.
 #[derive(Clone)]
-pub struct Mirror {
-    twin: Twin,
-    pace: Pace,
+pub struct FaultDetector {
+    reference_model: ReferenceModel,
+    resampler: Resampler,
     /// Number of gaps so long that the observations before them were discarded.
     gaps: u32,
     hand: Arc<Hand>,
     arm: Arc<Arm>,
     kinematics: ArmKinematics,
-    limits: Limits,
+    limits: DetectionLimits,
     /// Masses of objects as the controller knows them, kg.
     masses: Arc<BTreeMap<String, f64>>,
-    before: ActuatorVector<ServoState>,
+    servos_before: ActuatorVector<ServoState>,
     arm_before: ArmState,
     residuals: Residuals,
     cables: Vec<CableWatch>,
-    handle: HandWatch,
+    hand_watch: HandWatch,
     cameras: CameraWatch,
-    believes: Believes,
-    named: Vec<Divergence>,
+    held_pose: HeldPoseTracker,
+    faults: Vec<DetectedFault>,
 }
 
-impl Mirror {
+impl FaultDetector {
     /// Creates the twin of the robot as the controller of `world` knows it, its arm at rest at the measured angles
     /// `arm` (rad).
-    pub fn new(world: &World, arm: &ArmVector) -> Result<Self, LimitsError> {
+    pub fn new(world: &SimulatedWorld, arm: &ArmVector) -> Result<Self, LimitsError> {
         let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
         Ok(Self {
-            twin: Twin::new(world, arm),
-            pace: Pace::default(),
+            reference_model: ReferenceModel::new(world, arm),
+            resampler: Resampler::default(),
             gaps: 0,
             hand: world.cell.robot.hand.clone(),
             arm: world.cell.robot.arm.clone(),
             kinematics: world.cell.kinematics(),
-            limits: Limits::standard()?,
+            limits: DetectionLimits::standard()?,
             masses: Arc::new(masses),
-            before: world.cell.robot.hand.each_actuator(|_| ServoState::default()),
+            servos_before: world.cell.robot.hand.each_actuator(|_| ServoState::default()),
             arm_before: ArmState::default(),
             residuals: Residuals::default(),
             cables: vec![CableWatch::default(); world.cell.robot.hand.cables.len()],
-            handle: HandWatch::default(),
+            hand_watch: HandWatch::default(),
             cameras: CameraWatch::new(world.cell.robot.hand.cameras.len()),
-            believes: Believes::default(),
-            named: Vec::new(),
+            held_pose: HeldPoseTracker::default(),
+            faults: Vec::new(),
         })
     }
 
     /// Processes an observation, made one tick after the last one or whenever the robot's host had the time. Returns
     /// the new divergences.
-    pub fn see(&mut self, seen: &Seen) -> &[Divergence] {
-        let known = self.named.len();
-        let look =
-            Look { time: seen.time, servos: seen.servos.iter().copied().collect(), arm: *seen.arm, sent: *seen.sent };
-        match self.pace.take(&look, self.twin.tick_length()) {
-            Passed::Tick => self.tick(seen),
-            Passed::Even(ticks) => {
-                for Look { time, servos, arm, sent } in &ticks {
-                    self.tick(&Seen { time: *time, servos, arm, sent, ..*seen });
+    pub fn update(&mut self, seen: &TickMeasurements) -> &[DetectedFault] {
+        let known = self.faults.len();
+        let look = Observation {
+            time: seen.time,
+            servos: seen.servos.iter().copied().collect(),
+            arm: *seen.arm,
+            sent: *seen.sent,
+        };
+        match self.resampler.resample(&look, self.reference_model.tick_length()) {
+            Resampled::Tick => self.tick(seen),
+            Resampled::EvenTicks(ticks) => {
+                for Observation { time, servos, arm, sent } in &ticks {
+                    self.tick(&TickMeasurements { time: *time, servos, arm, sent, ..*seen });
                 }
             }
-            Passed::Gap(ticks) => {
+            Resampled::Gap(ticks) => {
                 self.gaps += 1;
-                self.go_on_unseen(ticks, seen);
+                self.advance_unobserved(ticks, seen);
             }
         }
-        let cameras =
-            self.cameras.see(&self.limits.camera, (seen.time, seen.sent.capture, self.pace.is_uneven()), seen.images);
+        let cameras = self.cameras.update(
+            &self.limits.camera,
+            (seen.time, seen.sent.capture, self.resampler.is_uneven()),
+            seen.images,
+        );
         for (camera, finding) in cameras {
             let part = camera.map_or_else(|| "all cameras".to_owned(), |camera| self.hand.cameras[camera].name.clone());
-            self.name(seen.time, part, finding);
+            self.report(seen.time, part, finding);
         }
-        &self.named[known..]
+        &self.faults[known..]
     }
 
     /// Lets the twin follow its last command for `ticks` ticks without observations. The detectors of cables and hand
     /// are then reset. Those of cameras and the pose estimate are kept.
-    fn go_on_unseen(&mut self, ticks: usize, seen: &Seen) {
+    fn advance_unobserved(&mut self, ticks: usize, seen: &TickMeasurements) {
         for _ in 0..ticks {
-            self.twin.go_on();
+            self.reference_model.advance();
         }
-        self.twin.correct(seen.servos, seen.arm, true);
-        self.before = seen.servos.iter().copied().collect();
+        self.reference_model.correct(seen.servos, seen.arm, true);
+        self.servos_before = seen.servos.iter().copied().collect();
         self.arm_before = *seen.arm;
         self.cables.fill(CableWatch::default());
-        self.handle.see_nothing();
-        self.believes.see(seen.time, seen.phase, seen.felt);
-        self.twin.follow(seen.sent);
+        self.hand_watch.skip_tick();
+        self.held_pose.update(seen.time, seen.phase, seen.felt);
+        self.reference_model.advance_with(seen.sent);
     }
 
     /// Processes one tick.
-    fn tick(&mut self, seen: &Seen) {
-        let innovation = self.twin.correct(seen.servos, seen.arm, self.pace.is_uneven());
+    fn tick(&mut self, seen: &TickMeasurements) {
+        let innovation = self.reference_model.correct(seen.servos, seen.arm, self.resampler.is_uneven());
         let (_, jacobian) = self.kinematics.jacobian(&seen.arm.position);
-        let readings = [&self.before, seen.servos];
-        self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
-        self.before = seen.servos.iter().copied().collect();
-        self.believes.see(seen.time, seen.phase, seen.felt);
+        let readings = [&self.servos_before, seen.servos];
+        self.residuals =
+            Residuals::new(&self.hand, readings, self.reference_model.tick_length(), &innovation, &jacobian);
+        self.servos_before = seen.servos.iter().copied().collect();
+        self.held_pose.update(seen.time, seen.phase, seen.felt);
         // An arm that repeats its state to the last bit is no longer heard: the twin moves on, and the difference is no
         // force.
         if std::mem::replace(&mut self.arm_before, *seen.arm) != *seen.arm {
-            self.look_at_hand(seen);
+            self.check_hand(seen);
         }
-        self.look_at_cables(seen.time);
-        self.twin.follow(seen.sent);
+        self.check_cables(seen.time);
+        self.reference_model.advance_with(seen.sent);
     }
 
     /// Returns the number of gaps so far that made the observations before them worthless.
@@ -165,12 +173,12 @@ impl Mirror {
         self.arm.tree.joints.iter().zip(angles).any(|(joint, at)| at - joint.lower < near || joint.upper - at < near)
     }
 
-    fn look_at_hand(&mut self, seen: &Seen) {
+    fn check_hand(&mut self, seen: &TickMeasurements) {
         if self.is_on_stop(&seen.arm.position) {
-            self.handle.see_nothing();
+            self.hand_watch.skip_tick();
             return;
         }
-        let mass = |target: &Target| self.masses.get(&target.grasp.object).copied().unwrap_or(0.0);
+        let mass = |target: &GraspTarget| self.masses.get(&target.grasp.object).copied().unwrap_or(0.0);
         let masses: Vec<f64> = seen.targets.iter().map(mass).collect();
         let digits: Vec<&[Digit]> = seen.targets.iter().map(|target| &target.grasp.digits[..]).collect();
         let tick = HandTick {
@@ -181,32 +189,32 @@ impl Mirror {
             masses: &masses,
             digits: &digits,
         };
-        if let Some(finding) = self.handle.see(&self.limits, &tick) {
-            if finding.0 == Kind::ObjectLost {
-                self.believes.lose();
+        if let Some(finding) = self.hand_watch.update(&self.limits, &tick) {
+            if finding.0 == FaultKind::ObjectLost {
+                self.held_pose.clear();
             }
-            self.name(seen.time, "hand".to_owned(), finding);
+            self.report(seen.time, "hand".to_owned(), finding);
         }
     }
 
-    fn look_at_cables(&mut self, time: f64) {
-        let outside = self.handle.outside(&self.limits.hand);
+    fn check_cables(&mut self, time: f64) {
+        let outside = self.hand_watch.external_wrench(&self.limits.hand);
         for digit in self.hand.digits() {
             let n = digit.index();
-            let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], outside);
+            let finding = self.cables[n].update(&self.limits.cable, time, &self.residuals.cables[n], outside);
             if let Some(finding) = finding {
-                self.name(time, digit.name().to_owned(), finding);
+                self.report(time, digit.name().to_owned(), finding);
             }
         }
     }
 
-    fn name(&mut self, time: f64, part: String, (kind, found, expected): Finding) {
-        self.named.push(Divergence { time, kind, part, found, expected });
+    fn report(&mut self, time: f64, part: String, (kind, found, expected): Finding) {
+        self.faults.push(DetectedFault { time, kind, part, found, expected });
     }
 
     /// Returns all divergences reported so far.
-    pub fn named(&self) -> &[Divergence] {
-        &self.named
+    pub fn faults(&self) -> &[DetectedFault] {
+        &self.faults
     }
 
     /// Returns the residuals of the last tick.
@@ -215,12 +223,12 @@ impl Mirror {
     }
 
     /// Returns the twin.
-    pub fn twin(&self) -> &Twin {
-        &self.twin
+    pub fn reference_model(&self) -> &ReferenceModel {
+        &self.reference_model
     }
 
     /// Returns the pose estimate of the object in the hand, and `world_from_object` that follows from it.
-    pub fn object(&self) -> Option<(&Belief, Isometry3<f64>)> {
-        self.believes.object().map(|belief| (belief, self.twin.palm() * belief.palm_from_object))
+    pub fn held_object(&self) -> Option<(&HeldPose, Isometry3<f64>)> {
+        self.held_pose.object().map(|belief| (belief, self.reference_model.palm() * belief.palm_from_object))
     }
 }

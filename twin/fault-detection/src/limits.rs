@@ -10,7 +10,7 @@ pub struct LimitsError(#[from] toml::de::Error);
 /// All limits; see `data/mirror.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Limits {
+pub struct DetectionLimits {
     #[serde(rename = "version")]
     _version: u32,
     pub cable: CableLimits,
@@ -100,7 +100,7 @@ pub struct CameraLimits {
     pub black: f64,
 }
 
-impl Limits {
+impl DetectionLimits {
     /// Returns the limits that come with the program.
     pub fn standard() -> Result<Self, LimitsError> {
         Ok(toml::from_str(include_str!("../data/mirror.toml"))?)

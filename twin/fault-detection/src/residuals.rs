@@ -1,33 +1,33 @@
 //! Residuals between robot and twin, as quantities that can be told apart: cable tensions, and the force on the hand.
 
-use hand_model::arm::MOST_ARM_JOINTS;
-use hand_model::load::torques;
+use hand_model::arm::MAX_ARM_JOINTS;
+use hand_model::gravity::pack_torques;
 use hand_model::robot::ServoState;
 use hand_model::{DigitVector, Hand};
 use nalgebra::{SMatrix, Vector3};
 
-use super::twin::Innovation;
+use super::reference_model::Innovation;
 
 /// Tikhonov damping of the singular values of the arm's Jacobian. Forces along a direction in which the arm can hardly
 /// move are not observable. With a cut-off instead, the force jumped by 0.7 N as the arm went through such a posture.
-const DAMPED: f64 = 0.03;
+const JACOBIAN_DAMPING: f64 = 0.03;
 /// Speed below which dry friction is scaled down in proportion, rad/s.
-const CREEP: f64 = 0.1;
+const DRY_FRICTION_SPEED: f64 = 0.1;
 
 /// State of a cable.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Cable {
+pub struct CableState {
     /// Tension that the cable bears, N: that of the servo's current, less the shares of rotor inertia and bearing
     /// friction.
     pub tension: f64,
     /// Tension of the twin's cable, N: that of a free digit with the same spool position.
-    pub free: f64,
+    pub reference_tension: f64,
     /// Tension that the current would hold at rest, N.
-    pub pulled: f64,
+    pub servo_tension: f64,
     /// Increase of the tension within the tick if its digit had not moved, N.
-    pub held: f64,
+    pub blocked_increase: f64,
     /// Cable on the spool, m.
-    pub wound: f64,
+    pub wound_length: f64,
     /// Winding speed, m/s.
     pub speed: f64,
 }
@@ -35,44 +35,44 @@ pub struct Cable {
 /// Residuals of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Residuals {
-    pub cables: DigitVector<Cable>,
+    pub cables: DigitVector<CableState>,
     /// External force on the robot's hand that the twin's does not have, world axes, N.
     pub force: Vector3<f64>,
 }
 
 impl Residuals {
-    /// Computes the residuals of a tick of length `tick` (s) between the readings `before` and `now`, with the arm's
+    /// Computes the residuals of a tick of length `tick` (s) between the readings `servos_before` and `now`, with the arm's
     /// `jacobian` at the palm (world axes).
     pub fn new(
         hand: &Hand,
         [before, now]: [&[ServoState]; 2],
         tick: f64,
         innovation: &Innovation,
-        jacobian: &SMatrix<f64, 6, MOST_ARM_JOINTS>,
+        jacobian: &SMatrix<f64, 6, MAX_ARM_JOINTS>,
     ) -> Self {
         let cable = |n: usize| {
             let (servo, radius) = (&hand.servos[n], hand.cables[n].spool_radius);
             let (before, now) = (&before[n], &now[n]);
             let speed = 0.5 * (before.velocity + now.velocity);
-            let dry = servo.friction * (speed / CREEP).clamp(-1.0, 1.0);
+            let dry = servo.friction * (speed / DRY_FRICTION_SPEED).clamp(-1.0, 1.0);
             let torque = 0.5 * servo.torque_constant * (before.current + now.current)
                 - servo.damping * speed
                 - dry
                 - servo.rotor_inertia * (now.velocity - before.velocity) / tick;
-            Cable {
+            CableState {
                 tension: torque / radius,
-                free: innovation.tensions[n],
-                pulled: servo.torque_constant * now.current / radius,
-                held: (hand.cables[n].stiffness * radius * speed * tick).max(0.0),
-                wound: radius * now.position,
+                reference_tension: innovation.tensions[n],
+                servo_tension: servo.torque_constant * now.current / radius,
+                blocked_increase: (hand.cables[n].stiffness * radius * speed * tick).max(0.0),
+                wound_length: radius * now.position,
                 speed: radius * now.velocity,
             }
         };
         // The arm balances the wrench on the hand: torque = -J^T wrench.
-        let torque = torques(&innovation.arm_torque);
+        let torque = pack_torques(&innovation.arm_torque);
         let svd = jacobian.transpose().svd(true, true);
         let force = svd.u.zip(svd.v_t).map_or_else(Vector3::zeros, |(u, v_t)| {
-            let damped = svd.singular_values.map(|value| value / (value.powi(2) + DAMPED.powi(2)));
+            let damped = svd.singular_values.map(|value| value / (value.powi(2) + JACOBIAN_DAMPING.powi(2)));
             let along = (u.transpose() * -torque).component_mul(&damped);
             (v_t.transpose() * along).fixed_rows::<3>(0).into_owned()
         });
@@ -96,10 +96,10 @@ mod tests {
         let hand = Hand::ftac();
         let (servo, radius) = (&hand.servos[1], hand.cables[1].spool_radius);
         let still = ServoState { current: 0.1, ..ServoState::default() };
-        let jacobian = SMatrix::<f64, 6, MOST_ARM_JOINTS>::zeros();
+        let jacobian = SMatrix::<f64, 6, MAX_ARM_JOINTS>::zeros();
         let holding = Residuals::new(&hand, [&[still; 6]; 2], 0.01, &innovation(), &jacobian).cables[1];
         assert!((holding.tension - 0.1 * servo.torque_constant / radius).abs() < 1e-9);
-        assert_eq!(holding.tension, holding.pulled);
+        assert_eq!(holding.tension, holding.servo_tension);
         // Torque of 0.1 A over the rotor's inertia, less the bearing friction at the mean speed.
         let faster = 0.1 * servo.torque_constant * 0.01 / (servo.rotor_inertia + 0.5 * 0.01 * servo.damping);
         let spun = ServoState { velocity: faster, ..still };
@@ -114,7 +114,7 @@ mod tests {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let links = arm.tree.forward(&Arm::gen3().home);
         let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
-        let jacobian: SMatrix<f64, 6, MOST_ARM_JOINTS> =
+        let jacobian: SMatrix<f64, 6, MAX_ARM_JOINTS> =
             arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
         let force = Vector3::new(3.0, -4.0, -6.0);
         let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
@@ -135,7 +135,7 @@ mod tests {
         let force = |elbow: f64| {
             let mut at = Arm::gen3().home;
             at[3] = elbow;
-            let jacobian: SMatrix<f64, 6, MOST_ARM_JOINTS> =
+            let jacobian: SMatrix<f64, 6, MAX_ARM_JOINTS> =
                 arm.tree.jacobian(&arm.tree.forward(&at), 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
             Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force
         };

@@ -8,17 +8,17 @@ use nalgebra::Vector3;
 use super::limits::StepLimits;
 
 /// Ticks that a step takes to show, the newest included.
-const SHOWING: usize = 3;
+const ONSET_TICKS: usize = 3;
 /// Ticks for which the force must rest before a step.
-const RESTING: usize = 12;
+const REST_TICKS: usize = 12;
 /// Ticks at rest over which the force before a step is averaged.
-const BASE: usize = 3;
+const BASELINE_TICKS: usize = 3;
 /// Additional ticks for which a step must persist if contact is expected.
-pub const STAYING: usize = 2;
+pub const PERSISTENCE_TICKS: usize = 2;
 
 /// A step that has just shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub struct ResidualStep {
     /// Change of weight, N, positive if weight has come.
     pub weight: f64,
     /// Force on the hand before the step, N.
@@ -27,18 +27,23 @@ pub struct Step {
 
 /// Removes the lag with which the arm's torques follow the force. Returns the force in each of the newest `count`
 /// ticks, N, oldest first.
-fn applied(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> Option<Vec<Vector3<f64>>> {
+fn remove_lag(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> Option<Vec<Vector3<f64>>> {
     let from = past.len().checked_sub(count + 1)?;
     let felt: Vec<Vector3<f64>> = past.range(from..).map(|(_, force)| *force).collect();
     Some(felt.windows(2).map(|pair| (pair[1] - lag * pair[0]) / (1.0 - lag)).collect())
 }
 
-/// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since.
+/// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `lasting_step` ticks since.
 /// The limits are those with contact `expected` or not.
-pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected: bool, stays: usize) -> Option<Step> {
-    let forces = applied(past, RESTING + SHOWING + stays, limits.lag)?;
-    let (rest, after) = forces.split_at(RESTING);
-    let base = rest[RESTING - BASE..].iter().sum::<Vector3<f64>>() / BASE as f64;
+pub fn detect_step(
+    past: &VecDeque<(f64, Vector3<f64>)>,
+    limits: &StepLimits,
+    expected: bool,
+    stays: usize,
+) -> Option<ResidualStep> {
+    let forces = remove_lag(past, REST_TICKS + ONSET_TICKS + stays, limits.lag)?;
+    let (rest, after) = forces.split_at(REST_TICKS);
+    let base = rest[REST_TICKS - BASELINE_TICKS..].iter().sum::<Vector3<f64>>() / BASELINE_TICKS as f64;
     let which = usize::from(expected);
     // In the first of these ticks the step may have come at any moment.
     let shown = &after[1..];
@@ -51,23 +56,23 @@ pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected:
     let moved = rest.iter().map(|force| (force - base).xy().norm().max((force - base).z.abs())).fold(0.0, f64::max);
     let even = most < limits.even[which] * size;
     let clear = one_way && even && sideways < limits.level[which] * size && moved < limits.rest[which] * size;
-    (clear && size > limits.least).then_some(Step { weight, before: base })
+    (clear && size > limits.least).then_some(ResidualStep { weight, before: base })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::limits::Limits;
+    use crate::limits::DetectionLimits;
 
     /// Returns the weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
     fn shown(force: Vector3<f64>, ticks: usize) -> Option<f64> {
-        let limits = Limits::standard().expect("the limits").step;
+        let limits = DetectionLimits::standard().expect("the limits").step;
         let (mut past, mut felt) = (VecDeque::new(), Vector3::zeros());
         for n in 0..30 {
             let acts = force * (n as f64 / ticks as f64 - 20.0 / ticks as f64).clamp(0.0, 1.0);
             felt = acts + limits.lag * (felt - acts);
             past.push_back((n as f64 / 120.0, felt));
-            if let Some(step) = step(&past, &limits, false, STAYING) {
+            if let Some(step) = detect_step(&past, &limits, false, PERSISTENCE_TICKS) {
                 return Some(step.weight);
             }
         }

@@ -2,23 +2,23 @@
 
 use anyhow::Result;
 use control::executor::Executor;
-use fault_detection::divergence::Kind as Divergence;
-use hand_model::robot::{Command, Readings, RobotBackend, ServoGoal};
+use fault_detection::fault::FaultKind as Divergence;
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, ServoGoal};
 use hardware_bridge::emulator::Plug;
-use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::faults::{FaultEvent, FaultProbabilities};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
-use hardware_bridge::safety::state::State;
+use hardware_bridge::safety::state::SupervisorState;
 use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
-use robot_session_log::Recorder;
+use robot_session_log::SessionRecorder;
 use serde::{Deserialize, Serialize};
 
 /// Servo that device faults strike: the index finger's.
-const SERVO: u8 = 2;
+const FAULTY_SERVO: u8 = 2;
 
 /// A kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Kind {
+pub enum InjectedFault {
     Noise,
     Dropped,
     AllDropped,
@@ -45,35 +45,35 @@ pub enum Kind {
 }
 
 /// All kinds of faults.
-pub const ALL: [Kind; 23] = [
-    Kind::Noise,
-    Kind::Dropped,
-    Kind::AllDropped,
-    Kind::Delayed,
-    Kind::Corrupt,
-    Kind::Overload,
-    Kind::Overheat,
-    Kind::Dip,
-    Kind::BrownOut,
-    Kind::ServoUnplugged,
-    Kind::AdapterUnplugged,
-    Kind::CamerasUnplugged,
-    Kind::CameraFrozen,
-    Kind::JpegCut,
-    Kind::UdpLossy,
-    Kind::UdpSlow,
-    Kind::ArmDeaf,
-    Kind::ArmFault,
-    Kind::EmergencyStop,
-    Kind::NotANumber,
-    Kind::ControllerSilent,
-    Kind::OperatorStop,
-    Kind::HostKilled,
+pub const ALL: [InjectedFault; 23] = [
+    InjectedFault::Noise,
+    InjectedFault::Dropped,
+    InjectedFault::AllDropped,
+    InjectedFault::Delayed,
+    InjectedFault::Corrupt,
+    InjectedFault::Overload,
+    InjectedFault::Overheat,
+    InjectedFault::Dip,
+    InjectedFault::BrownOut,
+    InjectedFault::ServoUnplugged,
+    InjectedFault::AdapterUnplugged,
+    InjectedFault::CamerasUnplugged,
+    InjectedFault::CameraFrozen,
+    InjectedFault::JpegCut,
+    InjectedFault::UdpLossy,
+    InjectedFault::UdpSlow,
+    InjectedFault::ArmDeaf,
+    InjectedFault::ArmFault,
+    InjectedFault::EmergencyStop,
+    InjectedFault::NotANumber,
+    InjectedFault::ControllerSilent,
+    InjectedFault::OperatorStop,
+    InjectedFault::HostKilled,
 ];
 
 /// Required outcome of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Expected {
+pub enum ExpectedOutcome {
     /// The robot goes on, or holds if too much is lost at once.
     GoesOn,
     Holds,
@@ -85,28 +85,28 @@ pub enum Expected {
 
 /// The party that can detect a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Teller {
+pub enum DetectingParty {
     /// Nobody: the links compensate, or the host is gone. A mirror must report nothing.
     Nobody,
     /// The supervisor, by holding the robot.
     Supervisor,
     /// A mirror, by this diagnosis.
-    Mirror(Divergence),
+    FaultDetector(Divergence),
 }
 
-impl Expected {
+impl ExpectedOutcome {
     /// True if the final supervisor `state`, and whether the robot is `safe`, satisfy this expectation.
-    pub fn fits(self, state: &State, safe: bool) -> bool {
+    pub fn is_met_by(self, state: &SupervisorState, safe: bool) -> bool {
         match self {
-            Self::GoesOn => safe || matches!(state, State::Running),
-            Self::Holds => safe && matches!(state, State::Hold(_) | State::Fault(_)),
-            Self::Faults => safe && matches!(state, State::Fault(_)),
+            Self::GoesOn => safe || matches!(state, SupervisorState::Running),
+            Self::Holds => safe && matches!(state, SupervisorState::Hold(_) | SupervisorState::Fault(_)),
+            Self::Faults => safe && matches!(state, SupervisorState::Fault(_)),
             Self::StopsItself => safe,
         }
     }
 }
 
-impl Kind {
+impl InjectedFault {
     /// Returns the description of the fault used in tables.
     pub fn name(self) -> &'static str {
         match self {
@@ -137,22 +137,24 @@ impl Kind {
     }
 
     /// Returns the required outcome of the fault.
-    pub fn expected(self) -> Expected {
+    pub fn expected(self) -> ExpectedOutcome {
         match self {
-            Self::Noise | Self::Dropped | Self::Delayed | Self::Corrupt => Expected::GoesOn,
-            Self::CameraFrozen | Self::JpegCut | Self::UdpLossy | Self::UdpSlow => Expected::GoesOn,
-            Self::Overload | Self::ArmFault | Self::EmergencyStop => Expected::Faults,
-            Self::HostKilled => Expected::StopsItself,
-            _ => Expected::Holds,
+            Self::Noise | Self::Dropped | Self::Delayed | Self::Corrupt => ExpectedOutcome::GoesOn,
+            Self::CameraFrozen | Self::JpegCut | Self::UdpLossy | Self::UdpSlow => ExpectedOutcome::GoesOn,
+            Self::Overload | Self::ArmFault | Self::EmergencyStop => ExpectedOutcome::Faults,
+            Self::HostKilled => ExpectedOutcome::StopsItself,
+            _ => ExpectedOutcome::Holds,
         }
     }
 
     /// Returns the party that must detect the fault.
-    pub fn teller(self) -> Teller {
+    pub fn detecting_party(self) -> DetectingParty {
         match self {
-            Self::CameraFrozen | Self::JpegCut => Teller::Mirror(Divergence::CameraDead),
-            kind if matches!(kind.expected(), Expected::GoesOn | Expected::StopsItself) => Teller::Nobody,
-            _ => Teller::Supervisor,
+            Self::CameraFrozen | Self::JpegCut => DetectingParty::FaultDetector(Divergence::CameraDead),
+            kind if matches!(kind.expected(), ExpectedOutcome::GoesOn | ExpectedOutcome::StopsItself) => {
+                DetectingParty::Nobody
+            }
+            _ => DetectingParty::Supervisor,
         }
     }
 
@@ -163,39 +165,39 @@ impl Kind {
     }
 
     /// True if the fault ends the host program.
-    pub fn kills_the_host(self) -> bool {
+    pub fn ends_host_program(self) -> bool {
         self == Self::HostKilled
     }
 
     /// Injects the fault.
-    pub fn strike(self, robot: &mut LockstepRobot) {
-        let chances = |chances: Chances| Some(chances);
+    pub fn inject(self, robot: &mut LockstepRobot) {
+        let chances = |chances: FaultProbabilities| Some(chances);
         let chances = match self {
-            Self::Noise => chances(Chances { noise: 0.3, ..Chances::default() }),
-            Self::Dropped => chances(Chances { drop: 0.05, ..Chances::default() }),
-            Self::AllDropped => chances(Chances { drop: 1.0, ..Chances::default() }),
-            Self::Delayed => chances(Chances { delay: 0.05, ..Chances::default() }),
-            Self::Corrupt => chances(Chances { corrupt: 0.05, ..Chances::default() }),
+            Self::Noise => chances(FaultProbabilities { noise: 0.3, ..FaultProbabilities::default() }),
+            Self::Dropped => chances(FaultProbabilities { drop: 0.05, ..FaultProbabilities::default() }),
+            Self::AllDropped => chances(FaultProbabilities { drop: 1.0, ..FaultProbabilities::default() }),
+            Self::Delayed => chances(FaultProbabilities { delay: 0.05, ..FaultProbabilities::default() }),
+            Self::Corrupt => chances(FaultProbabilities { corrupt: 0.05, ..FaultProbabilities::default() }),
             _ => None,
         };
         if let Some(chances) = chances {
-            robot.devices().set_chances(chances);
+            robot.devices().set_fault_probabilities(chances);
         }
         match self {
-            Self::Overload => robot.devices().inject(Event::Overload(SERVO)),
-            Self::Overheat => robot.devices().inject(Event::Overheat(SERVO)),
-            Self::Dip => robot.devices().inject(Event::Voltage(8.0)),
-            Self::BrownOut => robot.devices().inject(Event::Voltage(0.0)),
-            Self::ServoUnplugged => robot.devices().inject(Event::Unplug(SERVO)),
+            Self::Overload => robot.devices().inject(FaultEvent::Overload(FAULTY_SERVO)),
+            Self::Overheat => robot.devices().inject(FaultEvent::Overheat(FAULTY_SERVO)),
+            Self::Dip => robot.devices().inject(FaultEvent::Voltage(8.0)),
+            Self::BrownOut => robot.devices().inject(FaultEvent::Voltage(0.0)),
+            Self::ServoUnplugged => robot.devices().inject(FaultEvent::Unplug(FAULTY_SERVO)),
             Self::AdapterUnplugged => robot.devices().unplug(Plug::Servos),
             Self::CamerasUnplugged => robot.devices().unplug(Plug::Cameras),
-            Self::CameraFrozen => robot.devices().inject(Event::Freeze(3)),
-            Self::JpegCut => robot.devices().set_jpeg_chance(1.0),
-            Self::UdpLossy => arm(robot, Injection::LoseReplies(0.3)),
-            Self::UdpSlow => arm(robot, Injection::DelayReplies(5)),
-            Self::ArmDeaf => arm(robot, Injection::Deaf(true)),
-            Self::ArmFault => arm(robot, Injection::JointFault { joint: 3, bits: FOLLOWING_ERROR }),
-            Self::EmergencyStop => arm(robot, Injection::EmergencyStop(true)),
+            Self::CameraFrozen => robot.devices().inject(FaultEvent::FreezeCamera(3)),
+            Self::JpegCut => robot.devices().set_jpeg_cut_probability(1.0),
+            Self::UdpLossy => inject_arm_fault(robot, Injection::LoseReplies(0.3)),
+            Self::UdpSlow => inject_arm_fault(robot, Injection::DelayReplies(5)),
+            Self::ArmDeaf => inject_arm_fault(robot, Injection::Deaf(true)),
+            Self::ArmFault => inject_arm_fault(robot, Injection::JointFault { joint: 3, bits: FOLLOWING_ERROR }),
+            Self::EmergencyStop => inject_arm_fault(robot, Injection::EmergencyStop(true)),
             Self::OperatorStop => robot.hold(),
             Self::HostKilled => robot.kill_host(),
             _ => {}
@@ -203,7 +205,11 @@ impl Kind {
     }
 
     /// Plays one tick after the fault. Returns the command that was sent, if the controller took part.
-    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executor: &mut Executor) -> Result<Option<Command>> {
+    pub fn play_tick(
+        self,
+        recorder: &mut SessionRecorder<LockstepRobot>,
+        executor: &mut Executor,
+    ) -> Result<Option<RobotCommand>> {
         match self {
             // Bypasses the recorder, which died with the host.
             Self::HostKilled => {
@@ -214,7 +220,7 @@ impl Kind {
                 recorder.wait_for_tick();
             }
             Self::NotANumber => {
-                if let Ok(observation) = recorder.observe().and_then(Readings::complete) {
+                if let Ok(observation) = recorder.observe().and_then(Readings::into_observation) {
                     let mut command = executor.tick(&observation)?;
                     command.servos[0] = ServoGoal::Current(f64::NAN);
                     // Refusal is the purpose of this fault.
@@ -229,8 +235,8 @@ impl Kind {
 }
 
 /// Plays one tick of `robot` under `executor`, which holds if the robot fails. Returns the command that was sent.
-pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Result<Option<Command>> {
-    let sent = match robot.observe().and_then(Readings::complete) {
+pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Result<Option<RobotCommand>> {
+    let sent = match robot.observe().and_then(Readings::into_observation) {
         Ok(observation) => robot.send(&executor.tick(&observation)?).ok(),
         Err(_) => None,
     };
@@ -239,6 +245,6 @@ pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Re
 }
 
 /// Injects a fault into the emulated arm.
-fn arm(robot: &mut LockstepRobot, injection: Injection) {
+fn inject_arm_fault(robot: &mut LockstepRobot, injection: Injection) {
     robot.arm().inject(injection);
 }

@@ -11,18 +11,18 @@ use ftac_platform::journal::{Journal, lock_folder};
 use hand_model::RobotSources;
 use serde::{Deserialize, Serialize};
 
-use super::Outcome;
-use super::kind::Kind;
+use super::InjectionOutcome;
+use super::kind::InjectedFault;
 
 /// File with the request: the injections that the folder is for.
-const REQUEST: &str = "faults.json";
+const REQUEST_FILE: &str = "faults.json";
 /// File of the outcomes.
-const LINES: &str = "faults.jsonl";
+const OUTCOMES_FILE: &str = "faults.jsonl";
 
 /// Request for a fault matrix.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Request {
+pub struct MatrixRequest {
     /// Version of the program: another version may give other outcomes.
     pub program: String,
     /// The robot's files, if it is not the built-in one.
@@ -31,7 +31,7 @@ pub struct Request {
     pub seed: u64,
     /// Number of times that each fault is injected into each phase.
     pub rounds: usize,
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<InjectedFault>,
     #[serde(with = "phases")]
     pub phases: Vec<Phase>,
     /// True if a mirror runs beside each injection.
@@ -43,7 +43,7 @@ pub struct Request {
 struct Line {
     n: usize,
     #[serde(flatten)]
-    outcome: Outcome,
+    outcome: InjectionOutcome,
 }
 
 /// An open ledger.
@@ -53,15 +53,15 @@ pub struct Ledger {
     /// The locked folder: only one matrix writes into it at a time.
     _lock: File,
     /// Outcomes so far, by the number of the injection.
-    pub done: BTreeMap<usize, Outcome>,
+    pub done: BTreeMap<usize, InjectionOutcome>,
 }
 
 impl Ledger {
     /// Creates a ledger in `folder`, which is created if missing. Refuses a folder that already holds one.
-    pub fn create(folder: &Path, request: &Request) -> Result<Self> {
+    pub fn create(folder: &Path, request: &MatrixRequest) -> Result<Self> {
         std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
         let lock = lock_folder(folder, "fault matrix").context("--out")?;
-        if folder.join(REQUEST).exists() {
+        if folder.join(REQUEST_FILE).exists() {
             bail!(
                 "--out: {} already holds a fault matrix; go on with --resume {0} or name another folder",
                 folder.display()
@@ -69,20 +69,21 @@ impl Ledger {
         }
         let text = serde_json::to_string_pretty(request)?;
         // The file of outcomes comes first: a folder that holds a request can then be resumed.
-        let lines = Journal::open(&folder.join(LINES)).context("--out")?;
-        ftac_platform::data::write_whole(&folder.join(REQUEST), text.as_bytes())?;
+        let lines = Journal::open(&folder.join(OUTCOMES_FILE)).context("--out")?;
+        ftac_platform::data::write_atomically(&folder.join(REQUEST_FILE), text.as_bytes())?;
         Ok(Self { folder: folder.to_owned(), lines, _lock: lock, done: BTreeMap::new() })
     }
 
     /// Opens an existing ledger to resume it. A truncated last line is dropped.
-    pub fn resume(folder: &Path) -> Result<(Self, Request)> {
+    pub fn resume(folder: &Path) -> Result<(Self, MatrixRequest)> {
         let lock = lock_folder(folder, "fault matrix").context("--resume")?;
-        let path = folder.join(REQUEST);
+        let path = folder.join(REQUEST_FILE);
         let text = std::fs::read_to_string(&path).with_context(|| {
             format!("--resume: {} holds no fault matrix (cannot read {})", folder.display(), path.display())
         })?;
-        let request: Request = serde_json::from_str(&text).with_context(|| format!("--resume: {}", path.display()))?;
-        let path = folder.join(LINES);
+        let request: MatrixRequest =
+            serde_json::from_str(&text).with_context(|| format!("--resume: {}", path.display()))?;
+        let path = folder.join(OUTCOMES_FILE);
         let kept = Journal::read(&path).context("--resume")?;
         let done = kept.into_iter().map(|Line { n, outcome }| (n, outcome)).collect();
         let lines = Journal::open(&path).context("--resume")?;
@@ -90,8 +91,8 @@ impl Ledger {
     }
 
     /// Appends an outcome.
-    pub fn append(&mut self, n: usize, outcome: Outcome) -> Result<()> {
-        self.lines.add(&Line { n, outcome: outcome.clone() })?;
+    pub fn append(&mut self, n: usize, outcome: InjectionOutcome) -> Result<()> {
+        self.lines.append(&Line { n, outcome: outcome.clone() })?;
         self.done.insert(n, outcome);
         Ok(())
     }
@@ -110,10 +111,10 @@ pub(super) mod phase {
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phase, D::Error> {
         let name = String::deserialize(deserializer)?;
-        named(&name).ok_or_else(|| de::Error::custom(format!("phase: found `{name}`, expected the name of one")))
+        from_name(&name).ok_or_else(|| de::Error::custom(format!("phase: found `{name}`, expected the name of one")))
     }
 
-    pub fn named(name: &str) -> Option<Phase> {
+    pub fn from_name(name: &str) -> Option<Phase> {
         PHASES.into_iter().find(|phase| phase.name() == name)
     }
 }
@@ -123,7 +124,7 @@ mod phases {
     use control::executor::Phase;
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
-    use super::phase::named;
+    use super::phase::from_name;
 
     pub fn serialize<S: Serializer>(phases: &[Phase], serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(phases.iter().map(|phase| phase.name()))
@@ -132,7 +133,8 @@ mod phases {
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Phase>, D::Error> {
         let names = Vec::<String>::deserialize(deserializer)?;
         let phase = |name: String| {
-            named(&name).ok_or_else(|| de::Error::custom(format!("phases: found `{name}`, expected the name of one")))
+            from_name(&name)
+                .ok_or_else(|| de::Error::custom(format!("phases: found `{name}`, expected the name of one")))
         };
         names.into_iter().map(phase).collect()
     }
@@ -144,9 +146,9 @@ mod tests {
 
     use super::*;
 
-    fn outcome(round: usize) -> Outcome {
-        Outcome {
-            kind: Kind::Overload,
+    fn outcome(round: usize) -> InjectionOutcome {
+        InjectionOutcome {
+            kind: InjectedFault::Overload,
             phase: Phase::run(Skill::Lift, 0),
             round,
             state: "hold".to_owned(),
@@ -168,12 +170,12 @@ mod tests {
     #[test]
     fn an_interrupted_matrix_goes_on() {
         let folder = tempfile::tempdir().expect("a folder");
-        let request = Request {
+        let request = MatrixRequest {
             program: "1".to_owned(),
             robot_model: None,
             seed: 3,
             rounds: 2,
-            kinds: vec![Kind::Overload],
+            kinds: vec![InjectedFault::Overload],
             phases: vec![Phase::run(Skill::Lift, 0)],
             mirror: false,
         };
@@ -182,7 +184,7 @@ mod tests {
         ledger.append(5, outcome(1)).expect("written");
         ledger.append(2, outcome(0)).expect("written");
         drop(ledger);
-        let path = folder.path().join(LINES);
+        let path = folder.path().join(OUTCOMES_FILE);
         let mut text = std::fs::read_to_string(&path).expect("there");
         text += "{\"n\": 7, \"kind\": \"Over";
         std::fs::write(&path, text).expect("cut off");

@@ -10,67 +10,67 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
 use bench::recording::Recording;
-use bench::trial::{Bench, Moment, Watcher as _};
+use bench::trial::{Bench, TickView, Watcher as _};
 use bench::workers;
 use control::executor::{Executor, Phase, Skill};
-use fault_detection::Mirror;
-use fault_detection::divergence::Divergence;
-use fault_detection::seen::Seen;
-use grasp_verification::rehearsal::{Snapshot, in_grip};
-use grasp_verification::simulated_world::World;
-use hand_model::robot::{Command, RobotBackend};
+use fault_detection::FaultDetector;
+use fault_detection::fault::DetectedFault;
+use fault_detection::measurements::TickMeasurements;
+use grasp_verification::rollout::{RolloutSnapshot, in_grip};
+use grasp_verification::simulated_world::SimulatedWorld;
+use hand_model::robot::{RobotBackend, RobotCommand};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
-use hardware_bridge::safety::state::State;
+use hardware_bridge::safety::state::SupervisorState;
 use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use progress::interrupt::Interrupted;
-use robot_backends::emulated::{SharedPlant, settings, travel};
-use robot_session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
+use robot_backends::wire_emulation::{SharedPlant, lockstep_settings, shaft_travel};
+use robot_session_log::{RobotSizes, SessionEvent, SessionHeader, SessionReader, SessionRecorder, SessionWriter};
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
-use self::kind::{Expected, Kind, Teller, tick};
+use self::kind::{DetectingParty, ExpectedOutcome, InjectedFault, tick};
 use self::ledger::Ledger;
-use self::moments::{Watched, moments};
-use self::watch::Watch;
+use self::limit_watch::LimitWatch;
+use self::moments::{TrialSnapshot, moments};
 
 pub mod kind;
 pub mod ledger;
+mod limit_watch;
 mod moments;
 pub mod plant;
-mod recorded;
+mod recordings;
 pub mod table;
-mod watch;
 
 /// Time limit for an answer of the servos after a fault, s of real time: any answer that comes at all comes sooner.
-const SLACK: f64 = 0.04;
+const SERVO_ANSWER_TIMEOUT: f64 = 0.04;
 /// Ticks played through the bridge before the fault.
-const BEFORE: usize = 10;
+const TICKS_BEFORE_FAULT: usize = 10;
 /// Ticks before the fault if a mirror runs: it feels the change of the body.
-const BEFORE_MIRRORED: usize = 40;
+const TICKS_BEFORE_WITH_DETECTOR: usize = 40;
 /// Ticks played after the safe state, or after a fault that the robot survives.
-const AFTER: usize = 60;
+const TICKS_AFTER_STOP: usize = 60;
 /// Longest wait for a safe state, ticks.
-const LONGEST: usize = 180;
+const MAX_STOP_TICKS: usize = 180;
 /// Standstill threshold of a joint of the compliant arm, rad/s: about a degree per second, with 2 mrad of travel left.
-pub const STANDS: f64 = 0.02;
+pub const STANDSTILL_SPEED: f64 = 0.02;
 /// Displacement in the palm beyond which an object counts as lost, m.
-const SLIPPED: f64 = 0.02;
+const SLIP_TOLERANCE: f64 = 0.02;
 /// Interval between the images of a mirror, s.
-const IMAGES: f64 = 0.2;
+const IMAGE_INTERVAL: f64 = 0.2;
 /// Time limit for the diagnosis of a fault, s.
-pub const NAMED_WITHIN: f64 = 0.5;
+pub const DIAGNOSIS_TIME_LIMIT: f64 = 0.5;
 /// Phases that have a beginning and an end.
 pub const PHASES: [Phase; 12] = [
     Phase::run(Skill::Approach, 0),
     Phase::run(Skill::Grasp, 0),
     Phase::run(Skill::Lift, 0),
-    Phase::run(Skill::Look, 0),
+    Phase::run(Skill::Snapshot, 0),
     Phase::run(Skill::Approach, 1),
     Phase::run(Skill::Grasp, 1),
     Phase::run(Skill::Lift, 1),
-    Phase::run(Skill::Look, 1),
+    Phase::run(Skill::Snapshot, 1),
     Phase::run(Skill::Carry, 0),
     Phase::run(Skill::Hold, 0),
     Phase::run(Skill::Verify, 0),
@@ -79,8 +79,8 @@ pub const PHASES: [Phase; 12] = [
 
 /// Outcome of one injection.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Outcome {
-    pub kind: Kind,
+pub struct InjectionOutcome {
+    pub kind: InjectedFault,
     #[serde(with = "ledger::phase")]
     pub phase: Phase,
     pub round: usize,
@@ -92,7 +92,7 @@ pub struct Outcome {
     pub stopped_ms: Option<f64>,
     /// Time from the fault until the arm stands still as well, ms. `None` also if it never did.
     pub safe_ms: Option<f64>,
-    /// Speed of the fastest arm joint when the robot stopped ([`Outcome::stopped_ms`]), rad/s.
+    /// Speed of the fastest arm joint when the robot stopped ([`InjectionOutcome::stopped_ms`]), rad/s.
     pub speed: f64,
     /// Number of goals that were checked against their limits.
     pub checked: u64,
@@ -107,37 +107,37 @@ pub struct Outcome {
     /// True if the recording could be read to its last tick.
     pub intact: bool,
     /// Diagnosis of the fault, if a mirror ran.
-    pub mirrored: Option<Mirrored>,
+    pub mirrored: Option<InjectionDiagnosis>,
 }
 
 /// Diagnosis of one injection by a mirror or the supervisor.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Mirrored {
-    /// Time from the fault to its diagnosis by the party that can detect it ([`Kind::teller`]), ms. `None` if there was
-    /// none within [`NAMED_WITHIN`].
+pub struct InjectionDiagnosis {
+    /// Time from the fault to its diagnosis by the party that can detect it ([`InjectedFault::detecting_party`]), ms. `None` if there was
+    /// none within [`DIAGNOSIS_TIME_LIMIT`].
     pub told_ms: Option<f64>,
     /// Diagnoses of the mirror other than that of the fault.
     pub wrong: Vec<String>,
 }
 
-impl Mirrored {
+impl InjectionDiagnosis {
     /// True if the fault was diagnosed, or rightly was not, and nothing else was reported.
-    pub fn is_right(&self, kind: Kind) -> bool {
-        self.wrong.is_empty() && (kind.teller() == Teller::Nobody || self.told_ms.is_some())
+    pub fn is_correct(&self, kind: InjectedFault) -> bool {
+        self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.told_ms.is_some())
     }
 }
 
 /// Returns the number of ticks through the bridge before a fault.
-fn before(mirrored: bool) -> usize {
-    if mirrored { BEFORE_MIRRORED } else { BEFORE }
+fn ticks_before(mirrored: bool) -> usize {
+    if mirrored { TICKS_BEFORE_WITH_DETECTOR } else { TICKS_BEFORE_FAULT }
 }
 
 /// Plan of a fault matrix: the faults and the phases that they strike in.
-pub struct Matrix<'a> {
+pub struct FaultMatrix<'a> {
     /// Trials and their world.
     pub bench: &'a Bench,
     /// Kinds of faults.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<InjectedFault>,
     pub phases: Vec<Phase>,
     /// Number of times that each fault is injected into each phase, each time in another combination.
     pub rounds: usize,
@@ -150,40 +150,40 @@ pub struct Matrix<'a> {
     /// True if each injection is also streamed to a viewer.
     pub live: bool,
     /// True if a mirror runs beside each injection.
-    pub mirror: bool,
+    pub with_detector: bool,
 }
 
 /// Injects the `kinds` of faults into the `phases` of `rounds` trials, except those that `ledger` already has. Each
 /// outcome is written to the ledger as it comes. Returns all outcomes in the order of the injections. Ends early once
 /// `interrupted` returns true.
 pub fn inject_all(
-    plan: &Matrix,
+    plan: &FaultMatrix,
     ledger: Ledger,
     progress: &indicatif::ProgressBar,
     interrupted: &(dyn Fn() -> bool + Sync),
-) -> Result<Vec<Outcome>> {
-    let Matrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
+) -> Result<Vec<InjectionOutcome>> {
+    let FaultMatrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
-        let moments = moments(bench, round % bench.plans.plans.len(), seed ^ round as u64, plan.mirror)?;
+        let moments = moments(bench, round % bench.grasp_pairs.plans.len(), seed ^ round as u64, plan.with_detector)?;
         for (phase, moment) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
             jobs.extend(kinds.iter().map(|kind| (*kind, phase, moment.clone(), round)));
         }
     }
-    let of = jobs.len();
+    let total = jobs.len();
     let open: Vec<_> = jobs.into_iter().enumerate().filter(|(n, _)| !ledger.done.contains_key(n)).collect();
-    progress.set_length(of as u64);
-    progress.set_position((of - open.len()) as u64);
+    progress.set_length(total as u64);
+    progress.set_position((total - open.len()) as u64);
     let (ledger, place) = (Mutex::new(ledger), tempfile::tempdir().context("a folder for recordings")?);
     workers::for_each(*threads, &open, |_, (n, (kind, phase, moment, round))| {
         if interrupted() {
             let ledger = ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-            let further = format!("go on with `ftac bridge faults --resume {}`", ledger.folder.display());
-            bail!(Interrupted { done: ledger.done.len(), of, what: "injections are done", further });
+            let resume_hint = format!("go on with `ftac bridge faults --resume {}`", ledger.folder.display());
+            bail!(Interrupted { done: ledger.done.len(), total, pieces: "injections are done", resume_hint });
         }
         let file = place.path().join(format!("{n}.mcap"));
         let seed = seed.wrapping_add(*n as u64);
-        let watcher = plan.watcher(*kind, *phase, *round)?;
+        let watcher = plan.open_recording(*kind, *phase, *round)?;
         let outcome = inject(bench, (*kind, *phase, *round), (moment, watcher), &file, seed)
             .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
         ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.append(*n, outcome)?;
@@ -196,62 +196,72 @@ pub fn inject_all(
 
 /// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.
 struct Experiment {
-    kind: Kind,
+    kind: InjectedFault,
     executor: Executor,
-    recorder: Recorder<LockstepRobot>,
+    recorder: SessionRecorder<LockstepRobot>,
     plant: SharedPlant,
-    watch: Watch,
+    limit_watch: LimitWatch,
     /// Number of ticks in which the host took part.
     ticks: u64,
     alive: bool,
     /// Viewer recording, from the fault on.
     watcher: Option<Recording>,
     /// State that was last reported to the viewer recording.
-    told: State,
+    reported_state: SupervisorState,
     /// Mirror, which observes as long as the robot follows its commands.
-    mirror: Option<Mirror>,
+    detector: Option<FaultDetector>,
     /// Diagnoses of the mirror since the fault.
-    named: Vec<Divergence>,
+    faults: Vec<DetectedFault>,
     /// Time at which the supervisor first stopped the robot, s.
-    held_at: Option<f64>,
+    hold_time: Option<f64>,
 }
 
 /// Times and speed of a stop.
 #[derive(Default)]
-struct Stop {
-    /// See [`Outcome::stopped_ms`].
+struct StopTimes {
+    /// See [`InjectionOutcome::stopped_ms`].
     stopped: Option<f64>,
-    /// See [`Outcome::safe_ms`].
+    /// See [`InjectionOutcome::safe_ms`].
     safe: Option<f64>,
-    /// See [`Outcome::speed`].
+    /// See [`InjectionOutcome::speed`].
     speed: f64,
 }
 
 impl Experiment {
-    /// Plays the ticks before the fault ([`BEFORE`], or [`BEFORE_MIRRORED`] with a mirror) through the bridge and
+    /// Plays the ticks before the fault ([`TICKS_BEFORE_FAULT`], or [`TICKS_BEFORE_WITH_DETECTOR`] with a mirror) through the bridge and
     /// records them to `file`.
-    fn begin(world: &World, kind: Kind, moment: &Watched, file: &Path, seed: u64) -> Result<Self> {
-        let Watched { snapshot: Snapshot { robot, mut executor }, mut mirror } = moment.clone();
+    fn begin(
+        world: &SimulatedWorld,
+        kind: InjectedFault,
+        moment: &TrialSnapshot,
+        file: &Path,
+        seed: u64,
+    ) -> Result<Self> {
+        let TrialSnapshot { snapshot: RolloutSnapshot { robot, mut executor }, detector: mut mirror } = moment.clone();
         let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
         if mirror.is_some() {
             // The devices' clock starts at zero.
-            executor.watch_images(IMAGES);
+            executor.request_images_every(IMAGE_INTERVAL);
         }
-        let robot = LockstepRobot::start(Box::new(plant.clone()), settings(&model.hand, seed), model, None)?;
-        let session =
-            Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
-        let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
-        let mut watch = Watch::new(travel(&model.hand), &model.arm);
-        let before = before(mirror.is_some());
+        let robot = LockstepRobot::start(Box::new(plant.clone()), lockstep_settings(&model.hand, seed), model, None)?;
+        let session = SessionHeader {
+            robot: "emulated".into(),
+            seed,
+            tick_length: robot.tick_length(),
+            ..SessionHeader::default()
+        };
+        let mut recorder = SessionRecorder::new(robot, SessionWriter::create(file, &session)?);
+        let mut watch = LimitWatch::new(shaft_travel(&model.hand), &model.arm);
+        let before = ticks_before(mirror.is_some());
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executor)?;
-            watch.see(recorder.robot());
+            watch.check(recorder.robot());
             if let (Some(mirror), Some(sent)) = (&mut mirror, &sent) {
-                mirror.see(&Seen::of(&executor, plant.lock().time(), sent, None));
+                mirror.update(&TickMeasurements::from_executor(&executor, plant.lock().time(), sent, None));
             }
         }
-        if recorder.robot().state() != State::Running {
+        if recorder.robot().state() != SupervisorState::Running {
             bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
         }
         Ok(Self {
@@ -259,23 +269,23 @@ impl Experiment {
             executor,
             recorder,
             plant,
-            watch,
+            limit_watch: watch,
             ticks: before as u64,
             alive: true,
             watcher: None,
-            told: State::Running,
-            mirror,
-            named: Vec::new(),
-            held_at: None,
+            reported_state: SupervisorState::Running,
+            detector: mirror,
+            faults: Vec::new(),
+            hold_time: None,
         })
     }
 
     /// Injects the fault and plays until the robot stands still or the time limit is reached.
-    fn strike(&mut self, since: f64) -> Result<Stop> {
-        self.recorder.robot().set_slack(SLACK);
-        self.kind.strike(self.recorder.robot());
-        let mut stop = Stop::default();
-        let patience = if self.kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
+    fn inject_and_play(&mut self, since: f64) -> Result<StopTimes> {
+        self.recorder.robot().set_slack(SERVO_ANSWER_TIMEOUT);
+        self.kind.inject(self.recorder.robot());
+        let mut stop = StopTimes::default();
+        let patience = if self.kind.expected() == ExpectedOutcome::GoesOn { TICKS_AFTER_STOP } else { MAX_STOP_TICKS };
         for _ in 0..patience {
             self.tick()?;
             let now = 1e3 * (self.plant.lock().time() - since);
@@ -284,33 +294,33 @@ impl Experiment {
                 if stop.stopped.is_none() {
                     (stop.stopped, stop.speed) = (Some(now), fastest);
                 }
-                if fastest < STANDS {
+                if fastest < STANDSTILL_SPEED {
                     stop.safe = Some(now);
                     break;
                 }
             }
         }
-        for _ in 0..if stop.safe.is_some() { AFTER } else { 0 } {
+        for _ in 0..if stop.safe.is_some() { TICKS_AFTER_STOP } else { 0 } {
             self.tick()?;
         }
         Ok(stop)
     }
 
     fn tick(&mut self) -> Result<()> {
-        let sent = self.kind.drive(&mut self.recorder, &mut self.executor)?;
-        self.alive = self.alive && !self.kind.kills_the_host();
+        let sent = self.kind.play_tick(&mut self.recorder, &mut self.executor)?;
+        self.alive = self.alive && !self.kind.ends_host_program();
         self.ticks += u64::from(self.alive);
-        self.watch.see(self.recorder.robot());
-        self.reflect(sent.as_ref());
+        self.limit_watch.check(self.recorder.robot());
+        self.update_detector(sent.as_ref());
         if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
             let time = self.plant.lock().time();
             let state = self.recorder.robot().state();
             // A state is reported once.
-            let note = (self.told != state).then(|| state.to_string());
-            self.told = state;
+            let note = (self.reported_state != state).then(|| state.to_string());
+            self.reported_state = state;
             let (executor, condition) = (&self.executor, Some(Condition::Ideal));
             let note = note.as_deref();
-            watcher.see(&Moment {
+            watcher.on_tick(&TickView {
                 time,
                 truth: None,
                 executor,
@@ -327,37 +337,43 @@ impl Experiment {
 
     /// Shows the mirror the tick in which `sent` was sent. The mirror ends with the first tick in which the robot does
     /// not follow its commands: from there on the supervisor reports the fault.
-    fn reflect(&mut self, sent: Option<&Command>) {
-        if self.recorder.robot().state() != State::Running {
-            self.held_at = self.held_at.or_else(|| Some(self.plant.lock().time()));
+    fn update_detector(&mut self, sent: Option<&RobotCommand>) {
+        if self.recorder.robot().state() != SupervisorState::Running {
+            self.hold_time = self.hold_time.or_else(|| Some(self.plant.lock().time()));
         }
-        let (Some(mirror), Some(sent), None) = (&mut self.mirror, sent, self.held_at) else { return };
+        let (Some(mirror), Some(sent), None) = (&mut self.detector, sent, self.hold_time) else { return };
         let time = self.plant.lock().time();
-        self.named.extend_from_slice(mirror.see(&Seen::of(&self.executor, time, sent, None)));
+        self.faults.extend_from_slice(mirror.update(&TickMeasurements::from_executor(
+            &self.executor,
+            time,
+            sent,
+            None,
+        )));
     }
 
     /// Summarises the diagnosis of a fault that struck at `since` (s).
-    fn mirrored(&self, since: f64) -> Option<Mirrored> {
-        self.mirror.as_ref()?;
-        let teller = self.kind.teller();
-        let (named, other): (Vec<_>, Vec<_>) = self.named.iter().partition(|named| match teller {
-            Teller::Mirror(kind) => named.kind == kind,
+    fn diagnosis(&self, since: f64) -> Option<InjectionDiagnosis> {
+        self.detector.as_ref()?;
+        let teller = self.kind.detecting_party();
+        let (named, other): (Vec<_>, Vec<_>) = self.faults.iter().partition(|named| match teller {
+            DetectingParty::FaultDetector(kind) => named.kind == kind,
             _ => false,
         });
         let told = match teller {
-            Teller::Nobody => None,
-            Teller::Supervisor => self.held_at,
-            Teller::Mirror(_) => named.first().map(|named| named.time),
+            DetectingParty::Nobody => None,
+            DetectingParty::Supervisor => self.hold_time,
+            DetectingParty::FaultDetector(_) => named.first().map(|named| named.time),
         };
-        let told_ms = told.map(|time| time - since).filter(|delay| *delay < NAMED_WITHIN).map(|delay| 1e3 * delay);
-        Some(Mirrored { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
+        let told_ms =
+            told.map(|time| time - since).filter(|delay| *delay < DIAGNOSIS_TIME_LIMIT).map(|delay| 1e3 * delay);
+        Some(InjectionDiagnosis { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
     }
 
     /// Ends the recording. Returns true if it can be read to its last tick.
     fn finish(self, file: &Path) -> Result<bool> {
         let Self { kind, recorder, ticks, watcher, .. } = self;
         watcher.map_or(Ok(()), Recording::finish)?;
-        let intact = if kind.kills_the_host() {
+        let intact = if kind.ends_host_program() {
             // The part of the file that the operating system has when the program dies.
             let copy = file.with_extension("killed.mcap");
             std::fs::copy(file, &copy)?;
@@ -379,35 +395,37 @@ impl Experiment {
 /// Plays one injection and evaluates its outcome.
 fn inject(
     bench: &Bench,
-    injection: (Kind, Phase, usize),
-    (moment, watcher): (&Watched, Option<Recording>),
+    injection: (InjectedFault, Phase, usize),
+    (moment, watcher): (&TrialSnapshot, Option<Recording>),
     file: &Path,
     seed: u64,
-) -> Result<Outcome> {
+) -> Result<InjectionOutcome> {
     let (kind, phase, round) = injection;
     let mut experiment = Experiment::begin(&bench.world, kind, moment, file, seed)?;
     experiment.watcher = watcher;
     let truth = experiment.plant.lock().truth();
     // Height does not tell which objects are held: the hand goes down to the second object with the first in it.
-    let held: Vec<(usize, Isometry3<f64>)> =
-        (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
+    let held: Vec<(usize, Isometry3<f64>)> = (0..2)
+        .filter(|object| in_grip(&truth, *object))
+        .map(|object| (object, palm_from_object(&truth, object)))
+        .collect();
     let since = truth.time;
-    let Stop { stopped, safe, speed } = experiment.strike(since)?;
+    let StopTimes { stopped, safe, speed } = experiment.inject_and_play(since)?;
     let truth = experiment.plant.lock().truth();
     // A robot that goes on may release an object on purpose.
     let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
-        let way = (in_palm(&truth, *object).translation.vector - before.translation.vector).norm();
-        (truth.touched_by[*object] != 0).then_some(way).filter(|way| *way < SLIPPED)
+        let way = (palm_from_object(&truth, *object).translation.vector - before.translation.vector).norm();
+        (truth.touched_by[*object] != 0).then_some(way).filter(|way| *way < SLIP_TOLERANCE)
     });
     let lost = after.clone().filter(Option::is_none).count();
     let moved = 1e3 * after.flatten().fold(0.0, f64::max);
     let state = experiment.recorder.robot().state();
-    let (checked, outside) = (experiment.watch.checked, experiment.watch.outside);
-    Ok(Outcome {
+    let (checked, outside) = (experiment.limit_watch.checked, experiment.limit_watch.outside_limits);
+    Ok(InjectionOutcome {
         kind,
         phase,
         round,
-        as_expected: kind.expected().fits(&state, safe.is_some()),
+        as_expected: kind.expected().is_met_by(&state, safe.is_some()),
         state: state.to_string(),
         stopped_ms: stopped,
         safe_ms: safe,
@@ -417,24 +435,24 @@ fn inject(
         held: held.len(),
         lost,
         moved,
-        mirrored: experiment.mirrored(since),
+        mirrored: experiment.diagnosis(since),
         intact: experiment.finish(file)?,
     })
 }
 
 /// True if no command moves the robot any more: the supervisor holds, or, with the host gone, servos and arm have
 /// stopped by themselves.
-fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
-    if kind.kills_the_host() {
+fn is_stopped(kind: InjectedFault, robot: &mut LockstepRobot) -> bool {
+    if kind.ends_host_program() {
         let by_itself = robot.arm().status().events.iter().any(|event| event.what == EventKind::Watchdog);
         robot.devices().watchdogs_tripped() == 6 && by_itself
     } else {
-        matches!(robot.state(), State::Hold(_) | State::Fault(_))
+        matches!(robot.state(), SupervisorState::Hold(_) | SupervisorState::Fault(_))
     }
 }
 
 /// Returns `palm_from_object` of object `index`.
-fn in_palm(truth: &Truth, index: usize) -> Isometry3<f64> {
+fn palm_from_object(truth: &GroundTruth, index: usize) -> Isometry3<f64> {
     truth.palm.inverse() * truth.objects[index]
 }
 
@@ -445,10 +463,10 @@ fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
 
 /// Returns the number of ticks in a recording, and true if it was finished.
 fn ticks_in(file: &Path) -> Result<(u64, bool)> {
-    let mut reader = Reader::open(file, Sizes::Any)?;
+    let mut reader = SessionReader::open(file, RobotSizes::Any)?;
     let mut ticks = 0;
     while let Some((_, event)) = reader.next_event()? {
-        ticks += u64::from(matches!(event, Event::Tick(_)));
+        ticks += u64::from(matches!(event, SessionEvent::Tick(_)));
     }
-    Ok((ticks, reader.is_whole()))
+    Ok((ticks, reader.is_finished()))
 }

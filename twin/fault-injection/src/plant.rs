@@ -3,26 +3,26 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use hand_model::robot::{Command, Observation, Plant, Tick};
+use hand_model::robot::{Observation, Plant, RobotCommand, Tick};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
-use plant::Blindness;
-use robot_backends::emulated::SharedPlant;
+use plant::CameraFailure;
+use robot_backends::wire_emulation::SharedPlant;
 use sim::SimulatedRobot;
 
 /// Position to which a snatched object is moved, beside the middle of the table, m.
-const AWAY: [f64; 3] = [0.3, 0.6, 0.1];
+const SNATCHED_POSITION: [f64; 3] = [0.3, 0.6, 0.1];
 /// Duration of a push given as text, s.
-const PUSHED: f64 = 0.5;
+const PUSH_DURATION: f64 = 0.5;
 /// Largest slip accepted as text, m.
-const LONGEST_SLIP: f64 = 0.05;
+const MAX_SLIP: f64 = 0.05;
 /// Largest push accepted as text, N.
-const HARDEST: f64 = 100.0;
+const MAX_PUSH_FORCE: f64 = 100.0;
 /// Largest added mass accepted as text, kg.
-const HEAVIEST: f64 = 5.0;
+const MAX_ADDED_MASS: f64 = 5.0;
 
 /// Syntax of faults as text: the name of each, with its parameters.
-pub const TOLD: &str = "break=DIGIT, slip=DIGIT:MM, weak=DIGIT:SHARE of its torque, stick=JOINT, heavy=OBJECT:KG more, snatch=OBJECT, push=NEWTONS on the palm for half a second, dim=CAMERA:red|green|blue:SHARE of its light or blind=PAD:missing|black";
+pub const FAULT_SYNTAX: &str = "break=DIGIT, slip=DIGIT:MM, weak=DIGIT:SHARE of its torque, stick=JOINT, heavy=OBJECT:KG more, snatch=OBJECT, push=NEWTONS on the palm for half a second, dim=CAMERA:red|green|blue:SHARE of its light or blind=PAD:missing|black";
 
 /// A plant fault that can be injected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,7 +39,7 @@ pub enum PlantFault {
     /// Force on the palm, N, for as long as the push lasts.
     Push(Vector3<f64>),
     Freeze(usize),
-    Blind(usize, Blindness),
+    Blind(usize, CameraFailure),
     /// Camera, colour channel, and share of the light that is left.
     Dim(usize, usize, f32),
 }
@@ -47,18 +47,18 @@ pub enum PlantFault {
 /// Error for text that does not describe a fault, with the offending part.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("fault: {text}: found `{found}`, expected {expected}")]
-pub struct PlantSyntax {
+pub struct PlantSyntaxError {
     text: String,
     found: String,
     expected: String,
 }
 
 impl PlantFault {
-    /// Parses a fault such as `slip=ring:3`. Returns `None` if its name is none of those in [`TOLD`].
-    pub fn parse(text: &str, hand: &Hand) -> Result<Option<Self>, PlantSyntax> {
+    /// Parses a fault such as `slip=ring:3`. Returns `None` if its name is none of those in [`FAULT_SYNTAX`].
+    pub fn parse(text: &str, hand: &Hand) -> Result<Option<Self>, PlantSyntaxError> {
         let Some((name, value)) = text.split_once('=') else { return Ok(None) };
         let (first, rest) = value.split_once(':').map_or((value, None), |(first, rest)| (first, Some(rest)));
-        let wrong = |found: &str, expected: &str| PlantSyntax {
+        let wrong = |found: &str, expected: &str| PlantSyntaxError {
             text: text.to_owned(),
             found: found.to_owned(),
             expected: expected.to_owned(),
@@ -86,15 +86,17 @@ impl PlantFault {
         };
         let fault = match name {
             "break" => alone(Self::Break(digit()?))?,
-            "slip" => Self::Slip(digit()?, 1e-3 * number(rest, 0.1, 1e3 * LONGEST_SLIP, "mm")?),
+            "slip" => Self::Slip(digit()?, 1e-3 * number(rest, 0.1, 1e3 * MAX_SLIP, "mm")?),
             "weak" => Self::Weak(digit()?, number(rest, 0.0, 1.0, "a share of the torque")?),
             "stick" => {
                 let joints = hand.tree.joints.iter().map(|joint| joint.name.as_str()).collect();
                 alone(Self::Stick(named(first, joints, "a joint")?))?
             }
-            "heavy" => Self::Heavy(object()?, number(rest, 0.0, HEAVIEST, "kg")?),
+            "heavy" => Self::Heavy(object()?, number(rest, 0.0, MAX_ADDED_MASS, "kg")?),
             "snatch" => alone(Self::Snatch(object()?))?,
-            "push" => alone(Self::Push(Vector3::new(0.0, number(Some(first), -HARDEST, HARDEST, "N")?, 0.0)))?,
+            "push" => {
+                alone(Self::Push(Vector3::new(0.0, number(Some(first), -MAX_PUSH_FORCE, MAX_PUSH_FORCE, "N")?, 0.0)))?
+            }
             "dim" => {
                 let (colour, share) =
                     rest.unwrap_or_default().split_once(':').unwrap_or((rest.unwrap_or_default(), ""));
@@ -105,8 +107,8 @@ impl PlantFault {
             "blind" => {
                 let pad = named(first, hand.pads.iter().map(|pad| pad.name.as_str()).collect(), "a pad")?;
                 let how = match rest {
-                    Some("missing") => Blindness::Missing,
-                    Some("black") => Blindness::Black,
+                    Some("missing") => CameraFailure::Missing,
+                    Some("black") => CameraFailure::Black,
                     other => return Err(wrong(other.unwrap_or_default(), "missing or black")),
                 };
                 Self::Blind(pad, how)
@@ -116,15 +118,18 @@ impl PlantFault {
         Ok(Some(fault))
     }
 
-    /// Injects the fault into `robot`. A push does not act until [`PlantFault::press`].
-    pub fn strike(&self, robot: &mut SimulatedRobot, hand: &Hand) {
+    /// Injects the fault into `robot`. A push does not act until [`PlantFault::apply_push`].
+    pub fn inject(&self, robot: &mut SimulatedRobot, hand: &Hand) {
         match *self {
             Self::Break(n) => robot.break_cable(n),
             Self::Slip(n, length) => robot.slip_cable(n, length),
             Self::Weak(n, share) => robot.weaken_servo(n, share),
             Self::Stick(joint) => robot.stick_joint(joint),
             Self::Heavy(object, more) => robot.add_mass(object, more),
-            Self::Snatch(object) => robot.put(object, &Isometry3::translation(AWAY[0], AWAY[1], AWAY[2])),
+            Self::Snatch(object) => robot.set_object_pose(
+                object,
+                &Isometry3::translation(SNATCHED_POSITION[0], SNATCHED_POSITION[1], SNATCHED_POSITION[2]),
+            ),
             Self::Push(_) => {}
             Self::Freeze(camera) => robot.freeze_camera(camera),
             Self::Blind(pad, how) => {
@@ -136,9 +141,9 @@ impl PlantFault {
     }
 
     /// Applies the part of a fault that acts in every tick, such as a push.
-    pub fn press(&self, robot: &mut SimulatedRobot) {
+    pub fn apply_push(&self, robot: &mut SimulatedRobot) {
         if let Self::Push(force) = self {
-            robot.pull(None, *force);
+            robot.apply_force(None, *force);
         }
     }
 }
@@ -156,39 +161,39 @@ fn cameras(hand: &Hand) -> String {
 
 /// A plant into which faults can be injected while it runs.
 #[derive(Clone)]
-pub struct Breakable {
+pub struct FaultyPlant {
     plant: SharedPlant,
     /// The present push, and its remaining time, s.
     push: Arc<Mutex<Option<(PlantFault, f64)>>>,
 }
 
-impl Breakable {
+impl FaultyPlant {
     pub fn new(plant: SharedPlant) -> Self {
         Self { plant, push: Arc::default() }
     }
 
     /// Injects `fault` now.
-    pub fn suffer(&self, fault: &PlantFault, hand: &Hand) {
-        fault.strike(&mut self.plant.lock(), hand);
+    pub fn inject_now(&self, fault: &PlantFault, hand: &Hand) {
+        fault.inject(&mut self.plant.lock(), hand);
         if matches!(fault, PlantFault::Push(_)) {
-            *self.push.lock().unwrap_or_else(PoisonError::into_inner) = Some((*fault, PUSHED));
+            *self.push.lock().unwrap_or_else(PoisonError::into_inner) = Some((*fault, PUSH_DURATION));
         }
     }
 }
 
-impl Plant for Breakable {
+impl Plant for FaultyPlant {
     fn observe(&mut self) -> Observation {
         self.plant.observe()
     }
 
-    fn send(&mut self, command: &Command) -> Command {
+    fn send(&mut self, command: &RobotCommand) -> RobotCommand {
         self.plant.send(command)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
         let mut push = self.push.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((fault, left)) = push.as_mut().filter(|(_, left)| *left > 0.0) {
-            fault.press(&mut self.plant.lock());
+            fault.apply_push(&mut self.plant.lock());
             *left -= self.plant.tick_length();
         }
         drop(push);
@@ -217,7 +222,7 @@ mod tests {
         assert_eq!(read("push=12"), PlantFault::Push(Vector3::new(0.0, 12.0, 0.0)));
         assert_eq!(read("dim=3:green:0.5"), PlantFault::Dim(3, 1, 0.5));
         assert_eq!(read(&format!("dim={}:red:0.5", hand.cameras[7].name)), PlantFault::Dim(7, 0, 0.5));
-        assert_eq!(read(&format!("blind={}:black", hand.pads[2].name)), PlantFault::Blind(2, Blindness::Black));
+        assert_eq!(read(&format!("blind={}:black", hand.pads[2].name)), PlantFault::Blind(2, CameraFailure::Black));
         for (text, words) in [
             ("break=toe", "found `toe`, expected a digit: index, little"),
             ("break=ring:3", "found `3`, expected nothing after break=ring"),

@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::kind::{Expected, Kind, Teller};
-use crate::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
+use crate::kind::{DetectingParty, ExpectedOutcome, InjectedFault};
+use crate::{DIAGNOSIS_TIME_LIMIT, InjectionDiagnosis, InjectionOutcome as FaultOutcome};
 
 /// All outcomes, aggregated by fault.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -61,12 +61,12 @@ struct Row {
     /// Recordings that replay to the bit.
     recordings_intact: usize,
     /// Diagnosis of the fault; null without --mirror.
-    named: Option<NamedFault>,
+    named: Option<Diagnosis>,
 }
 
 /// Diagnosis by a twin beside the robot, or by the supervisor.
 #[derive(Debug, Serialize, JsonSchema)]
-struct NamedFault {
+struct Diagnosis {
     /// The party that can detect the fault: nobody, supervisor or mirror.
     teller: &'static str,
     /// Faults that were diagnosed in time, or rightly were not, without any other diagnosis.
@@ -88,10 +88,10 @@ fn ms(time: Option<f64>) -> String {
 
 impl FaultTable {
     /// Aggregates the outcomes of each of `kinds`.
-    pub fn new(kinds: &[Kind], outcomes: &[FaultOutcome]) -> Self {
+    pub fn new(kinds: &[InjectedFault], outcomes: &[FaultOutcome]) -> Self {
         Self {
             rows: kinds.iter().map(|kind| row(*kind, outcomes)).collect(),
-            wrong: outcomes.iter().filter_map(complaint).collect(),
+            wrong: outcomes.iter().filter_map(first_violation).collect(),
             injected: outcomes.len(),
             phases: outcomes.iter().map(|outcome| outcome.phase).collect::<HashSet<_>>().len(),
             goals_checked: outcomes.iter().map(|outcome| outcome.checked).sum(),
@@ -114,9 +114,9 @@ impl FaultTable {
             "intact"
         );
         for row in &self.rows {
-            text += &row.line();
+            text += &row.text_line();
         }
-        text += &self.names();
+        text += &self.diagnosis_table();
         text += "a fault with which the robot `goes on` may end in a hold as well\n";
         text += "* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold\n";
         text += &format!(
@@ -129,7 +129,7 @@ impl FaultTable {
 
     /// Formats the table of diagnoses: by whom each fault is diagnosed, how often, how soon, and how often wrongly.
     /// Empty if no mirror ran.
-    fn names(&self) -> String {
+    fn diagnosis_table(&self) -> String {
         let named = || self.rows.iter().filter_map(|row| Some((row, row.named.as_ref()?)));
         if named().next().is_none() {
             return String::new();
@@ -150,7 +150,7 @@ impl FaultTable {
             );
         }
         text += &format!(
-            "{} of {} named rightly within {NAMED_WITHIN} s and nothing else beside them\n\n",
+            "{} of {} named rightly within {DIAGNOSIS_TIME_LIMIT} s and nothing else beside them\n\n",
             named().map(|(_, name)| name.rightly).sum::<usize>(),
             self.injected
         );
@@ -166,7 +166,7 @@ impl FaultTable {
 }
 
 impl Row {
-    fn line(&self) -> String {
+    fn text_line(&self) -> String {
         format!(
             "{:34} {:>12} {:>8} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}\n",
             self.fault,
@@ -184,7 +184,7 @@ impl Row {
     }
 }
 
-fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
+fn row(kind: InjectedFault, outcomes: &[FaultOutcome]) -> Row {
     let of: Vec<&FaultOutcome> = outcomes.iter().filter(|outcome| outcome.kind == kind).collect();
     let sorted = |value: fn(&FaultOutcome) -> Option<f64>| {
         let mut times: Vec<f64> = of.iter().filter_map(|outcome| value(outcome)).collect();
@@ -200,10 +200,10 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
     Row {
         fault: kind.name(),
         expected: match kind.expected() {
-            Expected::GoesOn => "goes on",
-            Expected::Holds => "hold",
-            Expected::Faults => "fault",
-            Expected::StopsItself => "stops itself",
+            ExpectedOutcome::GoesOn => "goes on",
+            ExpectedOutcome::Holds => "hold",
+            ExpectedOutcome::Faults => "fault",
+            ExpectedOutcome::StopsItself => "stops itself",
         },
         injected: of.len(),
         as_expected: sum(|outcome| usize::from(outcome.as_expected)),
@@ -220,25 +220,25 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Row {
         moved_mm_max: of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
         takes_torque: kind.takes_torque(),
         recordings_intact: sum(|outcome| usize::from(outcome.intact)),
-        named: named(kind, &of),
+        named: diagnosis(kind, &of),
     }
 }
 
 /// Aggregates the diagnoses of the outcomes `of` one fault. None if no mirror ran.
-fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
-    let all: Vec<&Mirrored> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
+fn diagnosis(kind: InjectedFault, of: &[&FaultOutcome]) -> Option<Diagnosis> {
+    let all: Vec<&InjectionDiagnosis> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
     if all.is_empty() {
         return None;
     }
     let mut times: Vec<f64> = all.iter().filter_map(|mirrored| mirrored.told_ms).collect();
     times.sort_by(f64::total_cmp);
-    Some(NamedFault {
-        teller: match kind.teller() {
-            Teller::Nobody => "nobody",
-            Teller::Supervisor => "supervisor",
-            Teller::Mirror(_) => "mirror",
+    Some(Diagnosis {
+        teller: match kind.detecting_party() {
+            DetectingParty::Nobody => "nobody",
+            DetectingParty::Supervisor => "supervisor",
+            DetectingParty::FaultDetector(_) => "mirror",
         },
-        rightly: all.iter().filter(|mirrored| mirrored.is_right(kind)).count(),
+        rightly: all.iter().filter(|mirrored| mirrored.is_correct(kind)).count(),
         told_ms_median: times.get(times.len() / 2).copied(),
         told_ms_max: times.last().copied(),
         wrongly: all.iter().filter(|mirrored| !mirrored.wrong.is_empty()).count(),
@@ -247,13 +247,13 @@ fn named(kind: Kind, of: &[&FaultOutcome]) -> Option<NamedFault> {
 }
 
 /// Describes the first violated requirement of an outcome.
-fn complaint(outcome: &FaultOutcome) -> Option<String> {
+fn first_violation(outcome: &FaultOutcome) -> Option<String> {
     let FaultOutcome { kind, phase, round, state, .. } = outcome;
     let what = if !outcome.as_expected {
         format!("ended in `{state}`")
     } else if outcome.outside > 0 {
         format!("{} commands outside their limits", outcome.outside)
-    } else if outcome.lost > 0 && !kind.takes_torque() && kind.expected() != Expected::GoesOn {
+    } else if outcome.lost > 0 && !kind.takes_torque() && kind.expected() != ExpectedOutcome::GoesOn {
         format!("{} of {} held objects lost in `{state}`", outcome.lost, outcome.held)
     } else if !outcome.intact {
         "the recording is not intact".to_owned()

@@ -14,12 +14,12 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Stopping tolerance of the solver.
-const TOLERANCE: f64 = 1e-3;
+const SOLVER_TOLERANCE: f64 = 1e-3;
 /// Number of bootstrap resamples for the interval.
-const RESAMPLES: usize = 2000;
+const RESAMPLE_COUNT: usize = 2000;
 
 /// Fewest objects for which an interval is given, as for samples in the benchmark.
-const FEWEST_OBJECTS: usize = 5;
+const MIN_OBJECTS: usize = 5;
 
 /// Errors of fitting a boundary.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -38,7 +38,7 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// Fits a boundary between the `points` that are `power` and the others.
+    /// Fits a boundary between the `points` that are `is_power` and the others.
     pub fn fit(points: &[Vec<f64>], power: &[bool]) -> Result<Self, BoundaryError> {
         let count = power.iter().filter(|power| **power).count();
         if count == 0 || count == power.len() {
@@ -49,7 +49,7 @@ impl Boundary {
         let spread: f64 = (0..width).map(|column| records.column(column).var(0.0)).sum();
         let data = DatasetBase::new(records, Array1::from(power.to_vec()));
         let params = Svm::<f64, bool>::params()
-            .eps(TOLERANCE)
+            .eps(SOLVER_TOLERANCE)
             .pos_neg_weights(0.5 * n as f64 / count as f64, 0.5 * n as f64 / (n - count) as f64)
             .gaussian_kernel(spread.max(f64::MIN_POSITIVE));
         let svm = params.fit(&data).map_err(|error| BoundaryError::Solver(error.to_string()))?;
@@ -57,21 +57,21 @@ impl Boundary {
     }
 
     /// True if the point lies on the power side.
-    pub fn power(&self, point: &[f64]) -> bool {
+    pub fn is_power(&self, point: &[f64]) -> bool {
         self.svm.predict(Array1::from(point.to_vec()))
     }
 
     /// Returns the number of support vectors.
-    pub fn support(&self) -> usize {
+    pub fn support_vectors(&self) -> usize {
         self.svm.nsupport()
     }
 
     /// Computes the balanced accuracy: the mean of the two classes' accuracies, 0.5 for a constant answer.
-    pub fn balanced(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
+    pub fn balanced_accuracy(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
         let of = |class: bool| {
             let own = points.iter().zip(power).filter(|(_, power)| **power == class);
-            let (right, all) =
-                own.fold((0, 0), |(right, all), (point, _)| (right + usize::from(self.power(point) == class), all + 1));
+            let (right, all) = own
+                .fold((0, 0), |(right, all), (point, _)| (right + usize::from(self.is_power(point) == class), all + 1));
             right as f64 / (all as f64).max(1.0)
         };
         0.5 * (of(true) + of(false))
@@ -79,14 +79,14 @@ impl Boundary {
 
     /// Returns the share of `points` on the correct side.
     pub fn accuracy(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
-        let right = points.iter().zip(power).filter(|(point, power)| self.power(point) == **power).count();
+        let right = points.iter().zip(power).filter(|(point, power)| self.is_power(point) == **power).count();
         right as f64 / points.len().max(1) as f64
     }
 }
 
 /// Accuracy on held-out objects with a 95 % interval, and the figures to compare it with.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct HeldOut {
+pub struct HeldOutAccuracy {
     /// Share of correct answers on objects that were left out of the fit.
     pub accuracy: f64,
     /// 2.5 % and 97.5 % quantiles over resampled objects. `None` for fewer than five objects, or if all have the same
@@ -102,7 +102,12 @@ pub struct HeldOut {
 
 /// Leaves out each object in turn, fits to the others and counts correct answers on it. The interval is a bootstrap over
 /// objects, because grasps of one object are correlated.
-pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64) -> Result<HeldOut, BoundaryError> {
+pub fn held_out(
+    points: &[Vec<f64>],
+    power: &[bool],
+    objects: &[&str],
+    seed: u64,
+) -> Result<HeldOutAccuracy, BoundaryError> {
     let mut names: Vec<&str> = objects.to_vec();
     names.sort_unstable();
     names.dedup();
@@ -115,7 +120,7 @@ pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64
         let boundary = Boundary::fit(&train, &pick(false).map(|n| power[n]).collect::<Vec<_>>())?;
         let (mut right, mut of) = (0, 0);
         for n in pick(true) {
-            let good = usize::from(boundary.power(&points[n]) == power[n]);
+            let good = usize::from(boundary.is_power(&points[n]) == power[n]);
             right += good;
             of += 1;
             let class = &mut by_class[usize::from(power[n])];
@@ -129,15 +134,15 @@ pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64
         right as f64 / of.max(1) as f64
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut resampled: Vec<f64> = (0..RESAMPLES)
+    let mut resampled: Vec<f64> = (0..RESAMPLE_COUNT)
         .map(|_| share(&mut (0..found.len()).map(|_| &found[rng.random_range(0..found.len())])))
         .collect();
     resampled.sort_by(f64::total_cmp);
-    let [low, high] = [resampled[RESAMPLES / 40], resampled[RESAMPLES - 1 - RESAMPLES / 40]];
+    let [low, high] = [resampled[RESAMPLE_COUNT / 40], resampled[RESAMPLE_COUNT - 1 - RESAMPLE_COUNT / 40]];
     let most = by_class[0][1].max(by_class[1][1]) as f64 / points.len().max(1) as f64;
-    Ok(HeldOut {
+    Ok(HeldOutAccuracy {
         accuracy: share(&mut found.iter()),
-        interval: (found.len() >= FEWEST_OBJECTS && high > low).then_some([low, high]),
+        interval: (found.len() >= MIN_OBJECTS && high > low).then_some([low, high]),
         balanced: by_class.iter().map(|[right, of]| *right as f64 / (*of).max(1) as f64).sum::<f64>() / 2.0,
         majority: most,
         objects: found,
@@ -165,10 +170,10 @@ mod tests {
     fn a_ring_around_a_disk() {
         let (points, power) = ring(200, 1);
         let boundary = Boundary::fit(&points, &power).expect("two classes");
-        assert!(boundary.accuracy(&points, &power) > 0.99 && boundary.balanced(&points, &power) > 0.99);
+        assert!(boundary.accuracy(&points, &power) > 0.99 && boundary.balanced_accuracy(&points, &power) > 0.99);
         let (others, their) = ring(200, 2);
         assert!(boundary.accuracy(&others, &their) > 0.98);
-        assert!(boundary.power(&[0.0, 0.0]) && !boundary.power(&[2.5, 0.0]) && boundary.support() < 200);
+        assert!(boundary.is_power(&[0.0, 0.0]) && !boundary.is_power(&[2.5, 0.0]) && boundary.support_vectors() < 200);
     }
 
     /// If the class follows from the object only, training accuracy is high and held-out accuracy is not.
@@ -205,7 +210,7 @@ mod tests {
         let few: Vec<Vec<f64>> = (0..400).filter(keep).map(|n| vec![0.5 * points[n][0], 0.5 * points[n][1]]).collect();
         let classes: Vec<bool> = (0..400).filter(keep).map(|n| power[n]).collect();
         let boundary = Boundary::fit(&few, &classes).expect("two classes");
-        assert!(boundary.balanced(&few, &classes) > 0.95);
+        assert!(boundary.balanced_accuracy(&few, &classes) > 0.95);
     }
 
     #[test]

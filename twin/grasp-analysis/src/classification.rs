@@ -4,7 +4,7 @@ use dexterous_grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 
 use dexterous_grasping::taxonomy::attributes::{Attributes, ObjectForm};
-use dexterous_grasping::taxonomy::rules::{Decision, Rules};
+use dexterous_grasping::taxonomy::rules::{RuleDecision, TypeRules};
 use dexterous_grasping::taxonomy::{Category, Taxonomy};
 
 /// A grasp with its type.
@@ -18,7 +18,7 @@ pub struct ClassifiedGrasp {
     /// Attributes on which the rules decide.
     pub attributes: Attributes,
     /// Decision of the rules.
-    pub decision: Decision,
+    pub decision: RuleDecision,
 }
 
 /// Error: the same grasp was added twice.
@@ -31,7 +31,7 @@ pub struct Classification {
     /// The 19 types.
     pub taxonomy: Taxonomy,
     /// The rules that decide.
-    pub rules: Rules,
+    pub rules: TypeRules,
     /// Names of the objects.
     pub objects: Vec<String>,
     /// The grasps of the first object, then those of the second, and so on.
@@ -42,7 +42,7 @@ impl Default for Classification {
     /// Starts without grasps, with the paper's types and the built-in rules.
     fn default() -> Self {
         let taxonomy = Taxonomy::paper();
-        let rules = Rules::shipped(&taxonomy);
+        let rules = TypeRules::builtin(&taxonomy);
         Self { taxonomy, rules, objects: Vec::new(), grasps: Vec::new() }
     }
 }
@@ -60,7 +60,7 @@ impl Classification {
         if self.find(&id).is_some() {
             return Err(DuplicateGrasp(id));
         }
-        let attributes = Attributes::of(hand, form, &grasp);
+        let attributes = Attributes::measure(hand, form, &grasp);
         let decision = self.rules.decide(&self.taxonomy, &attributes);
         self.grasps.push(ClassifiedGrasp { id, object, grasp, attributes, decision });
         Ok(())

@@ -10,18 +10,18 @@ use hand_model::Hand;
 use nalgebra::{Isometry3, Point3};
 
 /// Number of points on the hand.
-pub const POINTS: usize = 2170;
+pub const HAND_POINT_COUNT: usize = 2170;
 /// Offset that keeps the logarithm finite, m.
-pub const EPSILON_1: f64 = 1e-4;
+pub const LOG_OFFSET: f64 = 1e-4;
 /// Distance at which larger distances are clipped, m.
-pub const EPSILON_2: f64 = 0.05;
+pub const CLIP_DISTANCE: f64 = 0.05;
 
 /// A point fixed to a link: 0 is the palm, i + 1 the link that joint i moves; m, link frame.
 pub type HandPoint = (usize, Point3<f64>);
 
-/// Returns [`POINTS`] points spread evenly over the covers of `hand`.
+/// Returns [`HAND_POINT_COUNT`] points spread evenly over the covers of `hand`.
 pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
-    let surface = HandSurface::new(hand, POINTS);
+    let surface = HandSurface::new(hand, HAND_POINT_COUNT);
     let all: Vec<HandPoint> = surface
         .links
         .iter()
@@ -29,15 +29,15 @@ pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
         .flat_map(|(link, own)| own.points.iter().map(move |point| (link, Point3::from(*point))))
         .collect();
     // The surface has a few points too many, so some are dropped evenly.
-    (0..POINTS).map(|n| all[n * all.len() / POINTS]).collect()
+    (0..HAND_POINT_COUNT).map(|n| all[n * all.len() / HAND_POINT_COUNT]).collect()
 }
 
 /// Computes Omega of a signed distance, m.
 pub fn omega(distance: f64) -> f64 {
-    (EPSILON_1 + distance.abs().min(EPSILON_2)).ln()
+    (LOG_OFFSET + distance.abs().min(CLIP_DISTANCE)).ln()
 }
 
-/// Computes the contact map of `grasp`: Omega at each of `points`. `distance` is the object's signed distance, m,
+/// Computes the contact map of `grasp`: Omega at each of `points`. `share_distance` is the object's signed distance, m,
 /// object frame.
 pub fn contact_map(
     hand: &Hand,
@@ -80,7 +80,7 @@ mod tests {
     fn map_of_a_ball() {
         let hand = Hand::ftac();
         let points = hand_points(&hand);
-        assert_eq!(points.len(), POINTS);
+        assert_eq!(points.len(), HAND_POINT_COUNT);
         let held = grasp(0.0, &[]);
         let map = contact_map(&hand, &points, &held, |p| p.coords.norm() - 0.02);
         let center = Point3::new(0.0, 0.0, -0.04);

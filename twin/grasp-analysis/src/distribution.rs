@@ -1,6 +1,6 @@
 //! Counts of grasps by object and type.
 
-use dexterous_grasping::taxonomy::rules::Decision;
+use dexterous_grasping::taxonomy::rules::RuleDecision;
 use dexterous_grasping::taxonomy::{Category, Taxonomy};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -18,7 +18,10 @@ pub struct Distribution {
 
 impl Distribution {
     /// Counts (object, decision) pairs.
-    pub fn of<'a>(taxonomy: &Taxonomy, decisions: impl Iterator<Item = (&'a str, &'a Decision)>) -> Self {
+    pub fn from_decisions<'a>(
+        taxonomy: &Taxonomy,
+        decisions: impl Iterator<Item = (&'a str, &'a RuleDecision)>,
+    ) -> Self {
         let mut found = Self { objects: Vec::new(), counts: Vec::new(), ambiguous: Vec::new() };
         for (object, decision) in decisions {
             let n = found.objects.iter().position(|known| known == object).unwrap_or_else(|| {

@@ -18,9 +18,9 @@ pub enum EmbeddingError {
 }
 
 /// Additional vectors in the subspace iteration, which speed up the convergence of the last requested component.
-const SPARE: usize = 6;
+const EXTRA_VECTORS: usize = 6;
 /// Maximum number of iterations. The variances converge to 1e-10 long before.
-const ROUNDS: usize = 300;
+const MAX_ITERATIONS: usize = 300;
 
 /// The leading principal components.
 #[derive(Debug, Clone)]
@@ -48,11 +48,11 @@ pub fn pca(rows: &[Vec<f64>], count: usize, seed: u64) -> Result<Pca, EmbeddingE
     }
     let whole = data.norm_squared();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let carried = (count + SPARE).min(width);
+    let carried = (count + EXTRA_VECTORS).min(width);
     let mut basis = DMatrix::from_fn(width, carried, |_, _| rng.random_range(-1.0..1.0_f64)).qr().q();
     let mut last = DVector::<f64>::zeros(carried);
     let transposed = data.transpose();
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ITERATIONS {
         let scores: DMatrix<f64> = &data * &basis;
         // Rotate the basis so that the scores are uncorrelated, largest variance first.
         let moments: DMatrix<f64> = scores.transpose() * &scores;

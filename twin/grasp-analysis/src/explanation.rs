@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::classification::{Classification, ClassifiedGrasp};
-use dexterous_grasping::taxonomy::rules::Checked;
+use dexterous_grasping::taxonomy::rules::CheckedCondition;
 
 /// Reasons for the type of a grasp.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -22,16 +22,16 @@ pub struct Explanation<'a> {
     /// True if the type is not clear.
     ambiguous: bool,
     /// One entry per condition of the type.
-    conditions: Vec<Checked>,
+    conditions: Vec<CheckedCondition>,
     /// Second best type.
     second: &'a str,
     second_margin: f64,
     /// One entry per condition of the second best type.
-    second_conditions: Vec<Checked>,
+    second_conditions: Vec<CheckedCondition>,
 }
 
 impl<'a> Explanation<'a> {
-    pub fn of(classification: &'a Classification, grasp: &'a ClassifiedGrasp) -> Self {
+    pub fn new(classification: &'a Classification, grasp: &'a ClassifiedGrasp) -> Self {
         let (types, decision) = (&classification.taxonomy.types, &grasp.decision);
         let conditions = |kind: usize| classification.rules.explain(kind, &grasp.attributes);
         Self {

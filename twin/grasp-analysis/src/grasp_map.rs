@@ -13,16 +13,16 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::boundary::{Boundary, BoundaryError, HeldOut, held_out};
+use crate::boundary::{Boundary, BoundaryError, HeldOutAccuracy, held_out};
 use crate::classification::Classification;
-use crate::contact_map::{POINTS, contact_map, hand_points, normalize};
+use crate::contact_map::{HAND_POINT_COUNT, contact_map, hand_points, normalize};
 use crate::embedding::{EmbeddingError, farthest_points, pca, tsne};
 use dexterous_grasping::taxonomy::Category;
 
 /// Number of principal components kept.
-const COMPONENTS: usize = 6;
+const COMPONENT_COUNT: usize = 6;
 const PERPLEXITY: f64 = 30.0;
-const ITERATIONS: usize = 1000;
+const ITERATION_COUNT: usize = 1000;
 
 /// Errors of making a map.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +47,7 @@ struct SeedFigures {
 
 /// Figures of all maps, as written to `map.json`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Figures {
+pub struct MapFigures {
     grasps: usize,
     /// Number of grasps on a map.
     sampled: usize,
@@ -70,7 +70,7 @@ pub struct Figures {
 #[derive(Debug, Clone, Copy)]
 pub struct MapSettings {
     /// Maximum number of grasps on a map.
-    pub most: usize,
+    pub max_grasps: usize,
     /// Number of maps, each from its own seed.
     pub maps: u64,
     /// First seed.
@@ -86,7 +86,7 @@ pub struct FittedBoundary {
     pub training_balanced: f64,
     pub support_vectors: usize,
     /// Accuracy on objects left out.
-    pub held_out: HeldOut,
+    pub held_out: HeldOutAccuracy,
 }
 
 /// Map of one seed.
@@ -94,7 +94,7 @@ pub struct GraspMap {
     /// Indices of the grasps on the map.
     pub sampled: Vec<usize>,
     /// Positions of these grasps on the map, in the same order.
-    pub places: Vec<[f64; 2]>,
+    pub positions: Vec<[f64; 2]>,
     /// Boundary in the plane of the map.
     pub boundary: Boundary,
     /// Accuracy of that boundary.
@@ -120,7 +120,7 @@ pub fn check_both_classes(classification: &Classification) -> Result<(), Boundar
     Ok(())
 }
 
-/// Computes the normalised contact maps of all grasps. `distance` returns the signed distance, m, of a point in the
+/// Computes the normalised contact maps of all grasps. `share_distance` returns the signed distance, m, of a point in the
 /// object's frame to the object with the given index.
 pub fn contact_maps(
     hand: &Hand,
@@ -148,15 +148,15 @@ pub fn contact_maps(
 
 impl GraspMaps {
     /// Computes maps of the grasps of `classification`, whose contact maps are `contacts`.
-    pub fn of(
+    pub fn compute(
         classification: &Classification,
         contacts: &[Vec<f64>],
         settings: &MapSettings,
     ) -> Result<Self, MapError> {
-        let found = pca(contacts, COMPONENTS, settings.seed)?;
+        let found = pca(contacts, COMPONENT_COUNT, settings.seed)?;
         let maps = (0..settings.maps)
             .into_par_iter()
-            .map(|n| draw(classification, contacts, &found.scores, settings.most, settings.seed + n))
+            .map(|n| compute_map(classification, contacts, &found.scores, settings.max_grasps, settings.seed + n))
             .collect::<Result<_, _>>()?;
         Ok(Self { explained: found.explained, maps })
     }
@@ -170,13 +170,13 @@ impl GraspMaps {
     }
 
     /// Returns the figures. The seeds count up from `seed`.
-    pub fn figures(&self, classification: &Classification, seed: u64) -> Figures {
+    pub fn figures(&self, classification: &Classification, seed: u64) -> MapFigures {
         let seeds = (seed..).zip(&self.maps);
         let (low, high) = self.training();
-        Figures {
+        MapFigures {
             grasps: classification.grasps.len(),
             sampled: self.maps.first().map_or(0, |map| map.sampled.len()),
-            points: POINTS,
+            points: HAND_POINT_COUNT,
             explained: self.explained.clone(),
             power: classification.count(Category::Power),
             precision: classification.count(Category::Precision),
@@ -226,7 +226,7 @@ impl GraspMaps {
     }
 }
 
-fn draw(
+fn compute_map(
     classification: &Classification,
     contacts: &[Vec<f64>],
     scores: &[Vec<f64>],
@@ -238,7 +238,7 @@ fn draw(
     let rows: Vec<Vec<f64>> = sampled.iter().map(|row| scores[*row].clone()).collect();
     // A small set of grasps needs a lower perplexity.
     let perplexity = PERPLEXITY.min((sampled.len() as f64 - 1.0) / 3.5);
-    let places = tsne(&rows, perplexity, ITERATIONS, seed)?;
+    let places = tsne(&rows, perplexity, ITERATION_COUNT, seed)?;
     let category = |row: usize| classification.category(&classification.grasps[row]);
     let of_two: Vec<usize> = (0..sampled.len()).filter(|k| category(sampled[*k]) != Category::Intermediate).collect();
     let power: Vec<bool> = of_two.iter().map(|k| category(sampled[*k]) == Category::Power).collect();
@@ -248,13 +248,13 @@ fn draw(
         let boundary = Boundary::fit(&points, &power)?;
         let fitted = FittedBoundary {
             training: boundary.accuracy(&points, &power),
-            training_balanced: boundary.balanced(&points, &power),
-            support_vectors: boundary.support(),
+            training_balanced: boundary.balanced_accuracy(&points, &power),
+            support_vectors: boundary.support_vectors(),
             held_out: held_out(&points, &power, &objects, seed)?,
         };
         Ok((boundary, fitted))
     };
     let (boundary, plane) = fit(of_two.iter().map(|k| places[*k].to_vec()).collect())?;
     let (_, components) = fit(of_two.iter().map(|k| rows[*k].clone()).collect())?;
-    Ok(GraspMap { sampled, places, boundary, plane, components })
+    Ok(GraspMap { sampled, positions: places, boundary, plane, components })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use dexterous_grasping::taxonomy::{DataError, Taxonomy};
+use dexterous_grasping::taxonomy::{Taxonomy, TaxonomyError};
 
 /// Version of the file that the annotation page exports.
 pub const VERSION: u32 = 1;
@@ -22,12 +22,12 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `known`.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, DataError> {
+    /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `builtin`.
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, TaxonomyError> {
         let labels: Self = serde_json::from_str(text)
-            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
         let fault = |field: &str, found: String, expected: &str| {
-            Err(DataError::Field { path: path.into(), field: field.into(), found, expected: expected.into() })
+            Err(TaxonomyError::Field { path: path.into(), field: field.into(), found, expected: expected.into() })
         };
         if labels.version != VERSION {
             return fault("version", labels.version.to_string(), &VERSION.to_string());

@@ -30,7 +30,7 @@ pub trait Landscape: Sync {
     type Walker;
 
     /// Starts a chain at `state`.
-    fn enter(&self, state: &Self::State) -> Self::Walker;
+    fn start_chain(&self, state: &Self::State) -> Self::Walker;
 
     /// Runs one Metropolis-Hastings step at `temperature` on the energy plus `pull` times the distance to `target`.
     /// Returns the energy without the pull, and the distance, after the step.

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use dexterous_grasping::taxonomy::{DataError, Taxonomy};
+use dexterous_grasping::taxonomy::{Taxonomy, TaxonomyError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A way in which people hold things.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Way {
+struct HoldingWay {
     name: String,
     /// Share of the time in which hands are used, %.
     percent: f64,
@@ -20,20 +20,20 @@ struct Way {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    way: Vec<Way>,
+    way: Vec<HoldingWay>,
 }
 
 /// Shares of the ways in which people hold things.
 #[derive(Debug, Clone)]
-pub struct People {
-    ways: Vec<Way>,
+pub struct HumanGraspShares {
+    ways: Vec<HoldingWay>,
     /// Index of the way of each type.
     way_of: Vec<usize>,
 }
 
 /// A way with its shares.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct WayShare {
+pub struct HoldingWayShare {
     pub name: String,
     /// Share of people's grasps.
     pub people: f64,
@@ -42,21 +42,21 @@ pub struct WayShare {
     pub grasps: usize,
 }
 
-impl People {
+impl HumanGraspShares {
     /// Returns the built-in shares.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
-    pub fn known(taxonomy: &Taxonomy) -> Self {
+    pub fn builtin(taxonomy: &Taxonomy) -> Self {
         Self::parse(include_str!("../data/people.toml"), Path::new("people.toml"), taxonomy)
             .expect("the built-in shares are valid")
     }
 
     /// Parses shares. Each type of the `taxonomy` belongs to exactly one way. `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, TaxonomyError> {
         let File { way: ways } = toml::from_str(text)
-            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
-        let fault = |field: String, found: String, expected: &str| DataError::Field {
+            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
+        let fault = |field: String, found: String, expected: &str| TaxonomyError::Field {
             path: path.into(),
             field,
             found,
@@ -86,17 +86,17 @@ impl People {
     }
 
     /// Compares the shares of grasps whose counts by type are `types` with people's shares.
-    pub fn compare(&self, types: &[usize]) -> Vec<WayShare> {
+    pub fn compare(&self, types: &[usize]) -> Vec<HoldingWayShare> {
         let all = types.iter().sum::<usize>().max(1) as f64;
         let row = |way: usize| {
             let grasps = types.iter().zip(&self.way_of).filter(|(_, of)| **of == way).map(|(count, _)| count).sum();
             let (name, people) = (self.ways[way].name.clone(), self.share(way));
-            WayShare { name, people, share: grasps as f64 / all, grasps }
+            HoldingWayShare { name, people, share: grasps as f64 / all, grasps }
         };
         (0..self.ways.len()).map(row).collect()
     }
 
-    /// Chooses at most `most` grasps, as many as possible with people's shares, and returns their numbers. `types`
+    /// Chooses at most `max_grasps` grasps, as many as possible with people's shares, and returns their numbers. `types`
     /// gives the type index of each grasp. Within a way, the grasps that come first in `order`, a list of grasp
     /// numbers, are taken.
     pub fn choose(&self, types: &[usize], order: &[usize], most: usize) -> Vec<usize> {
@@ -111,18 +111,18 @@ impl People {
 }
 
 /// Computes half the sum of the differences between the shares: 0 if they are equal, 1 if they have nothing in common.
-pub fn distance(ways: &[WayShare]) -> f64 {
+pub fn share_distance(ways: &[HoldingWayShare]) -> f64 {
     0.5 * ways.iter().map(|way| (way.people - way.share).abs()).sum::<f64>()
 }
 
 /// Formats the shares as a table with a line per way.
-pub fn table(ways: &[WayShare]) -> String {
+pub fn table(ways: &[HoldingWayShare]) -> String {
     let mut text = format!("{:24} {:>8} {:>8} {:>7}\n", "way of people", "people", "here", "grasps");
     for way in ways {
         let [people, share] = [way.people, way.share].map(|share| format!("{:.1} %", 100.0 * share));
         text += &format!("{:24} {people:>8} {share:>8} {:>7}\n", way.name, way.grasps);
     }
-    text + &format!("{:24} {:.2}\n", "distance of the shares", distance(ways))
+    text + &format!("{:24} {:.2}\n", "distance of the shares", share_distance(ways))
 }
 
 #[cfg(test)]
@@ -133,13 +133,13 @@ mod tests {
     #[test]
     fn shares_of_people() {
         let taxonomy = Taxonomy::paper();
-        let people = People::known(&taxonomy);
+        let people = HumanGraspShares::builtin(&taxonomy);
         let ways = people.compare(&vec![1; taxonomy.types.len()]);
         assert!((ways.iter().map(|way| way.people).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!((ways[0].people - 31.9 / 81.4).abs() < 1e-3, "{ways:?}");
         assert_eq!(ways.iter().map(|way| way.grasps).sum::<usize>(), 19);
         let twice = include_str!("../data/people.toml").replace("\"Heavy Wrap\"", "\"Heavy Wrap\", \"Pincer\"");
-        let error = People::parse(&twice, Path::new("p.toml"), &taxonomy).expect_err("twice").to_string();
+        let error = HumanGraspShares::parse(&twice, Path::new("p.toml"), &taxonomy).expect_err("twice").to_string();
         assert!(error.contains("p.toml") && error.contains("Pincer"), "{error}");
     }
 
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn a_choice_has_the_shares() {
         let taxonomy = Taxonomy::paper();
-        let people = People::known(&taxonomy);
+        let people = HumanGraspShares::builtin(&taxonomy);
         // 300 grasps of each type but one of the lumbrical way, of which there are 20.
         let lumbrical = taxonomy.find("Extension Type").expect("a type");
         let count = |kind: usize| match taxonomy.types[kind].name.as_str() {
@@ -161,8 +161,8 @@ mod tests {
         let mut counts = vec![0; 19];
         chosen.iter().for_each(|grasp| counts[types[*grasp]] += 1);
         assert_eq!(counts[lumbrical], 20);
-        assert!(distance(&people.compare(&counts)) < 0.01, "{:?}", people.compare(&counts));
-        assert!(distance(&people.compare(&[1; 19])) > 0.2);
+        assert!(share_distance(&people.compare(&counts)) < 0.01, "{:?}", people.compare(&counts));
+        assert!(share_distance(&people.compare(&[1; 19])) > 0.2);
         assert!(people.choose(&types, &order, 50).len().abs_diff(50) <= 2, "each way is rounded by itself");
     }
 }

@@ -75,13 +75,13 @@ mod tests {
     use dexterous_grasping::taxonomy::attributes::ObjectForm;
 
     use crate::classification::DuplicateGrasp;
-    use crate::summary::Summary;
+    use crate::summary::ClassificationSummary;
     use crate::test_grasp::grasp;
 
     /// Six grasps of two objects.
     fn classified() -> Classification {
         let corner = |n: u32| Point3::from([0, 1, 2].map(|axis| if n >> axis & 1 == 1 { 0.02 } else { -0.02 }));
-        let (hand, form) = (Hand::ftac(), ObjectForm::of(&(0..8).map(corner).collect::<Vec<_>>()));
+        let (hand, form) = (Hand::ftac(), ObjectForm::from_points(&(0..8).map(corner).collect::<Vec<_>>()));
         let mut made = Classification::default();
         for name in ["cube", "die"] {
             made.add_object(name);
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn counts_add_up() {
         let made = classified();
-        let summary = Summary::of(&made);
+        let summary = ClassificationSummary::from_classification(&made);
         assert_eq!(
             (summary.grasps, &summary.distribution.objects[..]),
             (6, &["cube".to_owned(), "die".to_owned()][..])

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// One of the six sensor configurations.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Configuration {
+pub struct SensorConfiguration {
     /// Letter of the configuration, `a` to `f`.
     pub letter: char,
     /// Number of pads on the hand.
@@ -22,8 +22,8 @@ pub struct Configuration {
 
 /// The whole hand as a tactile array.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Array {
-    pub configurations: Vec<Configuration>,
+pub struct TactileArray {
+    pub configurations: Vec<SensorConfiguration>,
     /// Number of pads.
     pub pads: usize,
     /// Number of cameras.
@@ -39,12 +39,12 @@ pub struct Array {
 }
 
 /// Computes the figures of the tables for `hand`.
-pub fn array(hand: &Hand) -> Array {
-    let mut configurations: Vec<Configuration> = Vec::new();
+pub fn tactile_array(hand: &Hand) -> TactileArray {
+    let mut configurations: Vec<SensorConfiguration> = Vec::new();
     for pad in &hand.pads {
         match configurations.iter_mut().find(|known| known.letter == pad.configuration) {
             Some(known) => known.pads += 1,
-            None => configurations.push(Configuration {
+            None => configurations.push(SensorConfiguration {
                 letter: pad.configuration,
                 pads: 1,
                 cameras: pad.cameras.len(),
@@ -57,7 +57,7 @@ pub fn array(hand: &Hand) -> Array {
     let area: f64 = hand.pads.iter().map(|pad| pad.h * pad.w).sum();
     let taxels = hand.cameras.len() * IMAGE_SIZE * IMAGE_SIZE;
     let density = taxels as f64 / (1e4 * area);
-    Array {
+    TactileArray {
         configurations,
         pads: hand.pads.len(),
         cameras: hand.cameras.len(),
@@ -69,10 +69,10 @@ pub fn array(hand: &Hand) -> Array {
 }
 
 /// Another system in the paper's table: name, sensing area, resolution, transduction, wiring, sensitivity per kPa.
-pub type System = [&'static str; 6];
+pub type TactileSystem = [&'static str; 6];
 
 /// The paper's table of other tactile arrays.
-pub const OTHERS: [System; 6] = [
+pub const OTHER_SYSTEMS: [TactileSystem; 6] = [
     ["Yu et al. 2022", "full hand", "21 taxels a hand", "piezoresistive", "per taxel", "-"],
     ["Luo et al. 2021", "full hand", "4.5 taxels/cm2", "piezoresistive", "per taxel", "-"],
     ["Li et al. 2020", "fingers", "10 taxels a hand", "piezothermic", "per taxel", "117 mV"],
@@ -88,7 +88,7 @@ mod tests {
     /// The dimensions are those of the paper's table, and the pixels add up.
     #[test]
     fn tables_of_the_hand() {
-        let found = array(&Hand::ftac());
+        let found = tactile_array(&Hand::ftac());
         let sizes: Vec<_> =
             found.configurations.iter().map(|c| (c.letter, c.cameras, c.size_mm.map(f64::round))).collect();
         assert_eq!(

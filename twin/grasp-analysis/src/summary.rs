@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::classification::{Classification, ClassifiedGrasp};
 use crate::distribution::Distribution;
-use crate::people::{self, People, WayShare};
+use crate::people::{self, HoldingWayShare, HumanGraspShares};
 use crate::raters::RaterPair;
 use dexterous_grasping::taxonomy::{Category, GraspType, Taxonomy};
 
@@ -57,7 +57,7 @@ struct CategoryCounts {
 
 /// Figures of a classification, as written to `classes.json`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Figures {
+pub struct ClassificationFigures {
     grasps: usize,
     objects: usize,
     /// Number of types with a grasp.
@@ -75,7 +75,7 @@ pub struct Figures {
     types: Vec<TypeRow>,
     by_object: Distribution,
     /// Comparison with the shares of the ways in which people hold things.
-    people: Vec<WayShare>,
+    people: Vec<HoldingWayShare>,
     /// Agreement with people's labels.
     agreement: Vec<RaterPair>,
     /// Decisions, one per grasp.
@@ -94,7 +94,7 @@ pub struct TypeCount {
 }
 
 /// Counts of a classification.
-pub struct Summary {
+pub struct ClassificationSummary {
     /// Counts by object and type.
     pub distribution: Distribution,
     /// Counts by type, in the order of the taxonomy.
@@ -108,12 +108,12 @@ pub struct Summary {
     pub unfit: usize,
 }
 
-impl Summary {
+impl ClassificationSummary {
     /// Counts `classification`.
-    pub fn of(classification: &Classification) -> Self {
+    pub fn from_classification(classification: &Classification) -> Self {
         let (taxonomy, grasps) = (&classification.taxonomy, &classification.grasps);
         let decisions = grasps.iter().map(|grasp| (classification.object(grasp), &grasp.decision));
-        let distribution = Distribution::of(taxonomy, decisions);
+        let distribution = Distribution::from_decisions(taxonomy, decisions);
         let totals = distribution.totals();
         let types = (0..taxonomy.types.len()).map(|kind| {
             let own = || grasps.iter().map(|grasp| &grasp.decision).filter(|decision| decision.kind == kind);
@@ -143,12 +143,12 @@ impl Summary {
     }
 
     /// Returns the ways in which people hold things, with the shares of these grasps.
-    fn people(&self, taxonomy: &Taxonomy) -> Vec<WayShare> {
-        People::known(taxonomy).compare(&self.distribution.totals())
+    fn people(&self, taxonomy: &Taxonomy) -> Vec<HoldingWayShare> {
+        HumanGraspShares::builtin(taxonomy).compare(&self.distribution.totals())
     }
 
     /// Returns the summary, every decision and the raters' agreement.
-    pub fn figures(&self, classification: &Classification, agreement: Vec<RaterPair>) -> Figures {
+    pub fn figures(&self, classification: &Classification, agreement: Vec<RaterPair>) -> ClassificationFigures {
         let kinds = &classification.taxonomy.types;
         let row = |(kind, count): (&GraspType, &TypeCount)| TypeRow {
             name: kind.name.clone(),
@@ -161,13 +161,13 @@ impl Summary {
             id: grasp.id.clone(),
             kind: classification.type_name(grasp).to_owned(),
             category: classification.category(grasp),
-            margin: rounded(grasp.decision.margin),
+            margin: round_margin(grasp.decision.margin),
             ambiguous: grasp.decision.ambiguous,
             second: kinds[grasp.decision.second.0].name.clone(),
-            second_margin: rounded(grasp.decision.second.1),
+            second_margin: round_margin(grasp.decision.second.1),
         };
         let [power, intermediate, precision] = self.categories;
-        Figures {
+        ClassificationFigures {
             grasps: self.grasps,
             objects: self.distribution.objects.len(),
             types_present: self.present(),
@@ -214,6 +214,6 @@ impl Summary {
 }
 
 /// Rounds a margin to three digits. A type that is far from fitting has -99.
-pub fn rounded(margin: f64) -> f64 {
+pub fn round_margin(margin: f64) -> f64 {
     (margin.max(-99.0) * 1e3).round() / 1e3
 }

@@ -6,24 +6,28 @@ use std::sync::Arc;
 use anyhow::Result;
 use dexterous_grasping::{Grasp, Repertoire};
 use nalgebra::Vector3;
-use scenarios::disturbance::{SizeSweep, Which};
+use scenarios::disturbance::{SizeSweep, TargetObject};
 use world::objects::ObjectModel;
 
-use crate::plan::Plan;
-use crate::simulated_world::World;
+use crate::grasp_pair::GraspPair;
+use crate::simulated_world::SimulatedWorld;
 
 /// Adds the balls of `sweep` to the world's objects and to the repertoire, and returns them.
-pub fn add(sweep: &SizeSweep, world: &mut World, repertoire: &mut Repertoire) -> Result<Vec<Arc<ObjectModel>>> {
+pub fn add_balls(
+    sweep: &SizeSweep,
+    world: &mut SimulatedWorld,
+    repertoire: &mut Repertoire,
+) -> Result<Vec<Arc<ObjectModel>>> {
     let names = match sweep.object {
-        Which::First => world.scenario.first.clone(),
-        Which::Second => world.scenario.second.clone(),
+        TargetObject::First => world.scenario.first.clone(),
+        TargetObject::Second => world.scenario.second.clone(),
     };
     let mut added = Vec::new();
     for ball in names {
         let model = world.object(&ball)?;
         let radius = model.shape.bounding_radius();
         for diameter in &sweep.diameters {
-            let name = name(&ball, *diameter);
+            let name = ball_name(&ball, *diameter);
             let other = ObjectModel { name: name.clone(), ..model.scaled(0.5 * diameter / radius)? };
             world.objects.insert(other);
             added.push(world.object(&name)?);
@@ -36,17 +40,17 @@ pub fn add(sweep: &SizeSweep, world: &mut World, repertoire: &mut Repertoire) ->
 }
 
 /// Returns the plan of a trial of the sweep.
-pub fn plan_of(plan: &Plan, sweep: &SizeSweep, trial: usize) -> Plan {
+pub fn pair_for_trial(plan: &GraspPair, sweep: &SizeSweep, trial: usize) -> GraspPair {
     let mut other = plan.clone();
     let ball = match sweep.object {
-        Which::First => &mut other.first,
-        Which::Second => &mut other.second,
+        TargetObject::First => &mut other.first,
+        TargetObject::Second => &mut other.second,
     };
-    *ball = name(ball, sweep.diameter(trial));
+    *ball = ball_name(ball, sweep.diameter(trial));
     other
 }
 
-fn name(ball: &str, diameter: f64) -> String {
+fn ball_name(ball: &str, diameter: f64) -> String {
     format!("{ball}_as_{:.1}_mm", diameter * 1e3)
 }
 
@@ -72,21 +76,21 @@ mod tests {
     /// The palm stays at the same distance from the surface. Numbers and digits stay the same.
     #[test]
     fn the_palm_keeps_its_distance() {
-        let mut world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
+        let mut world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
         world.scenario.first = vec!["golf_ball".into()];
         let mut repertoire = crate::builtin::repertoire().unwrap();
-        let sweep = SizeSweep { object: Which::First, diameters: vec![0.036, 0.05] };
-        let added = add(&sweep, &mut world, &mut repertoire).unwrap();
+        let sweep = SizeSweep { object: TargetObject::First, diameters: vec![0.036, 0.05] };
+        let added = add_balls(&sweep, &mut world, &mut repertoire).unwrap();
         assert_eq!(added.len(), 2);
         let gap = |name: &str, id: u32| {
-            let grasp = repertoire.of(name, &SIDE).find(|grasp| grasp.id == id).unwrap();
+            let grasp = repertoire.for_digits(name, &SIDE).find(|grasp| grasp.id == id).unwrap();
             -grasp.center[2] - world.object(name).unwrap().shape.bounding_radius()
         };
-        let id = repertoire.of("golf_ball", &SIDE).next().unwrap().id;
+        let id = repertoire.for_digits("golf_ball", &SIDE).next().unwrap().id;
         for ball in &added {
             assert!((gap(&ball.name, id) - gap("golf_ball", id)).abs() < 1e-12, "{}", ball.name);
         }
-        let plan = Plan::new(["golf_ball", "egg"], id, Vec::new());
-        assert_eq!(plan_of(&plan, &sweep, 3).first, added[1].name);
+        let plan = GraspPair::new(["golf_ball", "egg"], id, Vec::new());
+        assert_eq!(pair_for_trial(&plan, &sweep, 3).first, added[1].name);
     }
 }

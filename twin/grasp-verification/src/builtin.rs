@@ -6,7 +6,7 @@ use anyhow::Result;
 use dexterous_grasping::Repertoire;
 use hand_model::RobotModel;
 
-use crate::plan::Plans;
+use crate::grasp_pair::GraspPairTable;
 
 /// Returns the benchmark's repertoire of pick-ups.
 pub fn repertoire() -> Result<Repertoire> {
@@ -15,13 +15,13 @@ pub fn repertoire() -> Result<Repertoire> {
 
 /// True if the built-in grasps and plans fit `robot`: it moves like the built-in robot, or is an individual of one that
 /// does.
-pub fn fits(robot: &RobotModel) -> Result<bool> {
-    Ok(robot.sources.is_none() || Repertoire::mark(&robot.nominal()?).is_none())
+pub fn fits_robot(robot: &RobotModel) -> Result<bool> {
+    Ok(robot.sources.is_none() || Repertoire::robot_identity(&robot.nominal()?).is_none())
 }
 
 /// Returns the benchmark's 60 combinations, planned without noise.
-pub fn plans() -> Result<Plans> {
-    Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
+pub fn grasp_pairs() -> Result<GraspPairTable> {
+    GraspPairTable::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
 }
 
 #[cfg(test)]
@@ -36,15 +36,16 @@ mod tests {
     /// objects is planned twice.
     #[test]
     fn plans_name_grasps_of_the_repertoire() {
-        let (repertoire, plans) = (repertoire().unwrap(), plans().unwrap());
+        let (repertoire, plans) = (repertoire().unwrap(), grasp_pairs().unwrap());
         let sets = dexterous_grasping::digit_sets(&Hand::ftac(), 2);
         assert_eq!(plans.plans.len(), 60);
         let mut pairs = BTreeSet::new();
         for plan in &plans.plans {
             let pair = (&plan.first, &plan.second);
             assert!(pairs.insert(pair), "{pair:?} is planned twice");
-            let has =
-                |object: &str, place: usize, id: u32| repertoire.of(object, &sets[place]).any(|grasp| grasp.id == id);
+            let has = |object: &str, place: usize, id: u32| {
+                repertoire.for_digits(object, &sets[place]).any(|grasp| grasp.id == id)
+            };
             assert!(has(&plan.first, 0, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
             assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
             let mut numbers = BTreeSet::new();
@@ -55,15 +56,15 @@ mod tests {
             }
         }
         for plan in &plans.plans {
-            let candidates = plan.grasps(&Hand::ftac(), &repertoire).unwrap().second;
-            let known = candidates.iter().filter(|candidate| !candidate.rehearsed.is_empty()).count();
+            let candidates = plan.grasps(&Hand::ftac(), &repertoire).unwrap().second_candidates;
+            let known = candidates.iter().filter(|candidate| !candidate.rollouts.is_empty()).count();
             assert!(
                 known > 0 && known == plan.proof.as_ref().map_or(plan.outcomes.len(), |proof| proof.grasps.len()),
                 "{}, {}: odds of {known} grasps",
                 plan.first,
                 plan.second
             );
-            assert!(!candidates[0].rehearsed.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
+            assert!(!candidates[0].rollouts.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
         }
         for rejected in &plans.rejected {
             assert!(!pairs.contains(&(&rejected[0], &rejected[1])), "{rejected:?} is planned and rejected");

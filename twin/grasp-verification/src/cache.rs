@@ -1,6 +1,6 @@
 //! Cache for the results of long searches, a folder with one file per result. The key of a result holds everything that
 //! goes into its search, so that a changed mesh, hand or rule finds nothing and is searched anew. For a search under
-//! way, its finished steps are kept ([`Steps`]), so that an interrupted search resumes where it stopped.
+//! way, its finished steps are kept ([`SearchSteps`]), so that an interrupted search resumes where it stopped.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -16,19 +16,19 @@ use sha2::{Digest as _, Sha256};
 
 /// Cache folder with one JSON file per result.
 #[derive(Debug, Clone)]
-pub struct Cache {
+pub struct ResultCache {
     folder: PathBuf,
 }
 
 /// Key of a result: a digest of everything that it was made from.
 #[derive(Debug, Clone)]
-pub struct Key {
+pub struct CacheKey {
     /// Readable name, for people who look into the folder.
     label: String,
     digest: Sha256,
 }
 
-impl Key {
+impl CacheKey {
     /// Creates the key of a result called `label`: small letters, digits, `_` and `-`.
     pub fn new(label: String) -> Self {
         let digest = Sha256::new_with_prefix(label.as_bytes());
@@ -36,7 +36,7 @@ impl Key {
     }
 
     /// Adds one more part that goes into the result.
-    pub fn with(mut self, part: &impl Serialize) -> Result<Self> {
+    pub fn with_part(mut self, part: &impl Serialize) -> Result<Self> {
         let bytes = serde_json::to_vec(part)?;
         self.digest.update(bytes.len().to_le_bytes());
         self.digest.update(&bytes);
@@ -50,19 +50,19 @@ impl Key {
     }
 }
 
-impl Cache {
+impl ResultCache {
     /// Opens the user's cache folder: `$XDG_CACHE_HOME/ftac`, or `~/.cache/ftac`.
-    pub fn standard() -> Result<Self> {
+    pub fn user_cache() -> Result<Self> {
         let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
         let base = set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache")));
-        Ok(Self::at(
+        Ok(Self::in_folder(
             base.context("neither XDG_CACHE_HOME nor HOME is set: there is no folder to keep searches in")?
                 .join("ftac"),
         ))
     }
 
     /// Opens a folder as a cache. It is created when something is kept.
-    pub fn at(folder: PathBuf) -> Self {
+    pub fn in_folder(folder: PathBuf) -> Self {
         Self { folder }
     }
 
@@ -72,28 +72,28 @@ impl Cache {
     }
 
     /// Returns the result kept under `key`. A file that cannot be read is reported on stderr and counts as none.
-    pub fn get<T: DeserializeOwned>(&self, key: &Key) -> Option<T> {
+    pub fn get<T: DeserializeOwned>(&self, key: &CacheKey) -> Option<T> {
         let path = self.folder.join(key.file_name());
         let text = std::fs::read_to_string(&path).ok()?;
         serde_json::from_str(&text).map_err(|error| eprintln!("{}: {error}; searched anew", path.display())).ok()
     }
 
     /// True if a result is kept under `key`.
-    pub fn has(&self, key: &Key) -> bool {
+    pub fn has(&self, key: &CacheKey) -> bool {
         self.folder.join(key.file_name()).is_file()
     }
 
     /// Keeps `result`. The file is written whole or not at all.
-    pub fn put(&self, key: &Key, result: &impl Serialize) -> Result<()> {
+    pub fn put(&self, key: &CacheKey, result: &impl Serialize) -> Result<()> {
         std::fs::create_dir_all(&self.folder).with_context(|| self.folder.display().to_string())?;
         let path = self.folder.join(key.file_name());
         let text = serde_json::to_vec(result)?;
-        ftac_platform::file::write_whole(&path, &text).with_context(|| path.display().to_string())
+        ftac_platform::file::write_atomically(&path, &text).with_context(|| path.display().to_string())
     }
 
     /// Returns the result kept under `key`, or runs `search` and keeps its result. A search that was interrupted gets
     /// its finished steps. A result that cannot be kept is reported on stderr.
-    pub fn get_or<T, S>(&self, key: &Key, search: impl FnOnce(&Steps<S>) -> Result<T>) -> Result<T>
+    pub fn get_or<T, S>(&self, key: &CacheKey, search: impl FnOnce(&SearchSteps<S>) -> Result<T>) -> Result<T>
     where
         T: Serialize + DeserializeOwned,
         S: Serialize + DeserializeOwned,
@@ -101,7 +101,7 @@ impl Cache {
         if let Some(kept) = self.get(key) {
             return Ok(kept);
         }
-        let steps = Steps::open(self.folder.join(key.file_name()).with_extension("steps.jsonl"));
+        let steps = SearchSteps::open(self.folder.join(key.file_name()).with_extension("steps.jsonl"));
         let found = search(&steps)?;
         match self.put(key, &found) {
             Ok(()) => steps.remove(),
@@ -114,15 +114,15 @@ impl Cache {
 /// Finished steps of a search under way, by name, as a growing file with one line of JSON per step. A line cut off by a
 /// kill counts as none.
 #[derive(Debug)]
-pub struct Steps<S> {
+pub struct SearchSteps<S> {
     path: Option<PathBuf>,
     known: BTreeMap<String, S>,
     file: Mutex<Option<File>>,
 }
 
-impl<S: Serialize + DeserializeOwned> Steps<S> {
+impl<S: Serialize + DeserializeOwned> SearchSteps<S> {
     /// Creates the steps of a search that are kept nowhere.
-    pub fn unkept() -> Self {
+    pub fn in_memory() -> Self {
         Self { path: None, known: BTreeMap::new(), file: Mutex::new(None) }
     }
 
@@ -182,10 +182,11 @@ mod tests {
     #[test]
     fn results_are_found_by_what_they_were_made_from() {
         let folder = tempfile::tempdir().expect("a folder");
-        let cache = Cache::at(folder.path().join("cache"));
-        let key = |mass: f64| Key::new("mug".into()).with(&("mug", mass)).expect("a key");
+        let cache = ResultCache::in_folder(folder.path().join("cache"));
+        let key = |mass: f64| CacheKey::new("mug".into()).with_part(&("mug", mass)).expect("a key");
         assert_eq!(cache.get::<u32>(&key(0.3)), None);
-        let search = |mass: f64, found: u32| cache.get_or(&key(mass), |_: &Steps<u32>| Ok(found)).expect("searched");
+        let search =
+            |mass: f64, found: u32| cache.get_or(&key(mass), |_: &SearchSteps<u32>| Ok(found)).expect("searched");
         assert_eq!(search(0.3, 7), 7);
         assert_eq!(search(0.3, 9), 7);
         assert_eq!(cache.get::<u32>(&key(0.31)), None);
@@ -199,9 +200,9 @@ mod tests {
     #[test]
     fn an_interrupted_search_goes_on() {
         let folder = tempfile::tempdir().expect("a folder");
-        let cache = Cache::at(folder.path().to_owned());
-        let key = Key::new("mug".into());
-        let killed = cache.get_or(&key, |steps: &Steps<u32>| -> Result<u32> {
+        let cache = ResultCache::in_folder(folder.path().to_owned());
+        let key = CacheKey::new("mug".into());
+        let killed = cache.get_or(&key, |steps: &SearchSteps<u32>| -> Result<u32> {
             steps.keep("first", &1)?;
             steps.keep("second", &2)?;
             anyhow::bail!("killed")
@@ -210,7 +211,7 @@ mod tests {
         let file = std::fs::read_dir(folder.path()).expect("a folder").next().expect("a file").expect("a file").path();
         let text = std::fs::read_to_string(&file).expect("steps");
         std::fs::write(&file, &text[..text.len() - 3]).expect("written");
-        let found = cache.get_or(&key, |steps: &Steps<u32>| {
+        let found = cache.get_or(&key, |steps: &SearchSteps<u32>| {
             assert_eq!((steps.known("first"), steps.known("second")), (Some(&1), None));
             assert_eq!(steps.names().collect::<Vec<_>>(), ["first"]);
             steps.keep("second", &5)?;
@@ -223,7 +224,8 @@ mod tests {
     /// The boundary between two parts is part of the key.
     #[test]
     fn parts_are_told_apart() {
-        let key = |parts: [&str; 2]| Key::new("k".into()).with(&parts[0]).and_then(|key| key.with(&parts[1]));
+        let key =
+            |parts: [&str; 2]| CacheKey::new("k".into()).with_part(&parts[0]).and_then(|key| key.with_part(&parts[1]));
         let name = |parts: [&str; 2]| key(parts).expect("a key").file_name();
         assert_ne!(name(["ab", "c"]), name(["a", "bc"]));
     }

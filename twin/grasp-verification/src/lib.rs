@@ -1,10 +1,10 @@
 //! Proofs of grasps in physics.
 //!
 //! A grasp counts only when it has closed and held in the simulator. [`simulated_world`] is the robot with its
-//! scenario, and [`rehearsal`] closes and holds one grasp in a rollout of the physics. [`pick_ups`] fills the
-//! benchmark's repertoire and [`plan`] pairs grasps into combinations. [`preparation`] does both for a user's own
+//! scenario, and [`rollout`] closes and holds one grasp in a rollout of the physics. [`repertoire_search`] fills the
+//! benchmark's repertoire and [`grasp_pair`] pairs grasps into combinations. [`preparation`] does both for a user's own
 //! objects and keeps the results in a [`cache`]. [`synthesis`] verifies sampled grasps of any object by any hand.
-//! [`twin`] plays rollouts of a try before a policy chooses one. The proven grasps and plans of the benchmark are in
+//! [`scene_model`] plays rollouts of a try before a policy chooses one. The proven grasps and plans of the benchmark are in
 //! `data/`.
 
 // Printed text may come from others. The `eprintln!` of `progress` makes it printable.
@@ -14,12 +14,12 @@ extern crate progress;
 pub mod ball_sizes;
 pub mod builtin;
 pub mod cache;
-pub mod pick_ups;
-pub mod plan;
+pub mod grasp_pair;
 pub mod preparation;
 pub mod proposals;
-pub mod rehearsal;
+pub mod repertoire_search;
+pub mod rollout;
+pub mod scene_model;
 pub mod simulated_world;
 pub mod skills;
 pub mod synthesis;
-pub mod twin;

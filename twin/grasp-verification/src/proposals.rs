@@ -5,50 +5,50 @@ use anyhow::Result;
 use dexterous_grasping::Grasp;
 use dexterous_grasping::sampler::{self, HandForm, ObjectExtent};
 use dexterous_grasping::synthesis::field::DistanceField;
-use dexterous_grasping::synthesis::tabletop::{Carried, Resting, Tabletop};
+use dexterous_grasping::synthesis::tabletop::{CarriedObject, RestingObject, TabletopProposer};
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
 use world::objects::ObjectModel;
 
-use crate::pick_ups::extent;
-use crate::rehearsal::Snapshot;
+use crate::repertoire_search::object_extent;
+use crate::rollout::RolloutSnapshot;
 use crate::synthesis::subject;
 use crate::synthesis::synthesizer::table;
 
 /// Number of points on the surface of the held object.
 const HELD_POINTS: usize = 80;
 /// Share of the synthesized proposals that leave a digit out, if that is allowed.
-const FEWER: f64 = 0.4;
+const FEWER_DIGITS_SHARE: f64 = 0.4;
 
 /// Source of grasp proposals for an object with some digits.
-pub struct Proposals<'a> {
+pub struct GraspProposals<'a> {
     form: HandForm,
     digits: &'a [Digit],
     object: &'a ObjectModel,
     extent: ObjectExtent,
     field: DistanceField,
     /// One sampler for each set of digits that may take the object, the full set first. Empty for a hand with jaws.
-    tabletops: Vec<Tabletop<'a>>,
+    tabletops: Vec<TabletopProposer<'a>>,
 }
 
-impl<'a> Proposals<'a> {
-    /// Creates proposals with `digits` of a hand that is empty or holds the `carried` object. If `fewer` is true, the
+impl<'a> GraspProposals<'a> {
+    /// Creates proposals with `digits` of a hand that is empty or holds the `carried_object` object. If `fewer` is true, the
     /// synthesis leaves a digit out now and then.
     pub fn new(
         hand: &'a Hand,
         object: &'a ObjectModel,
         digits: &'a [Digit],
-        carried: Option<&Carried>,
+        carried: Option<&CarriedObject>,
         fewer: bool,
     ) -> Result<Self> {
         let sets = std::iter::once(digits.to_vec()).chain(if fewer { without_one(digits) } else { Vec::new() });
         Ok(Self {
-            form: HandForm::of(hand),
+            form: HandForm::from_hand(hand),
             digits,
             object,
-            extent: extent(object),
+            extent: object_extent(object),
             field: subject::field(object)?,
-            tabletops: sets.filter_map(|digits| Tabletop::new(hand, digits, carried)).collect(),
+            tabletops: sets.filter_map(|digits| TabletopProposer::new(hand, digits, carried)).collect(),
         })
     }
 
@@ -65,10 +65,10 @@ impl<'a> Proposals<'a> {
     /// Synthesizes a grasp. Returns `None` if none is found.
     pub fn synthesized(&self, id: u32, rng: &mut impl Rng) -> Option<Grasp> {
         let all = self.tabletops.first()?;
-        let fewer = self.tabletops.len() > 1 && rng.random::<f64>() < FEWER;
+        let fewer = self.tabletops.len() > 1 && rng.random::<f64>() < FEWER_DIGITS_SHARE;
         let tabletop = if fewer { &self.tabletops[rng.random_range(1..self.tabletops.len())] } else { all };
         let (table, rest) = (table(self.object), self.object.rest);
-        tabletop.propose(&Resting { extent: &self.extent, field: &self.field, table, rest }, id, rng)
+        tabletop.propose(&RestingObject { extent: &self.extent, field: &self.field, table, rest }, id, rng)
     }
 }
 
@@ -80,11 +80,11 @@ fn without_one(digits: &[Digit]) -> Vec<Vec<Digit>> {
 }
 
 /// Returns the first object as it is held in a snapshot.
-pub fn carried(hold: &Snapshot, object: &ObjectModel) -> Carried {
+pub fn carried_object(hold: &RolloutSnapshot, object: &ObjectModel) -> CarriedObject {
     let truth = hold.robot.truth();
     let palm_from_object = truth.palm.inverse() * truth.objects[0];
     let points = object.shape.surface_samples(HELD_POINTS);
-    Carried { points: points.iter().map(|point| (palm_from_object * point).coords).collect(), joints: truth.hand }
+    CarriedObject { points: points.iter().map(|point| (palm_from_object * point).coords).collect(), joints: truth.hand }
 }
 
 #[cfg(test)]

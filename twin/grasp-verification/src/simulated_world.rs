@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
+use control::detection::DetectedObject;
 use control::executor::{Executor, Phase};
 use control::inverse_kinematics::Joints;
-use control::motion::Protocol;
-use control::percept::Percept;
+use control::motion::MotionProtocol;
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
@@ -20,7 +20,7 @@ use world::objects::{ObjectModel, ObjectSet};
 
 /// Setup that every trial of a scenario shares.
 #[derive(Clone)]
-pub struct World {
+pub struct SimulatedWorld {
     /// The robot as the control stack knows it, and its base pose.
     pub cell: Workcell,
     /// All objects, in every resting pose, also fallen over.
@@ -29,12 +29,12 @@ pub struct World {
     pub scenario: Scenario,
     /// True pose of the arm's base in the simulated world, before a trial's own errors. The controller knows
     /// `cell.world_from_base`.
-    pub stands: Isometry3<f64>,
+    pub true_world_from_base: Isometry3<f64>,
     /// The simulated robot if it differs from the one that the control stack knows.
     pub plant: Option<RobotModel>,
 }
 
-impl World {
+impl SimulatedWorld {
     /// Creates the world of a robot that the control stack knows fully, among the objects of a scenario.
     ///
     /// # Errors
@@ -43,28 +43,29 @@ impl World {
         if let Err((field, found, expected)) = scenario.disturbance.check_pads(&robot.hand) {
             bail!("{}: {field}: found {found}, expected {expected}", scenario.name);
         }
-        let mut cell = Workcell { robot: robot.clone(), world_from_base: Isometry3::identity(), ready: robot.arm.home };
+        let mut cell =
+            Workcell { robot: robot.clone(), world_from_base: Isometry3::identity(), ready_posture: robot.arm.home };
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
         let [x, y, z] = scenario.start.palm;
         let pitched = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -robot.start_pitch);
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation * pitched);
-        cell.ready = cell.posture(&palm, &robot.arm.home).with_context(|| {
+        cell.ready_posture = cell.posture(&palm, &robot.arm.home).with_context(|| {
             format!("{}: arm: found one that does not reach the palm's pose {:?} m in which trials begin, expected one that does", robot.name, [x, y, z])
         })?;
         let objects = scenario.object_set()?.with_fallen();
-        Ok(Self { cell, objects, scenario, stands: Isometry3::identity(), plant: None })
+        Ok(Self { cell, objects, scenario, true_world_from_base: Isometry3::identity(), plant: None })
     }
 
     /// Returns the simulated robot.
-    pub fn body(&self) -> &RobotModel {
+    pub fn simulated_robot(&self) -> &RobotModel {
         self.plant.as_ref().unwrap_or(&self.cell.robot)
     }
 
     /// Returns the world with the two places of the layout swapped: the object that is taken first stands in the second
     /// place, and the other in the first.
     #[must_use]
-    pub fn in_other_order(&self) -> Self {
+    pub fn with_places_swapped(&self) -> Self {
         let mut other = self.clone();
         std::mem::swap(&mut other.scenario.layout.first, &mut other.scenario.layout.second);
         other
@@ -78,15 +79,18 @@ impl World {
     }
 
     /// Returns the poses of a trial's objects: the places of the layout, shifted as drawn for the trial.
-    pub fn places(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Isometry3<f64>> {
+    pub fn object_poses(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Isometry3<f64>> {
         let places = self.scenario.layout.places().into_iter().zip(&noise.shifts);
         places.zip(objects).map(|((place, shift), object)| place.shifted(shift).pose(object)).collect()
     }
 
     /// Returns the objects in their places as the prior perception reports them under `noise`.
-    pub fn percepts(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Percept> {
-        let poses = self.places(objects, noise).into_iter().zip(&noise.objects);
-        poses.zip(objects).map(|((pose, error), object)| Percept::of(object, &error.perceived(&pose))).collect()
+    pub fn detected_objects(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<DetectedObject> {
+        let poses = self.object_poses(objects, noise).into_iter().zip(&noise.objects);
+        poses
+            .zip(objects)
+            .map(|((pose, error), object)| DetectedObject::from_pose(object, &error.perceived_pose(&pose)))
+            .collect()
     }
 
     /// Returns the scene of a trial: the objects in their places, and the arm in posture `start` with the errors of
@@ -95,7 +99,7 @@ impl World {
         SceneSetup {
             objects: objects
                 .iter()
-                .zip(self.places(objects, noise))
+                .zip(self.object_poses(objects, noise))
                 .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose })
                 .collect(),
             ..self.bare_scene(start, noise)
@@ -105,7 +109,8 @@ impl World {
     /// Returns the scene of a trial without any object.
     pub fn bare_scene(&self, start: ArmVector, noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
-            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity()) * self.stands,
+            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
+                * self.true_world_from_base,
             arm_defects: ArmDefects { mount_rotation: noise.rotation + noise.arm.mount_rotation, ..noise.arm },
             arm_start: start,
             objects: Vec::new(),
@@ -140,20 +145,20 @@ impl World {
     }
 
     /// Returns the distances and times of a trial for the executor.
-    pub fn protocol(&self) -> Protocol {
+    pub fn protocol(&self) -> MotionProtocol {
         let p = &self.scenario.protocol;
-        Protocol {
+        MotionProtocol {
             lift: p.lift_height,
-            carry: p.carry_distance,
-            hold: p.hold_time,
+            carry_distance: p.carry_distance,
+            hold_time: p.hold_time,
             limits: PathLimits::default(),
             friction: self.known_cable_losses().friction,
         }
     }
 
     /// Returns the protocol of rehearsals: the trial's own with a shorter hold.
-    pub fn rehearsal_protocol(&self) -> Protocol {
-        Protocol { hold: 1.0, ..self.protocol() }
+    pub fn rollout_protocol(&self) -> MotionProtocol {
+        MotionProtocol { hold_time: 1.0, ..self.protocol() }
     }
 
     /// Returns objects by name.
@@ -204,14 +209,15 @@ mod tests {
     fn a_spread_moves_objects_and_what_is_seen_of_them() {
         let mut scenario = Scenario::benchmark();
         (scenario.layout.spread_xy, scenario.layout.spread_yaw) = (0.02, 0.3);
-        let world = World::new(&RobotModel::ftac_gen3(), scenario).unwrap();
+        let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), scenario).unwrap();
         let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
         let shifts = draw_shifts(&world.scenario.layout, 2, &mut trial_rng(1, 0, 0));
         let noise = TrialNoise { shifts, ..TrialNoise::none() };
-        let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.cell.ready, &noise));
-        let nominal = world.places(&objects, &TrialNoise::none());
+        let (seen, scene) =
+            (world.detected_objects(&objects, &noise), world.scene(&objects, world.cell.ready_posture, &noise));
+        let nominal = world.object_poses(&objects, &TrialNoise::none());
         for n in 0..2 {
-            let world::layout::Shift { x, y, .. } = shifts[n];
+            let world::layout::PlacementShift { x, y, .. } = shifts[n];
             let moved = scene.objects[n].pose.translation.vector - nominal[n].translation.vector;
             assert!((moved - Vector3::new(x, y, 0.0)).norm() < 1e-12 && moved.norm() > 0.0);
             assert_eq!(seen[n].position.coords, scene.objects[n].pose.translation.vector);
@@ -221,24 +227,25 @@ mod tests {
 
     /// Returns the root mean square of the palm's position and rotation error per axis, over drawn arms and the
     /// postures of the repertoire's grasps in their places.
-    fn palm_errors(world: &World) -> (f64, f64) {
+    fn palm_errors(world: &SimulatedWorld) -> (f64, f64) {
         let repertoire = crate::builtin::repertoire().unwrap();
         let layout = &world.scenario.layout;
         let (arm, hand, errors) = (&world.cell.robot.arm, &world.cell.robot.hand, world.scenario.effects.arm.unwrap());
         let palm =
             |q: &Joints, defects: &ArmDefects| arm.tool_pose(q) * defects.mount() * hand.palm_from_flange.inverse();
         let (mut squares, mut turns, mut count) = (0.0, 0.0, 0.0);
-        for name in world.scenario.objects() {
+        for name in world.scenario.object_names() {
             let object = world.object(&name).unwrap();
             for (digits, place) in digit_sets(hand, 2).iter().zip([layout.first, layout.second]) {
-                let Some(grasp) = repertoire.of(&name, digits).next() else { continue };
+                let Some(grasp) = repertoire.for_digits(&name, digits).next() else { continue };
                 let center = place.pose(&object).translation.vector.into();
-                let Ok(posture) = world.posture(&grasp.palm_pose(&center, place.yaw), &world.cell.ready) else {
+                let Ok(posture) = world.posture(&grasp.palm_pose(&center, place.yaw), &world.cell.ready_posture) else {
                     continue;
                 };
                 for trial in 0..200 {
                     let defects = errors.draw(&mut trial_rng(1, count as usize, trial));
-                    let off = palm(&posture, &ArmDefects::default()).inv_mul(&palm(&defects.real(&posture), &defects));
+                    let off =
+                        palm(&posture, &ArmDefects::default()).inv_mul(&palm(&defects.true_angles(&posture), &defects));
                     squares += off.translation.vector.norm_squared() / 3.0;
                     turns += off.rotation.scaled_axis().norm_squared() / 3.0;
                     count += 1.0;
@@ -251,7 +258,7 @@ mod tests {
     /// The errors of joints, mount and load are as large at the palm as the constant error that they replace.
     #[test]
     fn arm_errors_are_as_large_as_the_constant_one() {
-        let world = World::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
+        let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
         let (position, rotation) = palm_errors(&world);
         println!("{:.2} mm, {:.1} mrad", position * 1e3, rotation * 1e3);
         let constant = world.scenario.noise.execution;

@@ -2,17 +2,16 @@
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and
 //! [`checks`] verifies it. [`synthesizer`] does all three for one chain. [`search`] runs many chains and keeps the
-//! [`record`]s of the grasps that pass, with a [`report`]. [`evaluation`] measures the success rate and how well each
-//! metric predicts it. [`load`] states the mass for which grasps are verified, and [`size`] decides if a hand can take
+//! [`to_held_grasp`]s of the grasps that pass, with a [`report`]. [`evaluation`] measures the success rate and how well each
+//! metric predicts it. [`object_properties`] states the mass for which grasps are verified, and [`size`] decides if a hand can take
 //! an object at all.
 //!
 //! [`parts`] fills the collection of all objects, one resumable file per object. [`grasp_file`] reads the collection
-//! and the files of single searches. [`again`] closes and checks the grasps of a file once more, and [`export`] writes
+//! and the files of single searches. [`reevaluation`] closes and checks the grasps of a file once more, and [`export`] writes
 //! them for another physics engine. [`grasping_hand`] is the interface that all of them need of a hand, and
-//! [`urdf_hand`] derives it from a URDF. [`kinds`] sorts the grasps that were found, and [`hands`] compares hands on
-//! the same objects. A search may be for one [`wanted`] type of the taxonomy.
+//! [`urdf_hand`] derives it from a URDF. [`grasp_kinds`] sorts the grasps that were found, and [`hands`] compares hands on
+//! the same objects. A search may be for one [`type_filter`] type of the taxonomy.
 
-pub mod again;
 pub mod checks;
 pub mod closing;
 pub mod evaluation;
@@ -21,13 +20,14 @@ pub mod grasp_file;
 pub mod grasping_hand;
 pub mod hands;
 pub mod kinds;
-pub mod load;
+pub mod object_properties;
 pub mod parts;
 pub mod record;
+pub mod reevaluation;
 pub mod report;
 pub mod search;
 pub mod size;
 pub mod subject;
 pub mod synthesizer;
+pub mod type_filter;
 pub mod urdf_hand;
-pub mod wanted;

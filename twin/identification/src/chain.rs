@@ -6,55 +6,55 @@ use hand_model::hand::MassProperties;
 use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
 /// Greatest number of joints between palm and fingertip.
-pub const MOST_LINKS: usize = 4;
+pub const MAX_LINKS: usize = 4;
 
 /// Drive of a joint during a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drive {
+pub enum JointDrive {
     /// Torque at the present angle, N m, and the stiffness by which it decreases as the joint moves, N m/rad.
     Effort(f64, f64),
     /// Speed prescribed by a stronger drive, rad/s.
-    Turned(f64),
+    PrescribedSpeed(f64),
 }
 
 /// Links of a digit from the palm out.
 #[derive(Debug, Clone)]
-pub struct Chain<'a> {
+pub struct DigitChain<'a> {
     pub hand: &'a Hand,
     /// Indices of the joints.
     pub links: Vec<usize>,
     /// Angle of each joint, rad.
-    pub angles: [f64; MOST_LINKS],
+    pub angles: [f64; MAX_LINKS],
     /// Speed of each joint, rad/s.
-    pub speeds: [f64; MOST_LINKS],
+    pub speeds: [f64; MAX_LINKS],
 }
 
 /// Loads and inertia of a chain in one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics {
     /// Torque of weight, Coriolis and centrifugal forces on each joint, N m.
-    pub loads: [f64; MOST_LINKS],
+    pub loads: [f64; MAX_LINKS],
     /// Mass matrix, kg m2; rows and columns without a joint are those of the identity matrix.
     pub masses: Matrix4<f64>,
 }
 
-impl<'a> Chain<'a> {
+impl<'a> DigitChain<'a> {
     /// Creates a chain at rest, each joint at the rest angle of its spring.
     pub fn at_rest(hand: &'a Hand, links: Vec<usize>) -> Self {
-        let mut angles = [0.0; MOST_LINKS];
-        angles.iter_mut().zip(&links).for_each(|(angle, link)| *angle = hand.transmission.rests[*link].max(0.0));
-        Self { hand, links, angles, speeds: [0.0; MOST_LINKS] }
+        let mut angles = [0.0; MAX_LINKS];
+        angles.iter_mut().zip(&links).for_each(|(angle, link)| *angle = hand.transmission.spring_rests[*link].max(0.0));
+        Self { hand, links, angles, speeds: [0.0; MAX_LINKS] }
     }
 
     /// Computes the dynamics under `gravity` (palm axes, m/s2).
     pub fn dynamics(&self, gravity: &Vector3<f64>) -> Dynamics {
         let poses = self.poses();
         let count = self.links.len();
-        let mut axes = [Vector3::zeros(); MOST_LINKS];
+        let mut axes = [Vector3::zeros(); MAX_LINKS];
         for (axis, (pose, link)) in axes.iter_mut().zip(poses.iter().zip(&self.links)) {
             *axis = pose * self.hand.tree.joints[*link].axis.into_inner();
         }
-        let (mut loads, mut masses) = ([0.0; MOST_LINKS], Matrix4::identity());
+        let (mut loads, mut masses) = ([0.0; MAX_LINKS], Matrix4::identity());
         masses.view_mut((0, 0), (count, count)).fill(0.0);
         // State of the current link: its angular velocity, and its angular acceleration and its joint's acceleration
         // with zero joint accelerations.
@@ -76,7 +76,7 @@ impl<'a> Chain<'a> {
             let inertia = axes_of * inertia * axes_of.transpose();
             let push = (gravity - rising - speeding(middle - at, turn, turning)) * *mass;
             let twist = -(inertia * turning + turn.cross(&(inertia * turn)));
-            let mut carries = [Vector3::zeros(); MOST_LINKS];
+            let mut carries = [Vector3::zeros(); MAX_LINKS];
             for joint in 0..=link {
                 carries[joint] = axes[joint].cross(&(middle - poses[joint].translation.vector));
                 loads[joint] += carries[joint].dot(&push) + axes[joint].dot(&twist);
@@ -94,26 +94,26 @@ impl<'a> Chain<'a> {
 
     /// Takes an implicit step of `dt` (s) of all joints, limited by their stops:
     /// `(M + A + dt D + dt2 K) v' = (M + A) v + dt torque`, with armature `A`, damping `D` and stiffness `K`.
-    pub fn advance(&mut self, dynamics: &Dynamics, drives: &[Drive; MOST_LINKS], dt: f64) {
+    pub fn advance(&mut self, dynamics: &Dynamics, drives: &[JointDrive; MAX_LINKS], dt: f64) {
         let defaults = self.hand.parameters.joint_defaults;
         let mut masses = dynamics.masses;
-        let mut implicit = [0.0; MOST_LINKS];
+        let mut implicit = [0.0; MAX_LINKS];
         let mut torques = Vector4::zeros();
-        let mut turned = [None; MOST_LINKS];
+        let mut turned = [None; MAX_LINKS];
         for n in 0..self.links.len() {
             masses[(n, n)] += defaults.armature;
             match drives[n] {
-                Drive::Effort(torque, stiffness) => {
+                JointDrive::Effort(torque, stiffness) => {
                     torques[n] = torque + dynamics.loads[n];
                     implicit[n] = dt * defaults.damping + dt * dt * stiffness;
                 }
-                Drive::Turned(speed) => turned[n] = Some(speed),
+                JointDrive::PrescribedSpeed(speed) => turned[n] = Some(speed),
             }
         }
         let right = masses * Vector4::from(self.speeds) + dt * torques;
         let system = masses + Matrix4::from_diagonal(&Vector4::from(implicit));
-        let mut speeds = with_known(&system, &right, &turned);
-        let mut stopped = [false; MOST_LINKS];
+        let mut speeds = solve_with_known(&system, &right, &turned);
+        let mut stopped = [false; MAX_LINKS];
         for n in 0..self.links.len() {
             let joint = &self.hand.tree.joints[self.links[n]];
             let to = self.angles[n] + dt * speeds[n];
@@ -123,7 +123,7 @@ impl<'a> Chain<'a> {
             }
         }
         if stopped.contains(&true) {
-            speeds = with_known(&system, &right, &turned);
+            speeds = solve_with_known(&system, &right, &turned);
         }
         for n in 0..self.links.len() {
             let joint = &self.hand.tree.joints[self.links[n]];
@@ -132,8 +132,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    fn poses(&self) -> [Isometry3<f64>; MOST_LINKS] {
-        let mut poses = [Isometry3::identity(); MOST_LINKS];
+    fn poses(&self) -> [Isometry3<f64>; MAX_LINKS] {
+        let mut poses = [Isometry3::identity(); MAX_LINKS];
         let mut pose = Isometry3::identity();
         for ((own, link), angle) in poses.iter_mut().zip(&self.links).zip(&self.angles) {
             let joint = &self.hand.tree.joints[*link];
@@ -145,7 +145,7 @@ impl<'a> Chain<'a> {
 }
 
 /// Solves a symmetric system in which some unknowns are prescribed.
-fn with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>; MOST_LINKS]) -> Vector4<f64> {
+fn solve_with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>; MAX_LINKS]) -> Vector4<f64> {
     let (mut reduced, mut rest) = (*system, *right);
     for (n, value) in known.iter().enumerate() {
         let Some(value) = value else { continue };
@@ -170,8 +170,8 @@ mod tests {
     const GRAVITY: Vector3<f64> = Vector3::new(2.0, -5.0, 8.0);
 
     /// Returns an undamped middle finger, in the middle of its travel, moving.
-    fn swinging(hand: &Hand) -> Chain<'_> {
-        let mut chain = Chain::at_rest(hand, hand.tree.chain(8));
+    fn swinging(hand: &Hand) -> DigitChain<'_> {
+        let mut chain = DigitChain::at_rest(hand, hand.tree.chain(8));
         chain.angles = [0.6, 0.8, 0.7, 0.0];
         chain.speeds = [2.0, -3.0, 4.0, 0.0];
         chain
@@ -184,7 +184,7 @@ mod tests {
     }
 
     /// Returns the potential energy, J.
-    fn potential(chain: &Chain) -> f64 {
+    fn potential(chain: &DigitChain) -> f64 {
         let poses = chain.poses();
         let of = |(pose, link): (&Isometry3<f64>, &usize)| {
             let MassProperties { mass, com, .. } = &chain.hand.masses[*link];
@@ -194,7 +194,7 @@ mod tests {
     }
 
     /// Returns the kinetic energy, J, from finite differences of the links' poses over `dt` (s).
-    fn kinetic(chain: &Chain, dt: f64) -> f64 {
+    fn kinetic(chain: &DigitChain, dt: f64) -> f64 {
         let at = |way: f64| {
             let mut moved = chain.clone();
             moved.angles.iter_mut().zip(&chain.speeds).for_each(|(angle, speed)| *angle += way * dt * speed);
@@ -215,7 +215,7 @@ mod tests {
     fn a_load_at_rest_is_the_potential_s_gradient() {
         let hand = Hand::ftac();
         let mut chain = swinging(&hand);
-        chain.speeds = [0.0; MOST_LINKS];
+        chain.speeds = [0.0; MAX_LINKS];
         let loads = chain.dynamics(&GRAVITY).loads;
         for (n, load) in loads.iter().enumerate().take(chain.links.len()) {
             let moved = |way: f64| {
@@ -243,14 +243,14 @@ mod tests {
     fn a_chain_without_damping_keeps_its_energy() {
         let hand = undamped();
         let mut chain = swinging(&hand);
-        let energy = |chain: &Chain| {
+        let energy = |chain: &DigitChain| {
             let speeds = Vector4::from(chain.speeds);
             0.5 * speeds.dot(&(chain.dynamics(&GRAVITY).masses * speeds)) + potential(chain)
         };
         let (before, kinetic) = (energy(&chain), energy(&chain) - potential(&chain));
         for _ in 0..20_000 {
             let dynamics = chain.dynamics(&GRAVITY);
-            chain.advance(&dynamics, &[Drive::Effort(0.0, 0.0); MOST_LINKS], 2e-6);
+            chain.advance(&dynamics, &[JointDrive::Effort(0.0, 0.0); MAX_LINKS], 2e-6);
         }
         assert!(chain.angles[..3].iter().all(|angle| (0.1..1.5).contains(angle)), "{:?}", chain.angles);
         let after = energy(&chain);
@@ -263,9 +263,9 @@ mod tests {
         let hand = Hand::ftac();
         let mut chain = swinging(&hand);
         chain.angles[2] = hand.tree.joints[chain.links[2]].lower;
-        chain.speeds = [0.0; MOST_LINKS];
-        let mut drives = [Drive::Effort(-0.1, 0.0); MOST_LINKS];
-        drives[0] = Drive::Turned(0.5);
+        chain.speeds = [0.0; MAX_LINKS];
+        let mut drives = [JointDrive::Effort(-0.1, 0.0); MAX_LINKS];
+        drives[0] = JointDrive::PrescribedSpeed(0.5);
         let dynamics = chain.dynamics(&GRAVITY);
         chain.advance(&dynamics, &drives, 1e-3);
         assert!((chain.angles[0] - 0.6005).abs() < 1e-12 && chain.speeds[0] == 0.5, "{chain:?}");

@@ -1,14 +1,14 @@
 //! Comparison of identified parameters with the truth, for robots whose parameters were drawn and are therefore known.
 
-use hand_model::robot::{Command, ServoGoal};
+use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ArmVector, Digit, Hand, HandVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
-use plant::Gel;
-use plant::RobotIndividual;
-use plant::draws::vector;
+use plant::GelViscoelasticity;
+use plant::RobotInstance;
+use plant::draws::gaussian_vector;
 use plant::identified::IdentifiedRobot;
-use plant::spread::Quantity;
+use plant::prior::Quantity;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use schemars::JsonSchema;
@@ -17,24 +17,24 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use statistics::percentile;
 use std::sync::Arc;
-use world::geometry::{GeometryError, Shape};
+use world::geometry::{GeometryError, ObjectShape};
 use world::objects::{ObjectModel, Symmetry};
 
-use crate::ball::Ball;
+use crate::ball::CalibrationBall;
 use crate::fit::rms;
-use crate::free_digit::{fingertip, play};
+use crate::free_digit::{fingertip, simulate_motion};
 use crate::free_motion::FreeMotion;
-use crate::weight::Weight;
+use crate::payload::Payload;
 
 /// Density of the ball, kg/m3; below, its friction coefficient on a pad if no slide specifies it.
-const STEEL: f64 = 7850.0;
+const STEEL_DENSITY: f64 = 7850.0;
 const BALL_FRICTION: f64 = 0.8;
 /// Random stream for the ball's position.
 const BALL_STREAM: u64 = (1 << 20) + 1;
 /// Random stream for the mass and position of the weighed object.
-const WEIGHT_STREAM: u64 = (1 << 20) + 2;
+const PAYLOAD_STREAM: u64 = (1 << 20) + 2;
 /// Number of arm postures in which fingertip positions are compared.
-const REACHES: usize = 40;
+const REACH_POSTURE_COUNT: usize = 40;
 /// Half width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.959_964;
 
@@ -66,7 +66,7 @@ impl Coverage {
 }
 
 /// Returns the coverage of the parameters that the sessions identified, and that of the rest.
-pub fn coverage(found: &IdentifiedRobot, truth: &RobotIndividual) -> [Coverage; 2] {
+pub fn coverage(found: &IdentifiedRobot, truth: &RobotInstance) -> [Coverage; 2] {
     let mut counts = [Coverage::default(); 2];
     for (estimate, truth) in found.estimates.iter().zip(truth.deviations()) {
         let inside = (estimate.deviation - truth).abs() <= HALF_INTERVAL * estimate.sigma;
@@ -77,7 +77,7 @@ pub fn coverage(found: &IdentifiedRobot, truth: &RobotIndividual) -> [Coverage; 
 
 /// Differences between the free motion of the true robot and that of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Differences {
+pub struct MotionDifferences {
     /// Differences of every moving joint at every sample, rad.
     pub joints: Vec<f64>,
     /// Distances of every moving fingertip in the palm frame, m.
@@ -86,7 +86,7 @@ pub struct Differences {
     pub servos: Vec<f64>,
 }
 
-impl Differences {
+impl MotionDifferences {
     /// Returns the median difference of the joints (rad) and of the fingertips (m), and the root mean square difference
     /// of the servos (rad).
     pub fn summary(&self) -> [f64; 3] {
@@ -101,32 +101,32 @@ pub fn median(values: &[f64]) -> f64 {
 
 /// Returns the simulated robot of an individual with its hand open and nothing in reach. The arm's encoders show the
 /// posture `start`.
-pub fn body(
-    individual: &RobotIndividual,
+pub fn simulated_robot(
+    individual: &RobotInstance,
     nominal: &RobotModel,
     losses: CableLosses,
     start: ArmVector,
 ) -> SimulatedRobot {
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
-    SimulatedRobot::new(&individual.robot(nominal), &setup, TactileBoard::blank())
+    SimulatedRobot::new(&individual.apply_to_robot(nominal), &setup, TactileBoard::blank())
 }
 
 /// Environment of an individual during its excitation. The emulator knows it; everything else must not.
 #[derive(Clone)]
 pub struct Surroundings {
     /// The individual's own tactile cameras.
-    pub board: TactileBoard,
+    pub cameras: TactileBoard,
     /// Viscoelasticity of its covers.
-    pub gel: Option<Gel>,
+    pub gel: Option<GelViscoelasticity>,
     pub ball: Option<TrueBall>,
-    pub weight: Option<TrueWeight>,
+    pub payload: Option<TruePayload>,
 }
 
 /// True ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueBall {
     /// Centre in the frame of the arm's base, m.
-    pub middle: Point3<f64>,
+    pub center: Point3<f64>,
     /// Radius, m.
     pub radius: f64,
     /// Friction coefficient on a nominal pad.
@@ -135,35 +135,35 @@ pub struct TrueBall {
 
 impl TrueBall {
     /// Draws the ball of individual `number` around the measured values.
-    pub fn draw(ball: &Ball, number: u64) -> Self {
+    pub fn draw(ball: &CalibrationBall, number: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(BALL_STREAM);
-        let middle = ball.middle() + vector(&mut rng, ball.uncertain);
+        let middle = ball.center() + gaussian_vector(&mut rng, ball.uncertain);
         let friction = ball
             .slide
             .as_ref()
-            .map_or(BALL_FRICTION, |slide| slide.friction * vector(&mut rng, slide.uncertain).x.exp());
-        Self { middle, radius: ball.radius, friction }
+            .map_or(BALL_FRICTION, |slide| slide.friction * gaussian_vector(&mut rng, slide.uncertain).x.exp());
+        Self { center: middle, radius: ball.radius, friction }
     }
 }
 
 /// True weighed object and its true place.
 #[derive(Debug, Clone)]
-pub struct TrueWeight {
+pub struct TruePayload {
     /// Object model with the true mass; its friction is that on a nominal pad.
     pub model: ObjectModel,
     /// Pose in the frame of the arm's base.
     pub pose: Isometry3<f64>,
 }
 
-impl TrueWeight {
+impl TruePayload {
     /// Draws the object of individual `number` around the measured mass and place. None for an unknown object.
-    pub fn draw(weight: &Weight, number: u64) -> Option<Self> {
+    pub fn draw(weight: &Payload, number: u64) -> Option<Self> {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
-        rng.set_stream(WEIGHT_STREAM);
-        let mass = weight.mass + vector(&mut rng, weight.mass_uncertain).x;
+        rng.set_stream(PAYLOAD_STREAM);
+        let mass = weight.mass + gaussian_vector(&mut rng, weight.mass_uncertain).x;
         let model = ObjectModel { mass, ..weight.model()? };
-        let off = vector(&mut rng, weight.place_uncertain);
+        let off = gaussian_vector(&mut rng, weight.place_uncertain);
         let [x, y] = weight.place;
         let pose = Isometry3::from_parts(Translation3::new(x + off.x, y + off.y, model.rest_height()), model.rest);
         Some(Self { model, pose })
@@ -171,20 +171,20 @@ impl TrueWeight {
 }
 
 /// Returns the simulated robot of an individual in its environment during the excitation.
-pub fn excited_body(
-    individual: &RobotIndividual,
+pub fn excited_robot(
+    individual: &RobotInstance,
     nominal: &RobotModel,
     losses: CableLosses,
     start: ArmVector,
     surroundings: &Surroundings,
 ) -> Result<SimulatedRobot, GeometryError> {
     let mut objects = Vec::new();
-    if let Some(TrueBall { middle, radius, friction }) = surroundings.ball {
+    if let Some(TrueBall { center: middle, radius, friction }) = surroundings.ball {
         let pose = Isometry3::from(Translation3::from(middle));
         let model = Arc::new(ObjectModel {
             name: "ball".to_owned(),
-            shape: Shape::Sphere { radius },
-            mass: STEEL * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
+            shape: ObjectShape::Sphere { radius },
+            mass: STEEL_DENSITY * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
             friction: friction * individual.pad_friction(),
             color: [200; 3],
             rest: UnitQuaternion::identity(),
@@ -193,39 +193,39 @@ pub fn excited_body(
         objects.push(ObjectPlacement { model, pose });
     }
     let fixed = !objects.is_empty();
-    if let Some(TrueWeight { model, pose }) = &surroundings.weight {
+    if let Some(TruePayload { model, pose }) = &surroundings.payload {
         let friction = model.friction * individual.pad_friction();
         objects.push(ObjectPlacement { model: Arc::new(ObjectModel { friction, ..model.clone() }), pose: *pose });
     }
     let base = SceneSetup::ideal(Isometry3::identity(), start);
     let setup = SceneSetup { cables: losses, gel: surroundings.gel, objects, ..base };
-    let mut robot = SimulatedRobot::new(&individual.robot(nominal), &setup, surroundings.board.clone());
+    let mut robot = SimulatedRobot::new(&individual.apply_to_robot(nominal), &setup, surroundings.cameras.clone());
     if fixed {
-        robot.fasten(0);
+        robot.fix_object(0);
     }
     Ok(robot)
 }
 
 /// Returns the distances between true and modelled fingertips in the frame of the arm's base, m: all fingertips of the
-/// hand with its joints at `bend` (rad), in `REACHES` postures of the arm about `start`. The encoder of joint 1 is
+/// hand with its joints at `bend` (rad), in `REACH_POSTURE_COUNT` postures of the arm about `start`. The encoder of joint 1 is
 /// taken as known: it rotates the whole robot about its base, which is a matter of where the base stands and not a
 /// property of the robot.
-pub fn reach(
-    truth: &RobotIndividual,
-    believed: &RobotIndividual,
+pub fn fingertip_distances(
+    truth: &RobotInstance,
+    believed: &RobotInstance,
     nominal: &RobotModel,
     start: &[f64],
     bend: f64,
 ) -> Vec<f64> {
     let mut registered = believed.clone();
-    if let Some(place) = truth.place(Quantity::ArmEncoder, 0) {
+    if let Some(place) = truth.parameter_index(Quantity::ArmEncoder, 0) {
         registered.set(place, truth.deviations()[place]);
     }
-    let bodies = [truth, &registered].map(|own| own.robot(nominal));
+    let bodies = [truth, &registered].map(|own| own.apply_to_robot(nominal));
     let joints = nominal.hand.each_joint(|_| bend);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut errors = Vec::new();
-    for _ in 0..REACHES {
+    for _ in 0..REACH_POSTURE_COUNT {
         let shown: ArmVector = start.iter().map(|angle| angle + rng.random_range(-0.5..0.5)).collect();
         let tips = bodies.each_ref().map(|RobotModel { hand, arm, .. }| {
             let palm = arm.tool_pose(&shown) * hand.palm_from_flange.inverse();
@@ -241,34 +241,34 @@ pub fn reach(
 }
 
 /// Motions that were not used for identification: stairs of currents (A), 0.4 s each, one actuator after another.
-const STAIRS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
+const STAIR_CURRENTS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
 /// Duration of a stair, s.
-const STAIR: f64 = 0.4;
+const STAIR_DURATION: f64 = 0.4;
 /// Lead-in in which the hand opens, s.
-const LED: f64 = 1.0;
+const LEAD_IN_DURATION: f64 = 1.0;
 /// Angles added to the last two joints of the arm's posture for the stairs, rad: not a posture of the script.
-const TURN: [f64; 2] = [0.4, 0.8];
+const STAIR_POSTURE_OFFSETS: [f64; 2] = [0.4, 0.8];
 
 /// Plays the stairs on the true robot and on the digital twins of the hands `believed`, and compares them. `start` is
 /// the arm's ready posture.
 pub fn compare(
-    truth: &RobotIndividual,
+    truth: &RobotInstance,
     nominal: &RobotModel,
     losses: CableLosses,
     start: &[f64],
-    believed: &[&RobotIndividual],
-) -> Vec<Differences> {
+    believed: &[&RobotInstance],
+) -> Vec<MotionDifferences> {
     let mut start: ArmVector = start.iter().copied().collect();
-    start.iter_mut().rev().zip(TURN.iter().rev()).for_each(|(angle, turn)| *angle += turn);
+    start.iter_mut().rev().zip(STAIR_POSTURE_OFFSETS.iter().rev()).for_each(|(angle, turn)| *angle += turn);
     let hand = &nominal.hand;
-    let real = truth.hand(hand);
-    let hands: Vec<Hand> = believed.iter().map(|own| own.hand(hand)).collect();
-    let mut differences = vec![Differences::default(); hands.len()];
+    let real = truth.apply_to_hand(hand);
+    let hands: Vec<Hand> = believed.iter().map(|own| own.apply_to_hand(hand)).collect();
+    let mut differences = vec![MotionDifferences::default(); hands.len()];
     for actuator in 0..hand.servos.len() {
-        let mut robot = body(truth, nominal, losses, start);
-        let (motion, angles) = stairs(&mut robot, actuator, nominal);
+        let mut robot = simulated_robot(truth, nominal, losses, start);
+        let (motion, angles) = play_stairs(&mut robot, actuator, nominal);
         for (own, differences) in hands.iter().zip(&mut differences) {
-            note(own, &real, &motion, &angles, losses, differences);
+            add_differences(own, &real, &motion, &angles, losses, differences);
         }
     }
     differences
@@ -278,7 +278,7 @@ type Angles = Vec<HandVector>;
 
 /// Plays the stairs with one actuator. Returns the measured motion, and the true joint angles before each tick after
 /// the lead-in.
-fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
+fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
         actuator,
@@ -293,32 +293,32 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> 
     let mut angles = Vec::new();
     let hold = robot.observe().arm.position;
     let mut servos = nominal.hand.each_actuator(|_| ServoGoal::Position { angle: 0.0, current_limit: 0.15 });
-    let opening = [(servos[actuator], LED)];
-    let stairs = STAIRS.map(|current| (ServoGoal::Current(current), STAIR));
+    let opening = [(servos[actuator], LEAD_IN_DURATION)];
+    let stairs = STAIR_CURRENTS.map(|current| (ServoGoal::Current(current), STAIR_DURATION));
     for (goal, length) in opening.into_iter().chain(stairs) {
         for _ in 0..(length / tick) as usize {
             let observation = robot.observe();
             motion.push(&observation, goal, nominal);
             angles.push(robot.truth().hand.into_iter().collect());
             servos[actuator] = goal;
-            robot.send(&Command { arm: hold, servos, capture: false });
+            robot.send(&RobotCommand { arm: hold, servos, capture: false });
             robot.wait_for_tick();
         }
     }
-    motion.lead_in = (LED / tick) as usize;
+    motion.lead_in = (LEAD_IN_DURATION / tick) as usize;
     let angles = angles.split_off(motion.lead_in);
     (motion, angles)
 }
 
-/// Adds the differences between the digital twin of `own` and the `real` hand, whose joints were at `angles` in
-/// `motion`.
-fn note(
+/// Adds the differences between the digital twin of `robot_model` and the `real` hand, whose joints were at `angles` in
+/// `play_motion`.
+fn add_differences(
     own: &Hand,
     real: &Hand,
     motion: &FreeMotion,
     angles: &Angles,
     losses: CableLosses,
-    differences: &mut Differences,
+    differences: &mut MotionDifferences,
 ) {
     let joints: Vec<usize> = match own.transmission.cables.get(motion.actuator) {
         Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
@@ -326,7 +326,8 @@ fn note(
     };
     let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
     let [.., last] = digit.ftac_joints();
-    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6)
+    for (shown, (angle, truth)) in
+        simulate_motion(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6)
     {
         differences.servos.push(shown.servo - angle);
         let mut believed = *truth;

@@ -5,7 +5,7 @@ use hand_model::robot::{Observation, ServoGoal};
 use hand_model::{ArmVector, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 
-use crate::row::Row;
+use crate::tick_record::TickRecord;
 use crate::trace::Trace;
 
 /// Motion of one actuator and its lead-in, tick by tick.
@@ -30,22 +30,22 @@ pub struct FreeMotion {
 }
 
 /// Least length of a motion, ticks.
-const SHORTEST: usize = 60;
+const MIN_MOTION_TICKS: usize = 60;
 /// Greatest length of a lead-in, s.
-const LEAD_IN: f64 = 6.0;
+const MAX_LEAD_IN: f64 = 6.0;
 
-/// Returns all motions of `actuator` in a session, with gravity according to the model `robot`.
+/// Returns all motions of `actuator` in a session, with gravity according to the model `apply_to_robot`.
 pub fn free_motions(trace: &Trace, actuator: usize, robot: &RobotModel) -> Vec<FreeMotion> {
-    let under_current = |row: &&Row| matches!(row.goals[actuator], ServoGoal::Current(_));
-    let longest = (LEAD_IN / trace.tick) as usize;
+    let under_current = |row: &&TickRecord| matches!(row.goals[actuator], ServoGoal::Current(_));
+    let longest = (MAX_LEAD_IN / trace.tick) as usize;
     let rows = &trace.rows;
     let (mut motions, mut free) = (Vec::new(), 0);
     while free < rows.len() {
         let begin = free + rows[free..].iter().take_while(|row| !under_current(row)).count();
         let end = begin + rows[begin..].iter().take_while(under_current).count();
-        if end - begin >= SHORTEST {
+        if end - begin >= MIN_MOTION_TICKS {
             let led = free.max(begin.saturating_sub(longest));
-            motions.push(FreeMotion::of(&rows[led..end], begin - led, actuator, trace.tick, robot));
+            motions.push(FreeMotion::from_rows(&rows[led..end], begin - led, actuator, trace.tick, robot));
         }
         free = end;
     }
@@ -53,7 +53,7 @@ pub fn free_motions(trace: &Trace, actuator: usize, robot: &RobotModel) -> Vec<F
 }
 
 impl FreeMotion {
-    fn of(rows: &[Row], lead_in: usize, actuator: usize, tick: f64, robot: &RobotModel) -> Self {
+    fn from_rows(rows: &[TickRecord], lead_in: usize, actuator: usize, tick: f64, robot: &RobotModel) -> Self {
         Self {
             actuator,
             tick,
@@ -71,13 +71,13 @@ impl FreeMotion {
         &self.angles[self.lead_in..]
     }
 
-    /// Returns the same motion with gravity according to another `robot`.
+    /// Returns the same motion with gravity according to another `apply_to_robot`.
     #[must_use]
-    pub fn under(&self, robot: &RobotModel) -> Self {
+    pub fn with_robot(&self, robot: &RobotModel) -> Self {
         Self { gravity: self.arm.iter().map(|shown| gravity(robot, shown)).collect(), ..self.clone() }
     }
 
-    /// Appends the observation before a tick and the goal sent in it, with gravity according to the model `robot`.
+    /// Appends the observation before a tick and the goal sent in it, with gravity according to the model `apply_to_robot`.
     pub fn push(&mut self, observation: &Observation, goal: ServoGoal, robot: &RobotModel) {
         self.goals.push(goal);
         self.angles.push(observation.servos[self.actuator].position);

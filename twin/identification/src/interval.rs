@@ -7,19 +7,19 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Ratio of posterior to prior standard deviation below which a parameter counts as identified.
-pub const TAUGHT: f64 = 0.8;
+pub const IDENTIFIED_RATIO: f64 = 0.8;
 
 /// Cluster of samples: rows of a fit's slopes, each with its residual.
-pub type Piece = Vec<(usize, f64)>;
+pub type SampleCluster = Vec<(usize, f64)>;
 
 /// Returns the covariance of the parameters of a fit.
 ///
 /// `slopes` are those of the residuals at the minimum: one row per residual, the prior's last, and one column per parameter.
-/// `unsearched` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
+/// `unsearched_parameters` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
 /// column each. `clusters` are the samples' residuals in groups with correlated model errors. If their gradients scatter by more
 /// than those of independent samples would, the standard deviations are increased accordingly (the sandwich estimator of Liang
 /// and Zeger 1986).
-pub fn covariance(slopes: &DMatrix<f64>, unsearched: &DMatrix<f64>, clusters: &[Piece]) -> DMatrix<f64> {
+pub fn covariance(slopes: &DMatrix<f64>, unsearched: &DMatrix<f64>, clusters: &[SampleCluster]) -> DMatrix<f64> {
     let n = slopes.ncols();
     // Positive definite: the prior's rows are an identity matrix.
     let known = slopes.tr_mul(slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
@@ -104,7 +104,7 @@ mod tests {
     fn pieces_that_err_alike_widen_an_interval() {
         let (slopes, _) = line();
         let none = DMatrix::zeros(SAMPLES, 0);
-        let pieces = |residual: fn(usize) -> f64| -> Vec<Piece> {
+        let pieces = |residual: fn(usize) -> f64| -> Vec<SampleCluster> {
             (0..5).map(|piece| (0..10).map(|n| (10 * piece + n, residual(10 * piece + n))).collect()).collect()
         };
         let alone = covariance(&slopes, &none, &[])[(0, 0)];

@@ -1,12 +1,12 @@
 //! Identification of an individual robot among those built from one nominal model.
 //!
 //! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a [`ball`], and
-//! how to lift a [`weight`]. [`excitation`] plays the script, and [`pressing`] aims the presses. [`trace`] reads such a session back
-//! and cuts the [`free_motion`]s and the [`touches`] out of it.
+//! how to lift a [`payload`]. [`excitation`] plays the script, and [`pressing`] aims the presses. [`trace`] reads such a session back
+//! and cuts the [`free_motion`]s and the [`deepest_touches`] out of it.
 //!
-//! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`weighing`] estimates the gains of the
+//! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`payload_calibration`] estimates the gains of the
 //! arm's torque sensors from a known weight. [`free_digit`] is the digital twin of one digit that moves freely, a [`chain`] on its
-//! servo. [`fit`] finds the parameters with which it moves as in the session, and [`identify`](mod@identify) does so for all
+//! servo. [`fit_actuator`] finds the parameters with which it moves as in the session, and [`identify`](mod@identify) does so for all
 //! actuators. [`interval`] computes their uncertainty. [`evaluation`] compares the result with the truth, where that is known.
 
 pub mod arm_load;
@@ -15,24 +15,24 @@ pub mod chain;
 pub mod error;
 pub mod evaluation;
 pub mod excitation;
+pub mod excitation_setup;
 pub mod fit;
 pub mod free_digit;
 pub mod free_motion;
 pub mod identify;
 pub mod interval;
 pub mod kinematic_calibration;
-pub mod means;
 pub mod pad_mechanics;
+pub mod payload;
+pub mod payload_calibration;
 pub mod pressing;
-pub mod row;
 pub mod script;
 pub mod task;
+pub mod tick_record;
 pub mod touches;
 pub mod trace;
-pub mod weighing;
-pub mod weight;
 
 pub use error::IdentificationError;
 pub use identify::{Identification, identify};
-pub use script::Script;
+pub use script::ExcitationScript;
 pub use trace::Trace;

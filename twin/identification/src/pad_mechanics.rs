@@ -12,36 +12,36 @@ use hand_model::robot::ArmState;
 use hand_model::{ArmVector, Hand, RobotModel};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 use statistics::percentile;
-use tactile_optics::Foundation;
+use tactile_optics::GelFoundation;
 
-use crate::arm_load::force;
-use crate::ball::{Ball, Slide};
-use crate::row::Row;
-use crate::touches::LookTouch;
+use crate::arm_load::estimate_force;
+use crate::ball::{CalibrationBall, Slide};
+use crate::tick_record::TickRecord;
+use crate::touches::SnapshotContact;
 use crate::trace::Trace;
 
 /// Distance from the ball beyond which a look shows an unloaded pad, m.
-const CLEAR: f64 = 4e-4;
+const UNLOADED_DISTANCE: f64 = 4e-4;
 /// Least depth at which an image gives the force, m: a relative depth error counts twice.
-const DEEP: f64 = 1e-3;
+const MIN_FORCE_DEPTH: f64 = 1e-3;
 /// Length of a slide after which the ball has left its dent in the gel, m.
-const SLID: f64 = 2.5e-3;
+const MIN_SLIDE_LENGTH: f64 = 2.5e-3;
 /// Change of height beyond which a pad no longer counts as sliding, m.
-const RISEN: f64 = 3e-4;
+const MAX_SLIDE_RISE: f64 = 3e-4;
 /// Least duration of a slide, ticks.
-const LONG: usize = 20;
+const MIN_SLIDE_TICKS: usize = 20;
 /// Relative standard deviation of the stiffness error common to all presses: depths from images are 2 to 3 % off. Set
 /// by hand, from individuals 1 to 3.
-const ALIKE: f64 = 0.03;
+const COMMON_STIFFNESS_SIGMA: f64 = 0.03;
 /// Least relative standard deviation of one press: stiffness, friction. It is set by hand, from individuals 1 to 3,
 /// because the scatter of a few presses tells little.
-const ONE: [f64; 2] = [0.05, 0.015];
+const MIN_PRESS_SIGMA: [f64; 2] = [0.05, 0.015];
 /// Spacing of the points over which pressure is summed, m.
-const GRID: f64 = 1e-4;
+const GRID_SPACING: f64 = 1e-4;
 
 /// Estimate of a factor on the nominal value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Factor {
+pub struct ScaleFactor {
     /// Logarithm of the factor.
     pub deviation: f64,
     /// Standard deviation of the logarithm.
@@ -51,31 +51,31 @@ pub struct Factor {
 /// Identified factors of pads and gel; none if there were too few presses.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PadMechanics {
-    pub stiffness: Option<Factor>,
-    pub friction: Option<Factor>,
+    pub stiffness: Option<ScaleFactor>,
+    pub friction: Option<ScaleFactor>,
 }
 
 /// Results of individual presses in some sessions, for each factor.
 #[derive(Debug, Clone, Default)]
-pub struct Shown {
+pub struct PressResults {
     /// Logarithms, one per press.
     stiffness: Vec<f64>,
     friction: Vec<f64>,
 }
 
-impl Shown {
-    /// Adds the results of a session with the touches `touched`, of the robot `own` with the nominal hand `hand` and
+impl PressResults {
+    /// Adds the results of a session with the touches `touched`, of the robot `robot_model` with the nominal hand `apply_to_hand` and
     /// the ball's centre at `middle` (m, frame of the arm's base).
     pub fn add(
         &mut self,
         hand: &Hand,
         own: &RobotModel,
-        (ball, middle): (&Ball, &Point3<f64>),
+        (ball, middle): (&CalibrationBall, &Point3<f64>),
         trace: &Trace,
-        touched: &[LookTouch],
+        touched: &[SnapshotContact],
     ) {
-        let gel = Foundation::winkler(&hand.gel());
-        let mut presses: BTreeMap<(usize, usize), Vec<&LookTouch>> = BTreeMap::new();
+        let gel = GelFoundation::winkler(&hand.gel());
+        let mut presses: BTreeMap<(usize, usize), Vec<&SnapshotContact>> = BTreeMap::new();
         for touch in touched {
             presses.entry((touch.press, touch.touch.camera)).or_default().push(touch);
         }
@@ -84,79 +84,81 @@ impl Shown {
             if pad.link.is_some() {
                 continue;
             }
-            let Some(pressing) = Pressing::new(own, (ball, middle), trace, press, pad) else { continue };
+            let Some(pressing) = PressSegment::new(own, (ball, middle), trace, press, pad) else { continue };
             let ratios: Vec<f64> = looks
                 .iter()
-                .filter(|look| look.touch.depth(hand, ball) > DEEP)
+                .filter(|look| look.touch.depth(hand, ball) > MIN_FORCE_DEPTH)
                 .filter_map(|look| {
-                    let borne = -pressing.at_look(look.look)?.force.z;
+                    let borne = -pressing.load_at_snapshot(look.look)?.force.z;
                     let drawn = pad_force(pad, &gel, &look.touch.center, ball.radius);
                     (borne > 0.0 && drawn > 0.0).then(|| (borne / drawn).ln())
                 })
                 .collect();
             self.stiffness.extend(percentile(&ratios, 50.0));
             if let Some(slide) = &ball.slide {
-                self.friction.extend(pressing.sliding().map(|friction| (friction / slide.friction).ln()));
+                self.friction.extend(pressing.slide_friction().map(|friction| (friction / slide.friction).ln()));
             }
         }
     }
 
     /// Combines the presses into one estimate of each factor.
-    pub fn together(&self, slide: Option<&Slide>) -> PadMechanics {
+    pub fn combine(&self, slide: Option<&Slide>) -> PadMechanics {
         let known = slide.map_or(0.0, |slide| slide.uncertain);
         PadMechanics {
-            stiffness: factor(&self.stiffness, ONE[0], ALIKE),
-            friction: factor(&self.friction, ONE[1], known),
+            stiffness: factor(&self.stiffness, MIN_PRESS_SIGMA[0], COMMON_STIFFNESS_SIGMA),
+            friction: factor(&self.friction, MIN_PRESS_SIGMA[1], known),
         }
     }
 }
 
 impl PadMechanics {
-    /// Adds the uncertainty of the arm's torque gains, with `covariance` of their logarithms. `moved` holds the
-    /// estimates with the logarithm of each gain in turn increased by `step`.
+    /// Adds the uncertainty of the arm's torque gains, with `covariance` of their logarithms. `moved_joints` holds the
+    /// estimates with the logarithm of each gain in turn increased by `step_towards`.
     #[must_use]
-    pub fn under_gains(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
-        let wider = |of: fn(&Self) -> Option<Factor>| {
+    pub fn with_gain_uncertainty(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
+        let wider = |of: fn(&Self) -> Option<ScaleFactor>| {
             let factor = of(&self)?;
             let slope =
                 |joint: usize| (of(&moved[joint]).map_or(0.0, |moved| moved.deviation - factor.deviation)) / step;
             let slopes = DVector::from_fn(moved.len(), |joint, _| slope(joint));
             let more = (slopes.transpose() * covariance * slopes)[(0, 0)];
-            Some(Factor { sigma: (factor.sigma.powi(2) + more).sqrt(), ..factor })
+            Some(ScaleFactor { sigma: (factor.sigma.powi(2) + more).sqrt(), ..factor })
         };
         Self { stiffness: wider(|all| all.stiffness), friction: wider(|all| all.friction) }
     }
 }
 
 /// Returns the median of the presses. Each has an independent error of at least `one`, more if they scatter more;
-/// `alike` is the error common to all.
-fn factor(presses: &[f64], one: f64, alike: f64) -> Option<Factor> {
+/// `series_correlation_length` is the error common to all.
+fn factor(presses: &[f64], one: f64, alike: f64) -> Option<ScaleFactor> {
     let deviation = percentile(presses, 50.0)?;
     let off: Vec<f64> = presses.iter().map(|press| (press - deviation).abs()).collect();
     // For a normal distribution, the median absolute deviation is 0.6745 standard deviations, and a median has 1.57
     // times a mean's variance.
     let scatter = percentile(&off, 50.0)? / 0.6745;
     let own = one.max(scatter).powi(2) * 1.57 / presses.len() as f64;
-    Some(Factor { deviation, sigma: (own + alike * alike).sqrt() })
+    Some(ScaleFactor { deviation, sigma: (own + alike * alike).sqrt() })
 }
 
 /// Returns the force (N) on a ball of this radius (m) with its centre at `center` (pad frame) under the pressure law
 /// `gel`, integrated over the pad's surface.
-fn pad_force(pad: &Pad, gel: &Foundation, center: &Point3<f64>, radius: f64) -> f64 {
-    let reach = (radius / GRID) as i32;
-    let steps = || (-reach..=reach).map(|n| f64::from(n) * GRID);
+fn pad_force(pad: &Pad, gel: &GelFoundation, center: &Point3<f64>, radius: f64) -> f64 {
+    let reach = (radius / GRID_SPACING) as i32;
+    let steps = || (-reach..=reach).map(|n| f64::from(n) * GRID_SPACING);
     let pressure = |across: f64, along: f64| {
         let (x, y) = (center.x + across, center.y + along);
         let square = radius * radius - across * across - along * along;
         let on = square > 0.0 && x.abs() < 0.5 * pad.w && y.abs() < 0.5 * pad.h;
         if on { gel.pressure((pad.surface_height(x, y) - center.z + square.sqrt()).max(0.0)) } else { 0.0 }
     };
-    steps().flat_map(|x| steps().map(move |y| (x, y))).map(|(x, y)| pressure(x, y)).sum::<f64>() * GRID * GRID
+    steps().flat_map(|x| steps().map(move |y| (x, y))).map(|(x, y)| pressure(x, y)).sum::<f64>()
+        * GRID_SPACING
+        * GRID_SPACING
 }
 
 /// Load on a pad of the palm at an instant of a press.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Load {
+struct PressLoad {
     /// Centre of the ball in the pad frame, from the arm's kinematics alone, m.
     middle: Point3<f64>,
     /// Force on the pad in the pad frame, N; z points out of the pad.
@@ -164,7 +166,7 @@ struct Load {
 }
 
 /// A press of a pad of the palm.
-struct Pressing<'a> {
+struct PressSegment<'a> {
     own: &'a RobotModel,
     middle: &'a Point3<f64>,
     trace: &'a Trace,
@@ -175,22 +177,22 @@ struct Pressing<'a> {
     press: usize,
 }
 
-impl<'a> Pressing<'a> {
+impl<'a> PressSegment<'a> {
     /// Returns none if no look shows the pad clear of the ball.
     fn new(
         own: &'a RobotModel,
-        (ball, middle): (&Ball, &'a Point3<f64>),
+        (ball, middle): (&CalibrationBall, &'a Point3<f64>),
         trace: &'a Trace,
         press: usize,
         pad: &'a Pad,
     ) -> Option<Self> {
         let mut pressing = Self { own, middle, trace, pad, before: ArmState::default(), press };
-        let looks = (0..trace.looks.len()).filter(|look| trace.looks[*look].press == press);
+        let looks = (0..trace.snapshots.len()).filter(|look| trace.snapshots[*look].press == press);
         let is_clear = |shown: &ArmState| {
-            let at = pressing.middle_at(shown);
-            at.z - ball.radius - pad.surface_height(at.x, at.y) > CLEAR
+            let at = pressing.ball_center_at(shown);
+            at.z - ball.radius - pad.surface_height(at.x, at.y) > UNLOADED_DISTANCE
         };
-        let before = looks.map_while(|look| pressing.shown(look)).take_while(is_clear).last()?;
+        let before = looks.map_while(|look| pressing.mean_arm_state(look)).take_while(is_clear).last()?;
         pressing.before = before;
         Some(pressing)
     }
@@ -201,18 +203,18 @@ impl<'a> Pressing<'a> {
         arm.tool_pose(&shown.position) * hand.palm_from_flange.inverse() * self.pad.link_from_pad
     }
 
-    fn middle_at(&self, shown: &ArmState) -> Point3<f64> {
+    fn ball_center_at(&self, shown: &ArmState) -> Point3<f64> {
         self.pose(shown).inverse_transform_point(self.middle)
     }
 
-    fn rows(&self, from: f64, to: f64) -> &[Row] {
+    fn rows(&self, from: f64, to: f64) -> &[TickRecord] {
         let at = |time: f64| self.trace.rows.partition_point(|row| row.time < time);
         &self.trace.rows[at(from)..at(to).max(at(from))]
     }
 
     /// Returns the mean state of the arm during a look.
-    fn shown(&self, look: usize) -> Option<ArmState> {
-        let [from, to] = self.trace.looks.get(look)?.times;
+    fn mean_arm_state(&self, look: usize) -> Option<ArmState> {
+        let [from, to] = self.trace.snapshots.get(look)?.times;
         let half = 0.5 * self.trace.tick;
         let rows = self.rows(from - half, to + half);
         let mean = |value: fn(&ArmState) -> ArmVector| {
@@ -226,35 +228,35 @@ impl<'a> Pressing<'a> {
         })
     }
 
-    fn load(&self, shown: &ArmState) -> Option<Load> {
-        let force = force(self.own, [&self.before, shown], self.middle)?;
+    fn load(&self, shown: &ArmState) -> Option<PressLoad> {
+        let force = estimate_force(self.own, [&self.before, shown], self.middle)?;
         let pose = self.pose(shown);
-        Some(Load { middle: self.middle_at(shown), force: pose.inverse_transform_vector(&force) })
+        Some(PressLoad { middle: self.ball_center_at(shown), force: pose.inverse_transform_vector(&force) })
     }
 
-    fn at_look(&self, look: usize) -> Option<Load> {
-        self.load(&self.shown(look)?)
+    fn load_at_snapshot(&self, look: usize) -> Option<PressLoad> {
+        self.load(&self.mean_arm_state(look)?)
     }
 
     /// Returns the median of friction over normal force during the ticks after the last look in which the pad slides;
     /// none if there are too few.
-    fn sliding(&self) -> Option<f64> {
-        let looks = &self.trace.looks;
+    fn slide_friction(&self) -> Option<f64> {
+        let looks = &self.trace.snapshots;
         let last = looks.iter().rposition(|look| look.press == self.press)?;
-        let from = self.middle_at(&self.shown(last)?);
+        let from = self.ball_center_at(&self.mean_arm_state(last)?);
         let end = looks.get(last + 1).map_or(f64::INFINITY, |next| next.times[0]);
         let ratios: Vec<f64> = self
             .rows(looks[last].times[1], end)
             .iter()
             .filter(|row| {
-                let way = self.middle_at(&row.arm) - from;
-                way.xy().norm() > SLID && way.z.abs() < RISEN
+                let way = self.ball_center_at(&row.arm) - from;
+                way.xy().norm() > MIN_SLIDE_LENGTH && way.z.abs() < MAX_SLIDE_RISE
             })
             .filter_map(|row| self.load(&row.arm))
             .filter(|load| load.force.z < 0.0)
             .map(|load| load.force.xy().norm() / -load.force.z)
             .collect();
-        if ratios.len() < LONG { None } else { percentile(&ratios, 50.0) }
+        if ratios.len() < MIN_SLIDE_TICKS { None } else { percentile(&ratios, 50.0) }
     }
 }
 
@@ -268,7 +270,7 @@ mod tests {
     fn a_pad_bears_less_at_its_edge() {
         let hand = Hand::ftac();
         let pad = hand.pads.iter().find(|pad| pad.link.is_none()).expect("a pad of the palm");
-        let gel = Foundation::winkler(&hand.gel());
+        let gel = GelFoundation::winkler(&hand.gel());
         let (radius, depth) = (0.008, 0.0012);
         let at = |x: f64| pad_force(pad, &gel, &Point3::new(x, 0.0, radius - depth), radius);
         let law = gel.ball_force(radius, depth);
@@ -280,11 +282,11 @@ mod tests {
     /// gain keeps its uncertainty.
     #[test]
     fn unsure_gains_make_stiffness_unsure() {
-        let factor = |deviation| Some(Factor { deviation, sigma: 0.03 });
+        let factor = |deviation| Some(ScaleFactor { deviation, sigma: 0.03 });
         let found = PadMechanics { stiffness: factor(0.1), friction: factor(0.2) };
         let moved = [PadMechanics { stiffness: factor(0.1 - 0.01 / 7.0), friction: factor(0.2) }; 7];
         let covariance = DMatrix::from_element(7, 7, 0.04 * 0.04);
-        let wider = found.under_gains(&moved, 0.01, &covariance);
+        let wider = found.with_gain_uncertainty(&moved, 0.01, &covariance);
         assert!((wider.stiffness.expect("a factor").sigma - 0.05).abs() < 1e-9, "{wider:?}");
         assert_eq!(wider.friction, found.friction);
     }

@@ -6,92 +6,100 @@
 use control::inverse_kinematics::Joints;
 use hand_model::RobotModel;
 use hand_model::robot::ArmState;
-use plant::RobotIndividual;
+use plant::RobotInstance;
 use tactile_perception::PhotometricCalibration;
 
-use crate::arm_load::force;
-use crate::ball::{Approach, Ball, Press, approach, round, sideways};
-use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
-use crate::means::Means;
-use crate::touches::{PressImages, touches};
+use crate::arm_load::estimate_force;
+use crate::ball::{CalibrationBall, PadPress, PressApproach, plan_approach, plan_detour, plan_slide};
+use crate::excitation_setup::ExcitationSetup;
+use crate::kinematic_calibration::{BallTouch, KinematicCalibration, calibrate};
+use crate::touches::{PressImages, deepest_touches};
 
 /// Distance before the ball at which a press begins, in standard deviations of the expected contact.
-const EARLY: f64 = 3.0;
+const APPROACH_MARGIN_SIGMAS: f64 = 3.0;
 /// Bounds of that distance, m.
-const EARLIEST: [f64; 2] = [0.001, 0.02];
+const APPROACH_MARGIN_BOUNDS: [f64; 2] = [0.001, 0.02];
 /// Number of touches up to which the calibration is repeated after every press, and number of touches between
 /// repetitions after that.
-const ENOUGH: (usize, usize) = (12, 6);
+const CALIBRATION_SCHEDULE: (usize, usize) = (12, 6);
 
 /// Aim of presses.
-pub struct Aim<'a> {
+pub struct PressAim<'a> {
     robot: &'a RobotModel,
     pads: &'a PhotometricCalibration,
-    ball: &'a Ball,
+    ball: &'a CalibrationBall,
     ready: Joints,
-    touches: Vec<Touch>,
-    found: KinematicCalibration,
+    touches: Vec<BallTouch>,
+    calibration: KinematicCalibration,
     /// Robot model of that calibration.
-    own: RobotModel,
+    robot_model: RobotModel,
 }
 
-impl<'a> Aim<'a> {
+impl<'a> PressAim<'a> {
     /// Creates the aim of the nominal model.
-    pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
-        let Means { robot, pads, ready, .. } = *means;
-        let found = calibrate(robot, ball, &RobotIndividual::designed(robot), &[]);
-        let own = found.individual.robot(robot);
-        Self { robot, pads, ball, ready, touches: Vec::new(), found, own }
+    pub fn new(means: &ExcitationSetup<'a>, ball: &'a CalibrationBall) -> Self {
+        let ExcitationSetup { robot, pads, ready, .. } = *means;
+        let found = calibrate(robot, ball, &RobotInstance::nominal(robot), &[]);
+        let own = found.robot_instance.apply_to_robot(robot);
+        Self { robot, pads, ball, ready, touches: Vec::new(), calibration: found, robot_model: own }
     }
 
     /// Returns the robot model calibrated by the presses so far.
-    pub fn own(&self) -> &RobotModel {
-        &self.own
+    pub fn robot_model(&self) -> &RobotModel {
+        &self.robot_model
     }
 
     /// Returns the ball.
-    pub fn ball(&self) -> &'a Ball {
+    pub fn ball(&self) -> &'a CalibrationBall {
         self.ball
     }
 
     /// Plans the way from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
     /// joints do not wind up from press to press.
-    pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
-        let way = |early| approach(self.own(), self.ball, press, &self.found.ball, early, &self.ready);
-        let near = way(EARLIEST[0])?;
-        let unsure =
-            self.found.along_normal(self.robot, self.ball, press.camera, near.way.last().unwrap_or(&self.ready));
-        let approach = way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))?;
-        let round = round(self.own(), self.ball, &self.found.ball, [from, &approach.hover])?;
-        Some(Approach { round, ..approach })
+    pub fn plan_press(&self, press: &PadPress, from: &Joints) -> Option<PressApproach> {
+        let way =
+            |early| plan_approach(self.robot_model(), self.ball, press, &self.calibration.ball, early, &self.ready);
+        let near = way(APPROACH_MARGIN_BOUNDS[0])?;
+        let unsure = self.calibration.normal_sigma(
+            self.robot,
+            self.ball,
+            press.camera,
+            near.press_postures.last().unwrap_or(&self.ready),
+        );
+        let approach =
+            way((APPROACH_MARGIN_SIGMAS * unsure).clamp(APPROACH_MARGIN_BOUNDS[0], APPROACH_MARGIN_BOUNDS[1]))?;
+        let round = plan_detour(self.robot_model(), self.ball, &self.calibration.ball, [from, &approach.hover])?;
+        Some(PressApproach { waypoints: round, ..approach })
     }
 
-    /// Plans the slide of a press's pad over the ball from the posture `at`, if it slides.
-    pub fn sideways(&self, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
-        sideways(self.own(), self.ball, press, at)
+    /// Plans the slide of a press's pad over the ball from the posture `plan_press`, if it slides.
+    pub fn plan_slide(&self, press: &PadPress, at: &Joints) -> Option<Vec<Joints>> {
+        plan_slide(self.robot_model(), self.ball, press, at)
     }
 
     /// True if the newest look of `camera` shows the ball deep enough in its pad.
     pub fn is_deep(&self, camera: usize, images: &PressImages) -> bool {
-        let newest = images.of_look().filter(|image| image.camera == camera);
-        let touch = touches(&self.robot.hand, self.pads, self.ball.radius, newest);
+        let newest = images.of_snapshot().filter(|image| image.camera == camera);
+        let touch = deepest_touches(&self.robot.hand, self.pads, self.ball.radius, newest);
         touch.first().is_some_and(|touch| touch.depth(&self.robot.hand, self.ball) >= self.ball.depth)
     }
 
     /// Returns the magnitude of the force on the hand near the ball, N, from the arm's torques `now` compared with
     /// those `before` contact.
     pub fn force(&self, before: &ArmState, now: &ArmState) -> f64 {
-        force(self.own(), [before, now], &self.found.ball).map_or(0.0, |force| force.norm())
+        estimate_force(self.robot_model(), [before, now], &self.calibration.ball).map_or(0.0, |force| force.norm())
     }
 
     /// Updates the calibration with the newest press.
-    pub fn learn(&mut self, images: &PressImages) {
+    pub fn update_calibration(&mut self, images: &PressImages) {
         let before = self.touches.len();
-        self.touches.extend(touches(&self.robot.hand, self.pads, self.ball.radius, images.of_press()));
+        self.touches.extend(deepest_touches(&self.robot.hand, self.pads, self.ball.radius, images.of_press()));
         let now = self.touches.len();
-        if now > before && (now <= ENOUGH.0 || before / ENOUGH.1 != now / ENOUGH.1) {
-            self.found = calibrate(self.robot, self.ball, &RobotIndividual::designed(self.robot), &self.touches);
-            self.own = self.found.individual.robot(self.robot);
+        if now > before
+            && (now <= CALIBRATION_SCHEDULE.0 || before / CALIBRATION_SCHEDULE.1 != now / CALIBRATION_SCHEDULE.1)
+        {
+            self.calibration = calibrate(self.robot, self.ball, &RobotInstance::nominal(self.robot), &self.touches);
+            self.robot_model = self.calibration.robot_instance.apply_to_robot(self.robot);
         }
     }
 }

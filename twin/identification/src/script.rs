@@ -3,22 +3,22 @@
 use std::path::Path;
 
 use ftac_platform::data::{DataError, parse_toml};
-use hand_model::hand::MOST_DIGITS;
+use hand_model::hand::MAX_DIGITS;
 use hand_model::{Hand, RobotModel};
 use serde::{Deserialize, Serialize};
 
-use crate::ball::{Ball, Press};
-use crate::weight::{APART, Part, Posture, Weight};
+use crate::ball::{CalibrationBall, PadPress};
+use crate::payload::{MIN_POSTURE_DIFFERENCE, Payload, PayloadStep, ScriptPosture};
 
 /// Index of the actuator that turns the thumb of the F-TAC Hand.
-pub const OPPOSITION: usize = MOST_DIGITS;
+pub const OPPOSITION_ACTUATOR: usize = MAX_DIGITS;
 /// Greatest current of a motion, A: no more is needed to bend a free finger.
-const MOST_CURRENT: f64 = 0.2;
+const MAX_CURRENT: f64 = 0.2;
 
 /// Winding of some cables under a current that rises and falls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Motion {
+pub struct WindingMotion {
     /// Names of the actuators.
     pub actuators: Vec<String>,
     /// Greatest current, A.
@@ -31,7 +31,7 @@ pub struct Motion {
 /// there is one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Script {
+pub struct ExcitationScript {
     pub version: u32,
     /// Current limit of the position control that opens the hand, A.
     pub open_current: f64,
@@ -43,37 +43,37 @@ pub struct Script {
     pub slack: f64,
     /// Speed of the fastest arm joint, rad/s.
     pub arm_speed: f64,
-    pub posture: Vec<Posture>,
-    pub motion: Vec<Motion>,
+    pub posture: Vec<ScriptPosture>,
+    pub motion: Vec<WindingMotion>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ball: Option<Ball>,
+    pub ball: Option<CalibrationBall>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub weight: Option<Weight>,
+    pub weight: Option<Payload>,
 }
 
-impl Posture {
-    /// True if some joint differs from that in `other` by at least [`APART`].
-    pub fn is_apart(&self, other: &Self) -> bool {
-        self.turn.iter().zip(&other.turn).any(|(own, other)| (own - other).abs() >= APART)
+impl ScriptPosture {
+    /// True if some joint differs from that in `other` by at least [`MIN_POSTURE_DIFFERENCE`].
+    pub fn differs_from(&self, other: &Self) -> bool {
+        self.turn.iter().zip(&other.turn).any(|(own, other)| (own - other).abs() >= MIN_POSTURE_DIFFERENCE)
     }
 }
 
 /// One step of a script.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Step<'a> {
+pub enum ExcitationStep<'a> {
     /// One motion in one posture.
-    Motion(&'a Posture, &'a Motion),
+    Motion(&'a ScriptPosture, &'a WindingMotion),
     /// One press on the ball.
-    Press(&'a Ball, Press),
+    Press(&'a CalibrationBall, PadPress),
     /// One part of weighing.
-    Weigh(&'a Weight, Part),
+    CalibratePayload(&'a Payload, PayloadStep),
 }
 
-impl Script {
+impl ExcitationScript {
     /// Returns the script that comes with the program.
     ///
     /// # Errors
-    /// [`DataError`] for a robot that lacks an item named in the script.
+    /// [`TaxonomyError`] for a robot that lacks an item named in the script.
     pub fn standard(robot: &RobotModel) -> Result<Self, DataError> {
         Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), robot)
     }
@@ -113,7 +113,7 @@ impl Script {
         }
         for (n, motion) in script.motion.iter().enumerate() {
             let field = |what: &str| format!("motion[{n}].{what}");
-            if !within(motion.current, 0.002, MOST_CURRENT) {
+            if !within(motion.current, 0.002, MAX_CURRENT) {
                 return fault(&field("current"), motion.current.to_string(), "0.002 to 0.2 A");
             }
             if !within(motion.time, 0.3, 60.0) {
@@ -137,21 +137,25 @@ impl Script {
         Ok(script)
     }
 
-    /// Returns the steps for `hand` in order. Motions come first, so that the ball can be put in its place when they
+    /// Returns the steps for `apply_to_hand` in order. Motions come first, so that the ball can be put in its place when they
     /// are done. The weighed object comes last, because the arm is calibrated by then.
-    pub fn steps(&self, hand: &Hand) -> Vec<Step<'_>> {
-        let of = |posture| self.motion.iter().map(move |motion| Step::Motion(posture, motion));
+    pub fn steps(&self, hand: &Hand) -> Vec<ExcitationStep<'_>> {
+        let of = |posture| self.motion.iter().map(move |motion| ExcitationStep::Motion(posture, motion));
         let motions = self.posture.iter().flat_map(of);
-        let presses = |ball: &'_ Ball| ball.presses(hand);
-        let on = self.ball.iter().flat_map(|ball| presses(ball).into_iter().map(move |press| Step::Press(ball, press)));
-        let weighing =
-            self.weight.iter().flat_map(|weight| weight.parts().into_iter().map(move |part| Step::Weigh(weight, part)));
+        let presses = |ball: &'_ CalibrationBall| ball.presses(hand);
+        let on = self
+            .ball
+            .iter()
+            .flat_map(|ball| presses(ball).into_iter().map(move |press| ExcitationStep::Press(ball, press)));
+        let weighing = self.weight.iter().flat_map(|weight| {
+            weight.payload_steps().into_iter().map(move |part| ExcitationStep::CalibratePayload(weight, part))
+        });
         motions.chain(on).chain(weighing).collect()
     }
 
     /// Returns the current (A) of a motion `elapsed` (s) after its beginning, rounded to whole milliamperes, the
     /// resolution of a servo; none when the motion is over.
-    pub fn current(&self, motion: &Motion, elapsed: f64) -> Option<f64> {
+    pub fn current(&self, motion: &WindingMotion, elapsed: f64) -> Option<f64> {
         let falls = motion.time + self.stay;
         let share = match elapsed {
             t if t < motion.time => t / motion.time,
@@ -165,20 +169,22 @@ impl Script {
 
     /// Returns the duration of a step without the arm's travel, s. For a press, the ball is assumed to be felt where it
     /// is expected.
-    pub fn length(&self, step: &Step, hand: &Hand) -> f64 {
+    pub fn step_duration(&self, step: &ExcitationStep, hand: &Hand) -> f64 {
         match step {
-            Step::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
-            Step::Press(ball, press) => {
+            ExcitationStep::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
+            ExcitationStep::Press(ball, press) => {
                 let slides = ball.slide_of(hand, press).map_or(0.0, |slide| slide.way);
                 ball.settle * (2.0 + (ball.depth + slides) / ball.stride)
             }
-            Step::Weigh(weight, Part::Empty(_)) => weight.hold,
-            Step::Weigh(weight, Part::Lifted) => weight.hold * (1 + weight.posture.len()) as f64,
+            ExcitationStep::CalibratePayload(weight, PayloadStep::Empty(_)) => weight.hold,
+            ExcitationStep::CalibratePayload(weight, PayloadStep::Lifted) => {
+                weight.hold * (1 + weight.posture.len()) as f64
+            }
         }
     }
 }
 
-fn check_ball(ball: &Ball, path: &Path) -> Result<(), DataError> {
+fn check_ball(ball: &CalibrationBall, path: &Path) -> Result<(), DataError> {
     let shares = ball.spots.iter().flatten().map(|share| ("spots", *share, -0.4, 0.4));
     let [x, y, z] = ball.place;
     let values = [
@@ -223,12 +229,12 @@ mod tests {
 
     #[test]
     fn the_standard_script_moves_every_actuator_in_every_posture() {
-        let (script, hand) = (Script::standard(&RobotModel::ftac_gen3()).expect("valid"), Hand::ftac());
+        let (script, hand) = (ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid"), Hand::ftac());
         for own in &hand.parameters.actuator {
             assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
         }
         let presses = script.ball.as_ref().expect("a ball").presses(&hand);
-        let weighing = script.weight.as_ref().expect("a weight").parts();
+        let weighing = script.weight.as_ref().expect("a weight").payload_steps();
         let motions = script.posture.len() * script.motion.len();
         assert_eq!(script.steps(&hand).len(), motions + presses.len() + weighing.len());
         assert!((0..hand.cameras.len()).all(|camera| presses.iter().any(|press| press.camera == camera)));
@@ -237,7 +243,7 @@ mod tests {
     /// A current rises, stays, falls to zero and ends.
     #[test]
     fn a_current_rises_and_falls() {
-        let script = Script::standard(&RobotModel::ftac_gen3()).expect("valid");
+        let script = ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid");
         let motion = &script.motion[1];
         assert_eq!(script.current(motion, 0.0), Some(0.0));
         assert_eq!(script.current(motion, 3.1), Some(0.07));
@@ -267,8 +273,9 @@ mod tests {
                 "weight.posture[ahead].turn: found that of `ready`, expected 0.05 rad in some joint",
             ),
         ] {
-            let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &RobotModel::ftac_gen3())
-                .unwrap_err();
+            let error =
+                ExcitationScript::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &RobotModel::ftac_gen3())
+                    .unwrap_err();
             assert!(error.to_string().contains(says), "{error}");
         }
     }

@@ -6,20 +6,22 @@ use std::sync::Arc;
 
 use control::inverse_kinematics::Joints;
 use hand_model::Hand;
-use hand_model::robot::{Command, Observation, Readings, RobotBackend, RobotError, TactileFrame, TactileImage, Tick};
+use hand_model::robot::{
+    Observation, Readings, RobotBackend, RobotCommand, RobotError, TactileFrame, TactileImage, Tick,
+};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
-use tactile_perception::ball_press::{BallPlace, BallPress, locate};
+use tactile_perception::ball_press::{BallEstimate, BallPress, locate};
 use tactile_perception::colour_change::find_change;
 use tactile_perception::{PhotometricCalibration, StereoOptions};
 
-use crate::kinematic_calibration::Touch;
+use crate::kinematic_calibration::BallTouch;
 
 /// Pause between images after which the next press begins, s. The next images are of untouched pads.
-pub const PAUSE: f64 = 0.6;
+pub const PRESS_PAUSE: f64 = 0.6;
 
 /// Pause between images after which the next look begins, s.
-const LOOK: f64 = 0.1;
+const SNAPSHOT_PAUSE: f64 = 0.1;
 
 /// Image of a pressed pad.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +29,7 @@ pub struct PressImage {
     /// Number of the press, in the order of the session.
     pub press: usize,
     /// Index of the look; the arm stands still during a look.
-    pub look: usize,
+    pub snapshot: usize,
     pub camera: usize,
     /// Joint angles that the arm's encoders showed, rad.
     pub arm: Joints,
@@ -54,8 +56,8 @@ impl Default for Backgrounds {
 
 impl Backgrounds {
     /// Notes that images came at `time` (s). Returns true if that was after a pause.
-    fn come(&mut self, time: f64) -> bool {
-        let paused = time > self.last + PAUSE;
+    fn note_images(&mut self, time: f64) -> bool {
+        let paused = time > self.last + PRESS_PAUSE;
         if paused {
             self.images.clear();
         }
@@ -64,21 +66,21 @@ impl Backgrounds {
     }
 
     /// Compares a frame with its background.
-    fn compare(&mut self, frame: &TactileFrame) -> Compared<'_> {
+    fn compare(&mut self, frame: &TactileFrame) -> BackgroundComparison<'_> {
         let background = match self.images.entry(frame.camera) {
             Entry::Vacant(place) => {
                 place.insert(frame.image.clone());
-                return Compared::First;
+                return BackgroundComparison::First;
             }
             Entry::Occupied(known) => known.into_mut(),
         };
         let changed = find_change(&frame.image, background, &StereoOptions::default()).is_some();
-        if changed { Compared::Changed(background) } else { Compared::Same }
+        if changed { BackgroundComparison::Changed(background) } else { BackgroundComparison::Same }
     }
 }
 
 /// Result of the comparison of a frame with the untouched pad.
-enum Compared<'a> {
+enum BackgroundComparison<'a> {
     /// The frame is the first one: the untouched pad itself.
     First,
     /// The frame looks like the untouched pad.
@@ -89,7 +91,7 @@ enum Compared<'a> {
 
 /// Look: times of images that belong together; the arm stood still meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
+pub struct SnapshotTimes {
     /// Number of the press, in the order of the session.
     pub press: usize,
     /// Times of its first and its last image, s.
@@ -102,26 +104,26 @@ pub struct PressImages {
     press: usize,
     backgrounds: Backgrounds,
     images: Vec<PressImage>,
-    looks: Vec<Look>,
+    snapshots: Vec<SnapshotTimes>,
 }
 
 impl PressImages {
     /// Takes an observation of the robot. The arm stands still while images are taken.
-    pub fn see(&mut self, observation: &Observation) {
+    pub fn add_observation(&mut self, observation: &Observation) {
         if observation.tactile.is_empty() {
             return;
         }
-        let begins = observation.time > self.backgrounds.last + LOOK;
-        self.press += usize::from(self.backgrounds.come(observation.time));
-        match self.looks.last_mut() {
+        let begins = observation.time > self.backgrounds.last + SNAPSHOT_PAUSE;
+        self.press += usize::from(self.backgrounds.note_images(observation.time));
+        match self.snapshots.last_mut() {
             Some(look) if !begins => look.times[1] = observation.time,
-            _ => self.looks.push(Look { press: self.press, times: [observation.time; 2] }),
+            _ => self.snapshots.push(SnapshotTimes { press: self.press, times: [observation.time; 2] }),
         }
         for frame in &observation.tactile {
-            if let Compared::Changed(background) = self.backgrounds.compare(frame) {
+            if let BackgroundComparison::Changed(background) = self.backgrounds.compare(frame) {
                 self.images.push(PressImage {
                     press: self.press,
-                    look: self.looks.len() - 1,
+                    snapshot: self.snapshots.len() - 1,
                     camera: frame.camera,
                     arm: observation.arm.position,
                     opposition: observation.servos[5].position,
@@ -133,8 +135,8 @@ impl PressImages {
     }
 
     /// Returns all images and all looks.
-    pub fn into_all(self) -> (Vec<PressImage>, Vec<Look>) {
-        (self.images, self.looks)
+    pub fn into_all(self) -> (Vec<PressImage>, Vec<SnapshotTimes>) {
+        (self.images, self.snapshots)
     }
 
     /// Returns the images of the newest press, newest first.
@@ -143,8 +145,8 @@ impl PressImages {
     }
 
     /// Returns the images of the newest look, newest first.
-    pub fn of_look(&self) -> impl Iterator<Item = &PressImage> {
-        self.images.iter().rev().take_while(|image| image.look + 1 == self.looks.len())
+    pub fn of_snapshot(&self) -> impl Iterator<Item = &PressImage> {
+        self.images.iter().rev().take_while(|image| image.snapshot + 1 == self.snapshots.len())
     }
 
     /// Returns the time of the newest image, s; negative infinity before any.
@@ -155,13 +157,13 @@ impl PressImages {
 
 /// A robot wrapper that passes on only informative images: those of untouched pads after a pause, and those of pads
 /// that have changed since. Its sessions have a twentieth of the images.
-pub struct Thinned<R> {
+pub struct ImageFilter<R> {
     robot: R,
     backgrounds: Backgrounds,
 }
 
-impl<R> Thinned<R> {
-    /// Wraps `robot`.
+impl<R> ImageFilter<R> {
+    /// Wraps `apply_to_robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, backgrounds: Backgrounds::default() }
     }
@@ -177,15 +179,15 @@ impl<R> Thinned<R> {
     }
 }
 
-impl<R: RobotBackend> RobotBackend for Thinned<R> {
+impl<R: RobotBackend> RobotBackend for ImageFilter<R> {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         let mut readings = self.robot.observe()?;
         if !readings.tactile.is_empty() {
-            self.backgrounds.come(readings.time);
+            self.backgrounds.note_images(readings.time);
             // At least one frame is passed on, to show that images came.
             let mut passed = 0;
             readings.tactile.retain(|frame| {
-                let says = !matches!(self.backgrounds.compare(frame), Compared::Same) || passed == 0;
+                let says = !matches!(self.backgrounds.compare(frame), BackgroundComparison::Same) || passed == 0;
                 passed += usize::from(says);
                 says
             });
@@ -193,7 +195,7 @@ impl<R: RobotBackend> RobotBackend for Thinned<R> {
         Ok(readings)
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         self.robot.send(command)
     }
 
@@ -215,38 +217,40 @@ impl PressImage {
 
 /// Touch that a camera shows in one look.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LookTouch {
+pub struct SnapshotContact {
     /// Number of the press.
     pub press: usize,
     /// Index of the look.
     pub look: usize,
-    pub touch: Touch,
+    pub touch: BallTouch,
 }
 
 /// Returns the mean touch of each camera in each look in which it can locate the ball, in the order of presses and
 /// cameras.
-pub fn look_touches<'a>(
+pub fn snapshot_contacts<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
     radius: f64,
     images: impl IntoIterator<Item = &'a PressImage>,
-) -> Vec<LookTouch> {
+) -> Vec<SnapshotContact> {
     let images: Vec<&PressImage> = images.into_iter().collect();
-    let located: Vec<Option<BallPlace>> =
+    let located: Vec<Option<BallEstimate>> =
         images.par_iter().map(|image| locate(hand, calibration, &image.ball_press(radius)).ok().flatten()).collect();
-    let mut looks: BTreeMap<(usize, usize, usize), Seen> = BTreeMap::new();
+    let mut looks: BTreeMap<(usize, usize, usize), CameraImages> = BTreeMap::new();
     for (image, place) in images.into_iter().zip(located) {
-        let look = looks.entry((image.press, image.camera, image.look)).or_default();
+        let look = looks.entry((image.press, image.camera, image.snapshot)).or_default();
         look.extend(place.map(|place| (image, place)));
     }
-    let of = |(&(press, _, look), seen): (&_, &Seen)| mean(seen).map(|touch| LookTouch { press, look, touch });
+    let of = |(&(press, _, look), seen): (&_, &CameraImages)| {
+        mean_touch(seen).map(|touch| SnapshotContact { press, look, touch })
+    };
     looks.iter().filter_map(of).collect()
 }
 
 /// Returns one touch of each camera in each press, from the look that shows the deepest contact.
-pub fn deepest(looks: &[LookTouch]) -> Vec<Touch> {
-    let mut deepest: BTreeMap<(usize, usize), Touch> = BTreeMap::new();
-    for LookTouch { press, touch, .. } in looks {
+pub fn deepest(looks: &[SnapshotContact]) -> Vec<BallTouch> {
+    let mut deepest: BTreeMap<(usize, usize), BallTouch> = BTreeMap::new();
+    for SnapshotContact { press, touch, .. } in looks {
         let known = deepest.entry((*press, touch.camera)).or_insert(*touch);
         if touch.center.z < known.center.z {
             *known = *touch;
@@ -256,24 +260,24 @@ pub fn deepest(looks: &[LookTouch]) -> Vec<Touch> {
 }
 
 /// Returns the [`deepest`] touches of some images.
-pub fn touches<'a>(
+pub fn deepest_touches<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
     radius: f64,
     images: impl IntoIterator<Item = &'a PressImage>,
-) -> Vec<Touch> {
-    deepest(&look_touches(hand, calibration, radius, images))
+) -> Vec<BallTouch> {
+    deepest(&snapshot_contacts(hand, calibration, radius, images))
 }
 
 /// Images of a camera in a look in which the ball was located.
-type Seen<'a> = Vec<(&'a PressImage, BallPlace)>;
+type CameraImages<'a> = Vec<(&'a PressImage, BallEstimate)>;
 
 /// Averages the images of a look. Their errors are common, from calibration and lens, so the covariance does not
 /// shrink.
-fn mean(look: &Seen) -> Option<Touch> {
+fn mean_touch(look: &CameraImages) -> Option<BallTouch> {
     let (first, place) = look.first()?;
     let sum = look.iter().fold(Vector3::zeros(), |sum, (_, place)| sum + place.center.coords);
-    Some(Touch {
+    Some(BallTouch {
         camera: first.camera,
         arm: first.arm,
         opposition: first.opposition,

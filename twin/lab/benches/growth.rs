@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use control::odds::Belief;
-use control::strategy::promise;
+use control::outcome_model::AimPosterior;
+use control::score::GraspCandidate;
+use control::strategy::best_candidate_score;
 use control::uncertainty::Uncertainty;
-use control::worth::Candidate;
-use hand_model::robot::{Command, ServoGoal};
+use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::{Arm, Hand, RobotModel};
 use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -26,18 +26,18 @@ use report::plot::Plot;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use tactile_optics::indentation::press_rasters;
-use tactile_optics::{Foundation, IndentationMap, ReducedSensor, Sensor, press};
+use tactile_optics::{GelFoundation, IndentationMap, ReducedSensor, Sensor, press};
 use world::objects::ObjectSet;
 
 /// Number of runs of each count.
 const REPEATS: usize = 7;
 /// Timed ticks of a scene; as many untimed ones before let the objects come to rest.
-const TICKS: usize = 60;
+const TIMED_TICKS: usize = 60;
 /// Force on each pad, N.
-const FORCE: f64 = 2.0;
+const PAD_FORCE: f64 = 2.0;
 /// Distance between objects on the table, m, and number of objects in a row.
 const SPACING: f64 = 0.14;
-const ROW: usize = 7;
+const OBJECTS_PER_ROW: usize = 7;
 
 /// Measured growth: cost against count.
 struct Growth {
@@ -60,7 +60,7 @@ fn exponent(points: &[(usize, [f64; 3])]) -> f64 {
 impl Growth {
     /// Times `cost` (s, stored in thousandths of the table's unit) of each count, cycling through the counts so that a
     /// slow moment of the machine affects all alike.
-    fn of(
+    fn measure(
         name: &'static str,
         axes: [&'static str; 2],
         counts: &[usize],
@@ -112,26 +112,30 @@ fn timed(work: impl FnOnce()) -> f64 {
     begun.elapsed().as_secs_f64()
 }
 
-/// Sets up arm and hand at rest above a table with `count` objects in rows.
+/// Sets up arm and hand at rest above a table with `point_count` objects in rows.
 fn scene(count: usize) -> SimulatedRobot {
     let objects = ObjectSet::standard();
     let models: Vec<_> = objects.iter().cloned().collect();
     let placed = (0..count).map(|n| {
         let model = models[n % models.len()].clone();
-        let (row, column) = (n / ROW, n % ROW);
+        let (row, column) = (n / OBJECTS_PER_ROW, n % OBJECTS_PER_ROW);
         let at = Vector3::new(0.4 + SPACING * row as f64, SPACING * (column as f64 - 3.0), model.rest_height());
         ObjectPlacement { pose: Isometry3::from_parts(at.into(), model.rest), model }
     });
     let setup = SceneSetup { objects: placed.collect(), ..SceneSetup::ideal(Isometry3::identity(), Arm::gen3().home) };
     let mut robot = SimulatedRobot::new(&RobotModel::ftac_gen3(), &setup, TactileBoard::blank());
-    stand(&mut robot);
+    run_ticks(&mut robot);
     robot
 }
 
-/// Lets the robot stand still for [`TICKS`].
-fn stand(robot: &mut SimulatedRobot) {
-    for _ in 0..TICKS {
-        robot.send(&Command { arm: Arm::gen3().home, servos: [ServoGoal::Current(0.0); 6].into(), capture: false });
+/// Lets the robot stand still for [`TIMED_TICKS`].
+fn run_ticks(robot: &mut SimulatedRobot) {
+    for _ in 0..TIMED_TICKS {
+        robot.send(&RobotCommand {
+            arm: Arm::gen3().home,
+            servos: [ServoGoal::Current(0.0); 6].into(),
+            capture: false,
+        });
         robot.wait_for_tick();
     }
 }
@@ -147,7 +151,7 @@ fn pads(hand: &Hand) -> Result<Vec<(Sensor, IndentationMap)>> {
     let mut all = Vec::new();
     for (n, pad) in hand.pads.iter().enumerate() {
         let camera = &hand.cameras[pad.cameras[0]];
-        let mut pressed = press(pad, &[camera], &hand.gel(), FORCE, |x, y| ball(x, y - camera.center_y))?;
+        let mut pressed = press(pad, &[camera], &hand.gel(), PAD_FORCE, |x, y| ball(x, y - camera.center_y))?;
         all.push((Sensor::unit(pad, camera, n as u64), pressed.maps.remove(0)));
     }
     Ok(all)
@@ -163,14 +167,17 @@ fn render(pads: &[(Sensor, IndentationMap)]) {
 fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     let small = ReducedSensor::new(sensor, side)?;
     let camera = sensor.camera();
-    let gel = Foundation::winkler(&hand.gel());
+    let gel = GelFoundation::winkler(&hand.gel());
     let rasters = [*small.raster()];
-    let pressed = press_rasters(&hand.pads[camera.pad], &rasters, &gel, FORCE, |x, y| ball(x, y - camera.center_y))?;
-    Ok(timed(|| drop(black_box(small.render_at(sensor, &pressed.maps[0], 1.0, &mut ChaCha8Rng::seed_from_u64(1))))))
+    let pressed =
+        press_rasters(&hand.pads[camera.pad], &rasters, &gel, PAD_FORCE, |x, y| ball(x, y - camera.center_y))?;
+    Ok(timed(|| {
+        drop(black_box(small.render_with_brightness(sensor, &pressed.maps[0], 1.0, &mut ChaCha8Rng::seed_from_u64(1))))
+    }))
 }
 
-/// Returns `count` second grasps of the built-in plans, repeating them as needed.
-fn candidates(count: usize, known: &[Candidate]) -> Vec<Candidate> {
+/// Returns `point_count` second grasps of the built-in plans, repeating them as needed.
+fn candidates(count: usize, known: &[GraspCandidate]) -> Vec<GraspCandidate> {
     known.iter().cycle().take(count).cloned().collect()
 }
 
@@ -181,45 +188,48 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let hand = Hand::ftac();
     let all = pads(&hand)?;
-    let (repertoire, plans) = (grasp_verification::builtin::repertoire()?, grasp_verification::builtin::plans()?);
+    let (repertoire, plans) = (grasp_verification::builtin::repertoire()?, grasp_verification::builtin::grasp_pairs()?);
     let mut known = Vec::new();
     for plan in &plans.plans {
         known.extend(
-            plan.grasps(&hand, &repertoire)?.second.into_iter().filter(|candidate| !candidate.rehearsed.is_empty()),
+            plan.grasps(&hand, &repertoire)?
+                .second_candidates
+                .into_iter()
+                .filter(|candidate| !candidate.rollouts.is_empty()),
         );
     }
-    let belief = Belief::new(&Uncertainty::standard());
+    let belief = AimPosterior::new(&Uncertainty::standard());
     let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads: Vec<usize> = (0..).map(|n| 1 << n).take_while(|count| *count <= cores).collect();
     let grown = [
-        Growth::of(
+        Growth::measure(
             "objects",
             ["objects on the table", "ms a second of simulated time"],
             &[2, 5, 10, 20, 50],
             |count| {
                 let mut robot = scene(count);
                 let before = robot.time();
-                let wall = timed(|| stand(&mut robot));
+                let wall = timed(|| run_ticks(&mut robot));
                 Ok(wall / (robot.time() - before))
             },
         )?,
-        Growth::of("pads", ["pads rendered, 240 x 240", "ms"], &[1, 2, 4, 8, 17], |count| {
+        Growth::measure("pads", ["pads rendered, 240 x 240", "ms"], &[1, 2, 4, 8, 17], |count| {
             Ok(timed(|| render(&all[..count])))
         })?,
-        Growth::of("resolution", ["pixels along a side", "ms"], &[60, 120, 240], |side| {
+        Growth::measure("resolution", ["pixels along a side", "ms"], &[60, 120, 240], |side| {
             small_image(&hand, &all[0].0, side)
         })?,
-        Growth::of("candidates", ["candidates judged", "ms"], &[1, 3, 10, 30, 100, 300, 1000], |count| {
+        Growth::measure("candidates", ["candidates judged", "ms"], &[1, 3, 10, 30, 100, 300, 1000], |count| {
             let judged = candidates(count, &known);
             Ok(timed(|| {
-                black_box(promise(&judged, &belief));
+                black_box(best_candidate_score(&judged, &belief));
             }))
         })?,
-        Growth::of("threads", ["threads, 8 scenes of two objects", "ms"], &threads, |count| {
+        Growth::measure("threads", ["threads, 8 scenes of two objects", "ms"], &threads, |count| {
             let mut scenes: Vec<_> = (0..8).map(|_| scene(2)).collect();
             let pool = pool(count)?;
-            Ok(timed(|| pool.install(|| scenes.par_iter_mut().with_max_len(1).for_each(stand))))
+            Ok(timed(|| pool.install(|| scenes.par_iter_mut().with_max_len(1).for_each(run_ticks))))
         })?,
     ];
     for growth in &grown {

@@ -4,8 +4,8 @@
 use anyhow::{Context, Result};
 use bench::builtin::builtin_calibration;
 use hand_model::Hand;
-use lab::touch::balls::session;
-use lab::touch::own_pads::placing;
+use lab::touch::balls::press_session;
+use lab::touch::own_pads::localization_errors;
 use sim::tactile::TactileBoard;
 
 fn main() -> Result<()> {
@@ -16,9 +16,9 @@ fn main() -> Result<()> {
     for radius_mm in radii {
         let mut known = Vec::new();
         for serial in *first as u64..=*last as u64 {
-            known.extend(session(&hand, &TactileBoard::unit(&hand, serial), 1e-3 * radius_mm, serial)?);
+            known.extend(press_session(&hand, &TactileBoard::unit(&hand, serial), 1e-3 * radius_mm, serial)?);
         }
-        let found = placing(&hand, &calibration, &known)?;
+        let found = localization_errors(&hand, &calibration, &known)?;
         let ([x, y, z], over) = ([0, 1, 2].map(|axis| 1e3 * found.rms[axis]), found.over_variance);
         println!(
             "{radius_mm} mm: {} of {}, rms {x:.3} {y:.3} {z:.3} mm, over variance {:.2} {:.2} {:.2}",

@@ -5,7 +5,7 @@
 use anyhow::{Context, Result};
 use bench::builtin::builtin_calibration;
 use hand_model::Hand;
-use lab::touch::own_pads::{Normals, Placing, measure, with_a_lamp_at};
+use lab::touch::own_pads::{LocalizationErrors, Normals, board_with_scaled_lamp, evaluate_pads};
 
 fn main() -> Result<()> {
     let numbers: Vec<f64> =
@@ -24,7 +24,7 @@ fn main() -> Result<()> {
             split.join(" ")
         );
     };
-    let place = |name: &str, found: &Placing| {
+    let place = |name: &str, found: &LocalizationErrors| {
         let [x, y, z] = [0, 1, 2].map(|axis| 1e3 * found.rms[axis]);
         let over = found.over_variance;
         println!(
@@ -33,8 +33,8 @@ fn main() -> Result<()> {
         );
     };
     for serial in first as u64..=last as u64 {
-        let board = with_a_lamp_at(&hand, serial, lamp)?;
-        let found = measure(&hand, &shipped, (&board, 1e-3 * radius_mm), |_| true, serial)?;
+        let board = board_with_scaled_lamp(&hand, serial, lamp)?;
+        let found = evaluate_pads(&hand, &shipped, (&board, 1e-3 * radius_mm), |_| true, serial)?;
         println!("unit {serial}, {} rounds, last step {:.1} um", found.report.rounds, 1e6 * found.report.step);
         println!(
             "  held-out ball presses: {:.2} before, {:.2} after",
@@ -43,8 +43,8 @@ fn main() -> Result<()> {
         line("other", &found.other);
         line("laboratory", &found.laboratory);
         line("own", &found.own);
-        place("other", &found.places[0]);
-        place("own", &found.places[1]);
+        place("other", &found.localization[0]);
+        place("own", &found.localization[1]);
     }
     Ok(())
 }

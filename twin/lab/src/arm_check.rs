@@ -14,27 +14,27 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use control::inverse_kinematics::Joints;
-use grasp_verification::simulated_world::World;
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::{Arm, RobotModel};
 use nalgebra::Vector3;
 use scenarios::Scenario;
 use serde_json::json;
 
-use crate::hand_check::{Row, Verdict};
+use crate::hand_check::{CheckRow, Verdict};
 
 /// Name of the arm whose published data are known here.
-const GEN3: &str = "gen3";
+const GEN3_NAME: &str = "gen3";
 /// Tolerance on positions of the published kinematic chain, m.
-const CHAIN: f64 = 1e-4;
+const CHAIN_TOLERANCE: f64 = 1e-4;
 
 /// Returns all rows of the check, in order; pictures go to `out`.
-pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
+pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<CheckRow>> {
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let world = World::new(robot, Scenario::benchmark())?;
+    let world = SimulatedWorld::new(robot, Scenario::benchmark())?;
     let arm = &world.cell.robot.arm;
-    let mut rows = if arm.name == GEN3 { vec![chain(arm), limits(arm)] } else { Vec::new() };
+    let mut rows = if arm.name == GEN3_NAME { vec![chain_row(arm), limits_row(arm)] } else { Vec::new() };
     rows.extend(physics::rows(&world, seed)?);
     rows.extend(tracking::rows(&world, out)?);
     rows.extend(edges::rows(&world, out)?);
@@ -43,20 +43,20 @@ pub fn run(robot: &RobotModel, seed: u64, out: Option<&Path>, quiet: bool) -> Re
 }
 
 /// Compares two postures whose tool poses are given in the maker's description.
-fn chain(arm: &Arm) -> Row {
+fn chain_row(arm: &Arm) -> CheckRow {
     let known: [(Joints, Vector3<f64>); 2] =
         [([0.0; 7].into(), Vector3::new(0.0, -0.02485, 1.18739)), (arm.home, Vector3::new(0.45667, 0.00135, 0.43372))];
     let off = known.iter().map(|(q, at)| (arm.tool_pose(q).translation.vector - at).norm()).fold(0.0, f64::max);
-    Row::new(
+    CheckRow::new(
         "joint frames",
         format!("{:.3} mm off", off * 1e3),
         "published chain",
         "tool position upright and at home against Kinova's description; within 0.1 mm",
-        Verdict::of(off < CHAIN),
+        Verdict::from_good(off < CHAIN_TOLERANCE),
     )
 }
 
-fn limits(arm: &Arm) -> Row {
+fn limits_row(arm: &Arm) -> CheckRow {
     let published = ([1.3963, 1.3963, 1.3963, 1.3963, 1.2218, 1.2218, 1.2218], [39.0, 39.0, 39.0, 39.0, 9.0, 9.0, 9.0]);
     let ranges = [f64::INFINITY, 2.24, f64::INFINITY, 2.57, f64::INFINITY, 2.09, f64::INFINITY];
     let same = arm.velocity_limits[..] == published.0
@@ -71,12 +71,12 @@ fn limits(arm: &Arm) -> Row {
             })
         })
         .collect();
-    Row::new(
+    CheckRow::new(
         "limits of joints, speeds, torques",
         if same { "equal".into() } else { "differ".into() },
         "published table",
         "ranges, speeds and continuous torques of the parameter file against Kinova's table; exact",
-        Verdict::of(same),
+        Verdict::from_good(same),
     )
-    .with(json!(table))
+    .with_details(json!(table))
 }

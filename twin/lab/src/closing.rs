@@ -9,29 +9,29 @@ use anyhow::{Context, Result};
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::{Joint, JointKind};
 use nalgebra::{Isometry3, Point3, Vector3};
-use report::picture::{PROPS, Picture, View, save, tile};
+use report::picture::{PROP_COLORS, Picture, View, save, tile};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::collision_model::CollisionModel;
-use sim::hand_scene::{HandScene, Pull};
-use sim::stand::Prop;
-use world::Shape;
+use sim::hand_scene::{HandScene, TensionCommand};
+use sim::test_stand::Prop;
+use world::ObjectShape;
 
 /// Time limits, s: closing on the fixed ball, settling after its release, and gravity along each direction.
-const CLOSE: f64 = 2.0;
-const SETTLE: f64 = 1.0;
-const PULL: f64 = 1.0;
+const CLOSING_TIME: f64 = 2.0;
+const SETTLING_TIME: f64 = 1.0;
+const PULL_TIME: f64 = 1.0;
 /// Mass of the ball, kg, and its friction coefficient.
-const MASS: f64 = 0.1;
-const FRICTION: f64 = 0.8;
+const BALL_MASS: f64 = 0.1;
+const BALL_FRICTION: f64 = 0.8;
 /// Hold criterion: the ball moves less than this, m.
-const STAYS: f64 = 0.01;
+const HOLD_DISPLACEMENT: f64 = 0.01;
 /// Contact threshold on the force of a link, N.
-const TOUCH: f64 = 0.05;
-const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
+const CONTACT_FORCE_THRESHOLD: f64 = 0.05;
+const HAND_COLOR: [f64; 3] = [176.0, 182.0, 192.0];
 
 /// Minimum number of touching links of a grip.
-const GRIP: usize = 2;
+const MIN_GRIP_LINKS: usize = 2;
 
 /// State of a joint of the closed hand.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -49,7 +49,7 @@ struct ClosedJoint {
 
 /// Result: state of each joint, and motion of the ball under gravity.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Figures<'a> {
+pub struct BallGripFigures<'a> {
     /// Name of the hand.
     hand: &'a str,
     joints: Vec<ClosedJoint>,
@@ -81,43 +81,43 @@ impl BallGrip {
     /// frame, m).
     pub fn close(hand: Arc<HandMechanism>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
         let model = CollisionModel::new(hand.clone());
-        let open = HandScene::new(&model, &hand.rest());
-        let pull = Pull::tensions(tensions);
+        let open = HandScene::new(&model, &hand.rest_coordinates());
+        let pull = TensionCommand::tensions(tensions);
         let mut closed = open.clone();
-        let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);
-        closed.put(&ball, &Isometry3::translation(at.x, at.y, at.z));
-        closed.run(&pull, CLOSE);
+        let ball = Prop::new("ball", ObjectShape::Sphere { radius }, BALL_MASS, BALL_FRICTION);
+        closed.add_prop(&ball, &Isometry3::translation(at.x, at.y, at.z));
+        closed.run(&pull, CLOSING_TIME);
         closed.release();
-        closed.run(&pull, SETTLE);
-        let forces = closed.forces();
+        closed.run(&pull, SETTLING_TIME);
+        let forces = closed.link_forces();
         let start = closed.objects()[0].translation.vector;
         let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
         let directions = [("+x", x), ("-x", -x), ("+y", y), ("-y", -y), ("+z", z), ("-z", -z)];
         let moved = directions.map(|(name, direction)| {
             let mut branch = closed.clone();
             branch.set_gravity(&(direction * 9.81));
-            branch.run(&pull, PULL);
+            branch.run(&pull, PULL_TIME);
             (name, (branch.objects()[0].translation.vector - start).norm())
         });
         Self { hand, model, open, closed, ball, forces, moved: moved.to_vec() }
     }
 
     fn touching(&self) -> usize {
-        self.forces.iter().filter(|force| **force > TOUCH).count()
+        self.forces.iter().filter(|force| **force > CONTACT_FORCE_THRESHOLD).count()
     }
 
     /// Returns the directions of gravity against which the ball is held.
-    fn held(&self) -> Vec<&'static str> {
-        self.moved.iter().filter(|(_, moved)| *moved < STAYS).map(|(name, _)| *name).collect()
+    fn holding_directions(&self) -> Vec<&'static str> {
+        self.moved.iter().filter(|(_, moved)| *moved < HOLD_DISPLACEMENT).map(|(name, _)| *name).collect()
     }
 
     /// Returns the reason why the grip is insufficient, if it is.
     pub fn shortfall(&self) -> Option<String> {
         let touching = self.touching();
-        (touching < GRIP).then(|| format!("{touching} links touch the ball; a grip needs two"))
+        (touching < MIN_GRIP_LINKS).then(|| format!("{touching} links touch the ball; a grip needs two"))
     }
 
-    pub fn figures(&self) -> Figures<'_> {
+    pub fn figures(&self) -> BallGripFigures<'_> {
         let hand = &self.hand;
         let joints = hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces));
         let joint = |(joint, (at, force)): (&Joint, (&f64, &f64))| ClosedJoint {
@@ -126,11 +126,11 @@ impl BallGrip {
             position_m: matches!(joint.kind, JointKind::Slide).then_some(*at),
             force_n: *force,
         };
-        Figures {
+        BallGripFigures {
             hand: &hand.name,
             joints: joints.map(joint).collect(),
             touching: self.touching(),
-            held_directions: self.held().len(),
+            held_directions: self.holding_directions().len(),
             moved_mm: self.moved.iter().map(|(name, moved)| (*name, moved * 1e3)).collect(),
             notes: &hand.notes,
         }
@@ -139,7 +139,7 @@ impl BallGrip {
     /// Returns the results as text.
     pub fn table(&self) -> String {
         let hand = &self.hand;
-        let mut text = format!("{}: {} joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
+        let mut text = format!("{}: {} joints, {} actuators\n", hand.name, hand.tree.len(), hand.actuators.len());
         text += &format!("{:40} {:>12} {:>12}\n", "joint", "deg or mm", "its link N");
         for (joint, (at, force)) in hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces)) {
             let at = match joint.kind {
@@ -148,7 +148,11 @@ impl BallGrip {
             };
             text += &format!("{:40} {at:>12} {force:>12.2}\n", joint.name);
         }
-        text += &format!("{} links touch; held against gravity towards: {}\n", self.touching(), self.held().join(" "));
+        text += &format!(
+            "{} links touch; held against gravity towards: {}\n",
+            self.touching(),
+            self.holding_directions().join(" ")
+        );
         text
     }
 
@@ -171,10 +175,10 @@ impl BallGrip {
                 let mut picture = Picture::new(420, View { eye: eye.normalize(), up, center, width });
                 for [a, b, c] in self.model.triangles(&scene.links()) {
                     let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
-                    picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
+                    picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], HAND_COLOR);
                 }
                 for pose in scene.objects() {
-                    picture.prop(&self.ball, &pose, PROPS[0]);
+                    picture.prop(&self.ball, &pose, PROP_COLORS[0]);
                 }
                 pictures.push(picture.finish(caption));
             }

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use hand_model::Hand;
 
-pub use row::{Row, Verdict};
+pub use row::{CheckRow, Verdict};
 
 /// Options of `ftac hand check`.
 pub struct CheckOptions<'a> {
@@ -36,7 +36,7 @@ pub struct CheckOptions<'a> {
 }
 
 /// Returns all rows of the check, in order.
-pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
+pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<CheckRow>> {
     if let Some(folder) = options.out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
@@ -53,7 +53,7 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
 }
 
 /// Lists the rows that fall short, in one line; `None` if all are good.
-pub fn shortfall(rows: &[Row]) -> Option<String> {
+pub fn shortfall(rows: &[CheckRow]) -> Option<String> {
     let bad: Vec<String> = rows
         .iter()
         .filter(|row| row.verdict != Verdict::Good)

@@ -61,7 +61,7 @@ enum Command {
 }
 
 impl CommandLine for Cli {
-    fn described() -> Described {
+    fn definition() -> Described {
         with_negative_numbers(Self::command())
     }
 
@@ -73,7 +73,7 @@ impl CommandLine for Cli {
         false
     }
 
-    fn obey(&self, _: &[OsString]) -> Outcome {
+    fn execute(&self, _: &[OsString]) -> Outcome {
         let terminal = &self.terminal;
         match &self.command {
             Command::Report(args) => report::run(terminal, args),
@@ -89,8 +89,8 @@ impl CommandLine for Cli {
 
 fn main() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
-    if arguments[1..] == [hand_over::FLAG] {
-        println!("{}", identity(ftac::cli::described()));
+    if arguments[1..] == [hand_over::IDENTITY_OPTION] {
+        println!("{}", identity(ftac::cli::command_definition()));
         return ExitCode::SUCCESS;
     }
     ExitCode::from(front::run::<Cli>(arguments))

@@ -1,7 +1,7 @@
 //! Pages and figures of the grasp study.
 //!
 //! [`overview`] is the page of the whole study, the paper beside this project; its rows are in [`comparison`].
-//! [`types`] draws the types by object, [`map`] the map of grasps, [`landscape`] the basins as a [`tree`], and
+//! [`classify_types`] draws the types by object, [`map`] the map of grasps, [`landscape`] the basins as a [`tree`], and
 //! [`hands`] several hands on the same objects.
 //!
 //! Some pages show grasps that can be rotated in 3D. [`scene`] holds their data on hand, objects and grasps, and

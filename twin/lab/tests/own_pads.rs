@@ -2,24 +2,24 @@
 
 use bench::builtin::builtin_calibration;
 use hand_model::Hand;
-use lab::touch::balls::{press_ball, session};
-use lab::touch::own_pads::{measure, placing, with_a_lamp_at};
+use lab::touch::balls::{press_ball, press_session};
+use lab::touch::own_pads::{board_with_scaled_lamp, evaluate_pads, localization_errors};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sim::tactile::TactileBoard;
 use tactile_perception::ball_press::{calibrate, locate};
 use tactile_perception::{BallPress, TouchError};
 
-const RADIUS: f64 = 0.008;
-const UNIT: u64 = 1101;
+const BALL_RADIUS: f64 = 0.008;
+const HAND_UNIT: u64 = 1101;
 
 /// With the calibration of another unit, the ball is found on every pad, in the middle and on its rounded edges, with
 /// errors as large as stated.
 #[test]
 fn the_ball_is_found_wherever_it_presses() {
     let (hand, calibration) = (Hand::ftac(), builtin_calibration().unwrap());
-    let presses = session(&hand, &TactileBoard::unit(&hand, UNIT), RADIUS, 1).unwrap();
-    let found = placing(&hand, &calibration, &presses).unwrap();
+    let presses = press_session(&hand, &TactileBoard::unit(&hand, HAND_UNIT), BALL_RADIUS, 1).unwrap();
+    let found = localization_errors(&hand, &calibration, &presses).unwrap();
     assert_eq!(found.found, found.of);
     assert!(found.rms.x < 0.08e-3 && found.rms.y < 0.08e-3 && found.rms.z < 0.05e-3, "{found:?}");
     assert!((0.4..2.0).contains(&found.over_variance.mean()), "{found:?}");
@@ -30,8 +30,8 @@ fn the_ball_is_found_wherever_it_presses() {
 #[test]
 fn pads_calibrate_themselves_on_a_ball() {
     let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
-    let dim = with_a_lamp_at(&hand, UNIT, 0.3).unwrap();
-    let found = measure(&hand, &other, (&dim, RADIUS), |camera| is_tip(&hand, camera), 1).unwrap();
+    let dim = board_with_scaled_lamp(&hand, HAND_UNIT, 0.3).unwrap();
+    let found = evaluate_pads(&hand, &other, (&dim, BALL_RADIUS), |camera| is_tip(&hand, camera), 1).unwrap();
     let [other, own, laboratory] = [&found.other, &found.own, &found.laboratory].map(|normals| normals.all.mean);
     assert!(own < 1.2 * laboratory && own < other, "{found:?}");
     assert!(found.report.after.mean < 0.9 * found.report.before.mean, "{found:?}");
@@ -41,7 +41,7 @@ fn pads_calibrate_themselves_on_a_ball() {
 #[test]
 fn a_calibration_that_is_no_better_is_refused() {
     let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
-    let known = session(&hand, &TactileBoard::unit(&hand, UNIT), RADIUS, 1).unwrap();
+    let known = press_session(&hand, &TactileBoard::unit(&hand, HAND_UNIT), BALL_RADIUS, 1).unwrap();
     let presses: Vec<BallPress> =
         known.into_iter().map(|known| known.press).filter(|press| is_tip(&hand, press.camera)).collect();
     let mut own = other.clone();
@@ -52,9 +52,9 @@ fn a_calibration_that_is_no_better_is_refused() {
         }
         Err(error) => Some(error),
     });
-    assert!(matches!(refusal, Some(TouchError::NoBetter { .. })), "{refusal:?}");
+    assert!(matches!(refusal, Some(TouchError::NoImprovement { .. })), "{refusal:?}");
     assert_ne!(own, other, "the first one is better");
-    assert!(matches!(calibrate(&hand, &[], &other), Err(TouchError::NoBetter { .. })));
+    assert!(matches!(calibrate(&hand, &[], &other), Err(TouchError::NoImprovement { .. })));
 }
 
 fn is_tip(hand: &Hand, camera: usize) -> bool {
@@ -64,21 +64,21 @@ fn is_tip(hand: &Hand, camera: usize) -> bool {
 #[test]
 fn no_ball_is_found_where_none_is_or_part_of_one() {
     let (hand, calibration) = (Hand::ftac(), builtin_calibration().unwrap());
-    let board = TactileBoard::unit(&hand, UNIT);
+    let board = TactileBoard::unit(&hand, HAND_UNIT);
     let sensor = (0, &board.sensors()[0]);
     let camera = &hand.cameras[0];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut press = |radius: f64, x: f64, force: f64| {
         press_ball(&hand, sensor, radius, ([x * camera.w, camera.center_y], force), &mut rng).unwrap().press
     };
-    assert!(locate(&hand, &calibration, &press(RADIUS, 0.0, 2.0)).unwrap().is_some());
-    for (what, press) in [("untouched", press(RADIUS, 0.0, 0.0)), ("clipped", press(RADIUS, 0.49, 2.0))] {
+    assert!(locate(&hand, &calibration, &press(BALL_RADIUS, 0.0, 2.0)).unwrap().is_some());
+    for (what, press) in [("untouched", press(BALL_RADIUS, 0.0, 0.0)), ("clipped", press(BALL_RADIUS, 0.49, 2.0))] {
         assert_eq!(locate(&hand, &calibration, &press).unwrap(), None, "{what}");
     }
     // The stated radius is half of the ball's true radius.
-    let other = BallPress { radius: 0.5 * RADIUS, ..press(RADIUS, 0.0, 2.0) };
+    let other = BallPress { radius: 0.5 * BALL_RADIUS, ..press(BALL_RADIUS, 0.0, 2.0) };
     assert_eq!(locate(&hand, &calibration, &other).unwrap(), None);
-    let mut nowhere = press(RADIUS, 0.0, 2.0);
+    let mut nowhere = press(BALL_RADIUS, 0.0, 2.0);
     nowhere.camera = hand.cameras.len();
     let error = locate(&hand, &calibration, &nowhere).unwrap_err().to_string();
     assert!(error.contains("camera index"), "{error}");

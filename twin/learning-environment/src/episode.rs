@@ -6,47 +6,47 @@
 
 use std::sync::Arc;
 
-use control::motion::tension::against_friction;
-use control::percept::Percept;
-use grasp_verification::rehearsal::{PALM, digit_bits, in_hand};
+use control::detection::DetectedObject;
+use control::motion::tension::friction_compensated;
+use grasp_verification::rollout::{PALM, digit_bits, in_hand};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::{DigitVector, Hand};
 use nalgebra::Point3;
 use rand::RngExt as _;
 use scenarios::generator::trial_rng;
 use sim::SimulatedRobot;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 use sim::tactile::TactileBoard;
 use world::objects::ObjectModel;
 
-use super::scene::{Begun, FirstImages, Scene, SceneError, reduced};
-use bench::trial::setup::Setup;
+use super::scene::{FirstImages, SceneError, StartedRobot, TactileScene, with_frame_size};
+use bench::trial::setup::InitialConditions;
 use bench::trial::{Bench, NoWatcher};
 use control::pad_images::ImageSizeError;
-use robot_backends::Body;
+use robot_backends::Backend;
 
 /// Seed of the bench that episodes are drawn from. No benchmark trial has it.
-pub const EPISODES: u64 = 0x6570_6973_6f64_6573;
+pub const EPISODE_SEED: u64 = 0x6570_6973_6f64_6573;
 /// Time for which the task's objects must be held without a break, s.
-pub const HOLD: f64 = 1.0;
+pub const HOLD_TIME: f64 = 1.0;
 /// Height below which an object has left the table, m.
-const FALLEN: f64 = -0.05;
+const FALLEN_HEIGHT: f64 = -0.05;
 /// Centre of the palm in its frame, m: grasped objects lie a few centimetres in front of it.
-const GRASP: [f64; 3] = [0.0, 0.0, -0.03];
+const GRASP_CENTER: [f64; 3] = [0.0, 0.0, -0.03];
 /// Distance over which the reward for proximity falls off, m.
-const NEAR: f64 = 0.1;
+const PROXIMITY_DISTANCE: f64 = 0.1;
 /// Height that counts as fully lifted, m.
-const LIFT: f64 = 0.1;
+const FULL_LIFT_HEIGHT: f64 = 0.1;
 /// Shares of proximity, touch and lift in an object's progress.
-const SHARES: [f64; 3] = [0.3, 0.2, 0.5];
+const PROGRESS_SHARES: [f64; 3] = [0.3, 0.2, 0.5];
 /// Number of touching digits (and palm) that counts as a full touch.
-const FULL_TOUCH: f64 = 3.0;
+const FULL_TOUCH_COUNT: f64 = 3.0;
 /// Maximum number of first grasps that are tried until one holds.
-const MOST_GRASPS: u64 = 64;
+const MAX_GRASP_TRIES: u64 = 64;
 
 /// Task of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Task {
+pub enum EpisodeTask {
     /// Lift one object, alone on the table.
     PickOne,
     /// Lift the second object as well, with the first in the hand as the built-in controller grasped it.
@@ -55,7 +55,7 @@ pub enum Task {
     PickTwo,
 }
 
-impl Task {
+impl EpisodeTask {
     /// Returns the number of objects in the scene, all of which are to be held.
     pub fn objects(self) -> usize {
         if self == Self::PickOne { 1 } else { 2 }
@@ -64,8 +64,8 @@ impl Task {
 
 /// Options of episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
-    pub task: Task,
+pub struct EpisodeOptions {
+    pub task: EpisodeTask,
     /// Side of the tactile images, pixels; without it there are none.
     pub images: Option<usize>,
     /// Number of the combination; without it each episode draws its own.
@@ -82,7 +82,7 @@ pub enum EpisodeError {
     #[error("task: found one of {expected} objects, expected one of {found} at most, as the scenario's trials have")]
     Objects { found: usize, expected: usize },
     /// No first grasp of the combination holds under the errors drawn.
-    #[error("combination {0}: {MOST_GRASPS} first grasps in a row do not hold their object")]
+    #[error("combination {0}: {MAX_GRASP_TRIES} first grasps in a row do not hold their object")]
     NoFirstGrasp(usize),
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -101,7 +101,7 @@ pub struct Judgement {
     pub progress: f64,
     /// Progress gained in this step.
     pub gained: f64,
-    /// True if all objects have been held for [`HOLD`].
+    /// True if all objects have been held for [`HOLD_TIME`].
     pub success: bool,
     /// True if an object has left the table, or if simulation cannot go on.
     pub lost: bool,
@@ -109,37 +109,37 @@ pub struct Judgement {
 
 /// Commanded grip at the beginning of an episode: tensions (N) at the spools, and the angle (rad) of the opposition
 /// joint.
-pub type Grip = (DigitVector, f64);
+pub type GripCommand = (DigitVector, f64);
 
 /// A task in progress.
 #[derive(Clone)]
 pub struct Episode {
-    pub scene: Scene,
+    pub scene: TactileScene,
     objects: Vec<Arc<ObjectModel>>,
-    seen: Vec<Percept>,
+    detections: Vec<DetectedObject>,
     combination: usize,
-    grip: Grip,
+    grip: GripCommand,
     held_since: Option<f64>,
     progress: f64,
 }
 
 impl Episode {
     /// Begins the episode of a `seed`.
-    pub fn begin(bench: &Bench, options: Options, seed: u64) -> Result<Self, EpisodeError> {
+    pub fn begin(bench: &Bench, options: EpisodeOptions, seed: u64) -> Result<Self, EpisodeError> {
         let combination = draw_combination(bench, options.combination, seed)?;
-        let (found, expected) = (bench.plans.plans[combination].objects().len(), options.task.objects());
+        let (found, expected) = (bench.grasp_pairs.plans[combination].objects().len(), options.task.objects());
         if found < expected {
             return Err(EpisodeError::Objects { found, expected });
         }
         let seed = seed as usize;
-        let Beginning { begun, seen, images, opposition } = match options.task {
-            Task::PickSecond => after_first_grasp(bench, combination, seed, options.images)?,
-            task => at_rest(bench, combination, seed, (task.objects(), options.images))?,
+        let InitialState { begun, seen, images, opposition } = match options.task {
+            EpisodeTask::PickSecond => begin_after_grasp(bench, combination, seed, options.images)?,
+            task => begin_at_rest(bench, combination, seed, (task.objects(), options.images))?,
         };
-        let objects = bench.world.models(&bench.plans.plans[combination].objects()[..options.task.objects()])?;
+        let objects = bench.world.models(&bench.grasp_pairs.plans[combination].objects()[..options.task.objects()])?;
         let grip = (begun.tensions, opposition);
-        let scene = Scene::begin(&bench.world.cell, begun, images)?;
-        let mut episode = Self { scene, objects, seen, combination, grip, held_since: None, progress: 0.0 };
+        let scene = TactileScene::begin(&bench.world.cell, begun, images)?;
+        let mut episode = Self { scene, objects, detections: seen, combination, grip, held_since: None, progress: 0.0 };
         episode.progress = episode.judge().progress;
         Ok(episode)
     }
@@ -150,12 +150,12 @@ impl Episode {
     }
 
     /// Returns each object as vision reported it at the beginning, with its error.
-    pub fn seen(&self) -> &[Percept] {
-        &self.seen
+    pub fn detections(&self) -> &[DetectedObject] {
+        &self.detections
     }
 
     /// Returns the commanded grip at the beginning. It holds the first object, if one is held.
-    pub fn grip(&self) -> Grip {
+    pub fn grip(&self) -> GripCommand {
         self.grip
     }
 
@@ -171,27 +171,28 @@ impl Episode {
         let all = held.iter().all(|held| *held);
         self.held_since = if all { self.held_since.or(Some(truth.time)) } else { None };
         // Half a tick of tolerance: times are sums of ticks.
-        let success = self.held_since.is_some_and(|since| truth.time - since > HOLD - 0.004);
+        let success = self.held_since.is_some_and(|since| truth.time - since > HOLD_TIME - 0.004);
         let before =
             std::mem::replace(&mut self.progress, progress(&self.scene.cell.robot.hand, &truth, &self.objects));
-        let on_hand = |height: f64| height.is_finite() && height >= FALLEN;
+        let on_hand = |height: f64| height.is_finite() && height >= FALLEN_HEIGHT;
         let lost = !truth.objects.iter().all(|pose| on_hand(pose.translation.z));
         Judgement { held, progress: self.progress, gained: self.progress - before, success, lost }
     }
 }
 
 /// Returns the mean progress over the objects.
-fn progress(hand: &Hand, truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
-    let [near, touch, lift] = SHARES;
-    let middle = truth.palm * Point3::from(GRASP);
+fn progress(hand: &Hand, truth: &GroundTruth, objects: &[Arc<ObjectModel>]) -> f64 {
+    let [near, touch, lift] = PROGRESS_SHARES;
+    let middle = truth.palm * Point3::from(GRASP_CENTER);
     let of = |(index, object): (usize, &Arc<ObjectModel>)| {
         let at = truth.objects[index].translation.vector;
         let touched = truth.touched_by[index];
         let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).chain([PALM]);
         let touching = digits.filter(|bits| touched & bits != 0).count() as f64;
-        let raised = if touched == 0 { 0.0 } else { ((at.z - object.rest_height()) / LIFT).clamp(0.0, 1.0) };
-        near * (1.0 - ((at - middle.coords).norm() / NEAR).tanh())
-            + touch * (touching / FULL_TOUCH).min(1.0)
+        let raised =
+            if touched == 0 { 0.0 } else { ((at.z - object.rest_height()) / FULL_LIFT_HEIGHT).clamp(0.0, 1.0) };
+        near * (1.0 - ((at - middle.coords).norm() / PROXIMITY_DISTANCE).tanh())
+            + touch * (touching / FULL_TOUCH_COUNT).min(1.0)
             + lift * raised
     };
     let sum: f64 = objects.iter().enumerate().map(of).sum();
@@ -199,83 +200,83 @@ fn progress(hand: &Hand, truth: &Truth, objects: &[Arc<ObjectModel>]) -> f64 {
 }
 
 fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<usize, EpisodeError> {
-    let count = bench.plans.plans.len();
+    let count = bench.grasp_pairs.plans.len();
     match asked {
         Some(found) if found >= count => Err(EpisodeError::Combination { found, most: count.saturating_sub(1) }),
         Some(combination) => Ok(combination),
-        None => Ok(trial_rng(EPISODES, 0, seed as usize).random_range(0..count)),
+        None => Ok(trial_rng(EPISODE_SEED, 0, seed as usize).random_range(0..count)),
     }
 }
 
 /// Initial conditions of an episode.
-struct Beginning {
-    begun: Begun,
-    seen: Vec<Percept>,
+struct InitialState {
+    begun: StartedRobot,
+    seen: Vec<DetectedObject>,
     images: Option<FirstImages>,
     /// Angle of the opposition joint, rad.
     opposition: f64,
 }
 
 /// Begins with the combination's first `count` objects on the table and the arm ready.
-fn at_rest(
+fn begin_at_rest(
     bench: &Bench,
     combination: usize,
     trial: usize,
     (count, side): (usize, Option<usize>),
-) -> Result<Beginning, EpisodeError> {
+) -> Result<InitialState, EpisodeError> {
     let world = &bench.world;
-    let (setup, _) = Setup::noisy(bench, combination, trial)?;
+    let (setup, _) = InitialConditions::noisy(bench, combination, trial)?;
     let noise = &setup.noise;
     let objects = setup.objects(bench)?;
     let real = objects.iter().zip(&noise.individuals).take(count);
-    let objects = real.map(|(object, one)| Ok(one.of(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
-    let scene = world.scene(&objects, world.cell.ready, noise);
-    let board = side.map(|side| board_of(bench, &setup, side)).transpose()?;
+    let objects = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
+    let scene = world.scene(&objects, world.cell.ready_posture, noise);
+    let board = side.map(|side| cameras_for_images(bench, &setup, side)).transpose()?;
     let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
     let board = board.unwrap_or_else(TactileBoard::blank);
     let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
-    let seen = world.percepts(&objects, noise);
-    let begun = Begun {
+    let seen = world.detected_objects(&objects, noise);
+    let begun = StartedRobot {
         robot,
-        posture: world.cell.ready,
-        tensions: world.cell.robot.hand.slack(),
+        posture: world.cell.ready_posture,
+        tensions: world.cell.robot.hand.slack_tensions(),
         frame_delay: scene.frame_delay,
     };
-    Ok(Beginning { begun, seen, images, opposition: 0.0 })
+    Ok(InitialState { begun, seen, images, opposition: 0.0 })
 }
 
 /// Returns the cameras of a trial, with frames of the size of the requested images.
-fn board_of(bench: &Bench, setup: &Setup, side: usize) -> Result<TactileBoard, SceneError> {
-    let mut board = bench.board.with_noise(setup.camera_noise);
+fn cameras_for_images(bench: &Bench, setup: &InitialConditions, side: usize) -> Result<TactileBoard, SceneError> {
+    let mut board = bench.cameras.with_noise(setup.camera_noise);
     if let Some(drift) = &setup.drift {
         board = board.drifting(drift.clone());
     }
-    Ok(reduced(board, side)?)
+    Ok(with_frame_size(board, side)?)
 }
 
 /// Begins with the first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
-fn after_first_grasp(
+fn begin_after_grasp(
     bench: &Bench,
     combination: usize,
     trial: usize,
     side: Option<usize>,
-) -> Result<Beginning, EpisodeError> {
-    for attempt in 0..MOST_GRASPS {
+) -> Result<InitialState, EpisodeError> {
+    for attempt in 0..MAX_GRASP_TRIES {
         // Far from the numbers of other episodes.
         let trial = trial ^ (attempt << 48) as usize;
-        let (setup, _) = Setup::noisy(bench, combination, trial)?;
-        let untouched = side.map(|side| board_of(bench, &setup, side)).transpose()?;
-        let start = setup.first_grasp(bench, None, &mut NoWatcher)?;
+        let (setup, _) = InitialConditions::noisy(bench, combination, trial)?;
+        let untouched = side.map(|side| cameras_for_images(bench, &setup, side)).transpose()?;
+        let start = setup.play_first_grasp(bench, None, &mut NoWatcher)?;
         let snapshot = start.run.snapshot;
-        let Body::Simulated(mut robot) = snapshot.robot else { continue };
+        let Backend::Simulated(mut robot) = snapshot.robot else { continue };
         if !in_hand(&robot.truth(), 0) {
             continue;
         }
         let executor = snapshot.executor;
         let hand: &Hand = &bench.world.cell.robot.hand;
         let friction = bench.world.protocol().friction;
-        let tensions = against_friction(hand, &friction, executor.motion().servos(), &executor.wanted_tensions());
-        let mut now = bench.board.backgrounds();
+        let tensions = friction_compensated(hand, &friction, executor.motion().servos(), &executor.required_tensions());
+        let mut now = bench.cameras.backgrounds();
         for frame in executor.motion().newest_images() {
             now[frame.camera] = frame.image.clone();
         }
@@ -284,10 +285,10 @@ fn after_first_grasp(
         if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
             robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
         }
-        let seen = executor.targets().iter().map(|target| target.percept).collect();
+        let seen = executor.targets().iter().map(|target| target.detected).collect();
         let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
-        let begun = Begun { robot: *robot, posture: *executor.motion().posture(), tensions, frame_delay };
-        return Ok(Beginning { begun, seen, images, opposition: executor.target(0).grasp.opposition });
+        let begun = StartedRobot { robot: *robot, posture: *executor.motion().posture(), tensions, frame_delay };
+        return Ok(InitialState { begun, seen, images, opposition: executor.target(0).grasp.opposition });
     }
     Err(EpisodeError::NoFirstGrasp(combination))
 }

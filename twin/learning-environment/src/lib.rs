@@ -5,14 +5,14 @@
 //! [`scene`] carries actions out and observes, [`episode`] begins a task and judges it, and [`picture`] renders a scene
 //! for people.
 //!
-//! A scene observes only what a robot measures. The ground truth leaves it only through [`scene::Scene::truth`].
-//! [`episode::Judgement`] is made from it, as a referee's verdict is.
+//! A scene observes only what a robot measures. The ground truth leaves it only through [`scene::TactileScene::truth`].
+//! [`episode::DerivedHandCounts`] is made from it, as a referee's verdict is.
 
 pub mod episode;
 pub mod picture;
 pub mod scene;
 
 pub use control::pad_images::{ImageSizeError, PadImages};
-pub use episode::{Episode, EpisodeError, Judgement, Options, Task};
+pub use episode::{Episode, EpisodeError, EpisodeOptions, EpisodeTask, Judgement};
 pub use picture::PictureSizeError;
-pub use scene::{Placed, Scene, SceneError, SceneOptions};
+pub use scene::{SceneError, SceneObject, SceneOptions, TactileScene};

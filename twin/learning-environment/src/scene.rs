@@ -2,27 +2,27 @@
 
 use std::sync::Arc;
 
-use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS};
+use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS_PER_STEP};
 use control::inverse_kinematics::{ArmKinematics, IkError, Joints};
 use control::workcell::Workcell;
-use grasp_verification::simulated_world::World;
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::DigitVector;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileImage};
+use hand_model::robot::{ArmState, Observation, RobotCommand, ServoState, TactileImage};
 use nalgebra::Isometry3;
 use scenarios::noise::TrialNoise;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
-use world::layout::Place;
+use world::layout::TablePlacement;
 use world::objects::ObjectModel;
 
-use control::pad_images::{ImageSizeError, PadImages, capture_at};
+use control::pad_images::{ImageSizeError, PadImages, capture_tick};
 
 /// Largest number of objects in a scene.
-pub const MOST_OBJECTS: usize = 16;
+pub const MAX_OBJECTS: usize = 16;
 /// Largest distance of an object from the arm's base along x and y, m.
-const FARTHEST: f64 = 1.5;
+const MAX_COORDINATE: f64 = 1.5;
 
 /// Reason for which a scene cannot be created.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +34,7 @@ pub enum SceneError {
     #[error("object `{name}`, {axis}: found {found}, expected {expected}")]
     Place { name: String, axis: &'static str, found: f64, expected: String },
     /// Too many objects.
-    #[error("objects: found {0}, expected {MOST_OBJECTS} at most")]
+    #[error("objects: found {0}, expected {MAX_OBJECTS} at most")]
     Count(usize),
     #[error(transparent)]
     Images(#[from] ImageSizeError),
@@ -44,10 +44,10 @@ pub enum SceneError {
 
 /// An object with its place.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Placed {
+pub struct SceneObject {
     /// Name of an object of the world.
     pub name: String,
-    pub place: Place,
+    pub place: TablePlacement,
 }
 
 /// Options of a scene.
@@ -61,7 +61,7 @@ pub struct SceneOptions {
 
 /// A robot at a table with objects. A clone continues on its own from the same bits.
 #[derive(Clone)]
-pub struct Scene {
+pub struct TactileScene {
     pub(super) cell: Workcell,
     kinematics: ArmKinematics,
     stepper: Stepper,
@@ -70,12 +70,12 @@ pub struct Scene {
     /// Tactile images of the untouched pads.
     untouched: Option<PadImages>,
     /// Tick of a step in which images are requested: the last from which they arrive within the step.
-    capture_at: usize,
+    capture_tick: usize,
     observation: Observation,
 }
 
 /// A robot about to be stepped, with its last commands.
-pub(super) struct Begun {
+pub(super) struct StartedRobot {
     pub(super) robot: SimulatedRobot,
     /// Joint set-points, rad.
     pub(super) posture: Joints,
@@ -102,33 +102,38 @@ impl FirstImages {
     }
 }
 
-impl Scene {
+impl TactileScene {
     /// Creates a scene with the objects in their places, the arm in the posture in which trials begin, and the hand
     /// open. The robot is free of errors but has the effects of the world's scenario on pads, gel, cables, floor and
     /// time.
     pub fn new(
-        world: &World,
+        world: &SimulatedWorld,
         board: &TactileBoard,
-        objects: &[Placed],
+        objects: &[SceneObject],
         options: SceneOptions,
     ) -> Result<Self, SceneError> {
-        if objects.len() > MOST_OBJECTS {
+        if objects.len() > MAX_OBJECTS {
             return Err(SceneError::Count(objects.len()));
         }
         let objects = objects.iter().map(|placed| placement(world, placed)).collect::<Result<_, _>>()?;
-        let setup = SceneSetup { objects, ..world.bare_scene(world.cell.ready, &TrialNoise::none()) };
+        let setup = SceneSetup { objects, ..world.bare_scene(world.cell.ready_posture, &TrialNoise::none()) };
         let frame_delay = setup.frame_delay;
-        let board = options.images.map(|side| reduced(board.with_noise(options.seed), side)).transpose()?;
+        let board = options.images.map(|side| with_frame_size(board.with_noise(options.seed), side)).transpose()?;
         let backgrounds = board.as_ref().map(TactileBoard::background_frames);
         let robot = SimulatedRobot::new(&world.cell.robot, &setup, board.unwrap_or_else(TactileBoard::blank));
-        let begun = Begun { robot, posture: world.cell.ready, tensions: world.cell.robot.hand.slack(), frame_delay };
+        let begun = StartedRobot {
+            robot,
+            posture: world.cell.ready_posture,
+            tensions: world.cell.robot.hand.slack_tensions(),
+            frame_delay,
+        };
         let images = options.images.zip(backgrounds).map(|(side, images)| FirstImages::untouched(side, images));
         Self::begin(&world.cell, begun, images)
     }
 
     /// Continues with a robot in its present state.
-    pub(super) fn begin(cell: &Workcell, begun: Begun, images: Option<FirstImages>) -> Result<Self, SceneError> {
-        let Begun { mut robot, posture, tensions, frame_delay } = begun;
+    pub(super) fn begin(cell: &Workcell, begun: StartedRobot, images: Option<FirstImages>) -> Result<Self, SceneError> {
+        let StartedRobot { mut robot, posture, tensions, frame_delay } = begun;
         let (untouched, images) = images
             .map(|FirstImages { side, untouched, now }| {
                 let shown = |of: Vec<Arc<TactileImage>>| {
@@ -140,7 +145,7 @@ impl Scene {
             })
             .transpose()?
             .unzip();
-        let capture_at = capture_at(frame_delay, robot.tick_length());
+        let capture_at = capture_tick(frame_delay, robot.tick_length());
         let observation = robot.observe();
         Ok(Self {
             kinematics: cell.kinematics(),
@@ -149,7 +154,7 @@ impl Scene {
             robot,
             images,
             untouched,
-            capture_at,
+            capture_tick: capture_at,
             observation,
         })
     }
@@ -157,10 +162,10 @@ impl Scene {
     /// Carries out `action` for one step. An error leaves the scene as it was.
     pub fn step(&mut self, action: &Action) -> Result<(), ActionError> {
         for (n, (arm, servos)) in self.stepper.step(action, self.robot.tick_length())?.into_iter().enumerate() {
-            let capture = self.images.is_some() && n + 1 == self.capture_at;
-            let sent = self.robot.send(&Command { arm, servos, capture });
+            let capture = self.images.is_some() && n + 1 == self.capture_tick;
+            let sent = self.robot.send(&RobotCommand { arm, servos, capture });
             self.robot.wait_for_tick();
-            self.stepper.sent(sent.arm);
+            self.stepper.adopt_sent(sent.arm);
         }
         self.observe();
         Ok(())
@@ -181,7 +186,7 @@ impl Scene {
 
     /// Returns the length of a step, s.
     pub fn step_length(&self) -> f64 {
-        TICKS as f64 * self.robot.tick_length()
+        TICKS_PER_STEP as f64 * self.robot.tick_length()
     }
 
     /// Returns the time since the robot was started, s.
@@ -215,7 +220,7 @@ impl Scene {
     }
 
     /// Returns the ground truth, for judging and recording, not for policies.
-    pub fn truth(&self) -> Truth {
+    pub fn truth(&self) -> GroundTruth {
         self.robot.truth()
     }
 
@@ -229,8 +234,8 @@ impl Scene {
     }
 }
 
-fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneError> {
-    let Placed { name, place } = placed;
+fn placement(world: &SimulatedWorld, placed: &SceneObject) -> Result<ObjectPlacement, SceneError> {
+    let SceneObject { name, place } = placed;
     let model = world
         .objects
         .get(name)
@@ -238,8 +243,8 @@ fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneErr
         .ok_or_else(|| SceneError::Object { name: name.clone(), known: world.objects.names().join(", ") })?;
     let error = |axis, found, expected: String| SceneError::Place { name: name.clone(), axis, found, expected };
     for (axis, found) in [("x", place.x), ("y", place.y)] {
-        if found.is_nan() || found.abs() > FARTHEST {
-            return Err(error(axis, found, format!("{} to {FARTHEST} m", -FARTHEST)));
+        if found.is_nan() || found.abs() > MAX_COORDINATE {
+            return Err(error(axis, found, format!("{} to {MAX_COORDINATE} m", -MAX_COORDINATE)));
         }
     }
     if !place.yaw.is_finite() {
@@ -250,6 +255,6 @@ fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneErr
 
 /// Returns a board whose frames have the size of the requested images. For images smaller than those of the cameras,
 /// rendering all pixels to average them would take nearly all of a step.
-pub(crate) fn reduced(board: TactileBoard, side: usize) -> Result<TactileBoard, ImageSizeError> {
+pub(crate) fn with_frame_size(board: TactileBoard, side: usize) -> Result<TactileBoard, ImageSizeError> {
     if side == IMAGE_SIZE { Ok(board) } else { board.reduced(side).map_err(|_| ImageSizeError(side)) }
 }

@@ -11,9 +11,9 @@ use serde::Serialize;
 
 /// Termination criteria and outlier scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct SolverOptions {
     /// Greatest number of steps.
-    pub steps: usize,
+    pub max_steps: usize,
     /// Scale s of the loss, in units of the residuals.
     pub scale: f64,
     /// Relative decrease of the cost in a step below which the search stops.
@@ -22,7 +22,7 @@ pub struct Options {
 
 /// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Solution {
+pub struct FitResult {
     pub parameters: Vec<f64>,
     /// Sum of the losses.
     pub cost: f64,
@@ -34,7 +34,7 @@ pub struct Solution {
 
 /// One fitted parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Parameter {
+pub struct FittedParameter {
     /// Name with unit.
     pub name: String,
     pub value: f64,
@@ -45,21 +45,25 @@ pub struct Parameter {
     pub on_bound: bool,
 }
 
-impl Solution {
+impl FitResult {
     /// Describes the first parameters, as many as there are `names`; `bounds` are those of the search.
-    pub fn described(&self, names: impl IntoIterator<Item = String>, bounds: &[(f64, f64)]) -> Vec<Parameter> {
+    pub fn describe_parameters(
+        &self,
+        names: impl IntoIterator<Item = String>,
+        bounds: &[(f64, f64)],
+    ) -> Vec<FittedParameter> {
         let describe = |(i, name): (usize, String)| {
             let ((low, high), value) = (bounds[i], self.parameters[i]);
             let near = 1e-6 * (high - low);
             let on_bound = value <= low + near || value >= high - near;
-            Parameter { name, value, deviation: self.deviations[i], on_bound }
+            FittedParameter { name, value, deviation: self.deviations[i], on_bound }
         };
         names.into_iter().enumerate().map(describe).collect()
     }
 }
 
 /// Residuals and their Jacobian (one row per residual, one column per parameter).
-pub struct Problem<R, J> {
+pub struct FitProblem<R, J> {
     /// Residual function `r(p)`.
     pub residuals: R,
     /// Jacobian `dr/dp` as a function of p and `r(p)`.
@@ -71,28 +75,28 @@ pub struct Problem<R, J> {
     pub groups: Vec<usize>,
 }
 
-impl<R, J> std::fmt::Debug for Problem<R, J> {
+impl<R, J> std::fmt::Debug for FitProblem<R, J> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Problem").field("bounds", &self.bounds).field("groups", &self.groups).finish_non_exhaustive()
     }
 }
 
-impl<R, J> Problem<R, J>
+impl<R, J> FitProblem<R, J>
 where
     R: Fn(&[f64]) -> Vec<f64>,
     J: Fn(&[f64], &[f64]) -> DMatrix<f64>,
 {
     /// Searches from `start`, clipped to the bounds.
-    pub fn minimise(&self, start: &[f64], options: &Options) -> Solution {
+    pub fn minimise(&self, start: &[f64], options: &SolverOptions) -> FitResult {
         let mut p: Vec<f64> = start.iter().zip(&self.bounds).map(|(p, (low, high))| p.clamp(*low, *high)).collect();
         let mut residuals = (self.residuals)(&p);
         let mut cost = loss(&residuals, options.scale);
         let mut damping = 1e-3;
         let mut steps = 0;
-        'search: while steps < options.steps {
+        'search: while steps < options.max_steps {
             let jacobian = (self.jacobian)(&p, &residuals);
             let (normal, gradient) = weighted(&jacobian, &residuals, options.scale);
-            let free: Vec<usize> = (0..p.len()).filter(|&i| !self.held(i, p[i], gradient[i])).collect();
+            let free: Vec<usize> = (0..p.len()).filter(|&i| !self.is_held_on_bound(i, p[i], gradient[i])).collect();
             loop {
                 let Some(step) = damped_step(&normal, &gradient, &free, damping) else { break 'search };
                 let mut next = p.clone();
@@ -118,11 +122,11 @@ where
             }
         }
         let deviations = self.deviations(&p, &residuals, options.scale);
-        Solution { parameters: p, cost, steps, deviations }
+        FitResult { parameters: p, cost, steps, deviations }
     }
 
     /// True if a parameter is on a bound and the descent direction points out of the bounds.
-    fn held(&self, index: usize, value: f64, gradient: f64) -> bool {
+    fn is_held_on_bound(&self, index: usize, value: f64, gradient: f64) -> bool {
         let (low, high) = self.bounds[index];
         let near = 1e-9 * (high - low);
         low == high || (value <= low + near && gradient > 0.0) || (value >= high - near && gradient < 0.0)
@@ -156,7 +160,7 @@ where
         let undetermined = |i: usize| -> f64 {
             (0..free.len()).filter(|&k| eigen.eigenvalues[k] <= 1e-9).map(|k| eigen.eigenvectors[(i, k)].powi(2)).sum()
         };
-        let scatter = self.scatter(&jacobian, residuals, scale, &free, &unit);
+        let scatter = self.gradient_scatter(&jacobian, residuals, scale, &free, &unit);
         let covariance = &inverse * scatter * &inverse;
         for (at, &i) in free.iter().enumerate() {
             if undetermined(at) < 0.01 {
@@ -166,7 +170,7 @@ where
         deviations
     }
 
-    fn scatter(
+    fn gradient_scatter(
         &self,
         jacobian: &DMatrix<f64>,
         residuals: &[f64],
@@ -265,11 +269,16 @@ fn damped_step(normal: &DMatrix<f64>, gradient: &DVector<f64>, free: &[usize], d
 mod tests {
     use super::*;
 
-    fn numeric(bounds: Vec<(f64, f64)>, f: impl Fn(&[f64]) -> Vec<f64> + Clone, start: &[f64], scale: f64) -> Solution {
+    fn numeric(
+        bounds: Vec<(f64, f64)>,
+        f: impl Fn(&[f64]) -> Vec<f64> + Clone,
+        start: &[f64],
+        scale: f64,
+    ) -> FitResult {
         let (again, limits) = (f.clone(), bounds.clone());
         let jacobian = move |p: &[f64], r: &[f64]| forward_differences(p, r, &limits, 1e-7, |q, _| again(q));
-        let problem = Problem { residuals: f, jacobian, bounds, groups: Vec::new() };
-        problem.minimise(start, &Options { steps: 200, scale, tolerance: 1e-14 })
+        let problem = FitProblem { residuals: f, jacobian, bounds, groups: Vec::new() };
+        problem.minimise(start, &SolverOptions { max_steps: 200, scale, tolerance: 1e-14 })
     }
 
     #[test]

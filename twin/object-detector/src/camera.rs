@@ -12,18 +12,18 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use scenarios::generator::trial_rng;
 
-use super::measurement::line;
-use super::stream::{Listener, Stream};
-use super::{Address, LINE, is_early, now};
+use super::measurement::format_line;
+use super::stream::{DetectorStream, Listener};
+use super::{Address, MAX_LINE_LENGTH, is_pending, unix_time};
 
 /// Interval between polls of clients and questions.
-const TICK: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Time limit of a client: one that takes nothing for so long is dropped.
-const SLOW: Duration = Duration::from_millis(5);
+const WRITE_TIMEOUT: Duration = Duration::from_millis(5);
 
 /// Settings of the measurements.
 #[derive(Debug, Clone, Copy)]
-pub struct CameraSettings {
+pub struct EmulatedDetectorSettings {
     /// Standard deviations of x, y and z, m, and of the rotation about the vertical, rad, drawn anew for each
     /// measurement.
     pub sigma: (f64, f64),
@@ -34,22 +34,26 @@ pub struct CameraSettings {
 }
 
 /// Returns the visible objects with their names and poses, `world_from_object`.
-pub type Sight = Box<dyn Fn() -> Vec<(String, Isometry3<f64>)> + Send>;
+pub type VisibleObjects = Box<dyn Fn() -> Vec<(String, Isometry3<f64>)> + Send>;
 
 /// A running camera; it ends when dropped.
-pub struct Camera {
+pub struct EmulatedDetector {
     address: Address,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Camera {
+impl EmulatedDetector {
     /// Starts the camera at `address`; port 0 selects any free one.
-    pub fn start(address: &Address, settings: CameraSettings, sight: Sight) -> std::io::Result<Self> {
+    pub fn start(
+        address: &Address,
+        settings: EmulatedDetectorSettings,
+        sight: VisibleObjects,
+    ) -> std::io::Result<Self> {
         let listener = Listener::bind(address)?;
         let (address, stop) = (listener.address()?, Arc::new(AtomicBool::new(false)));
         let stopped = stop.clone();
-        let run = move || run(&listener, settings, &sight, &stopped);
+        let run = move || serve(&listener, settings, &sight, &stopped);
         let thread = std::thread::Builder::new().name("camera".into()).spawn(run)?;
         Ok(Self { address, stop, thread: Some(thread) })
     }
@@ -60,7 +64,7 @@ impl Camera {
     }
 }
 
-impl Drop for Camera {
+impl Drop for EmulatedDetector {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -71,18 +75,18 @@ impl Drop for Camera {
 }
 
 struct Client {
-    stream: Stream,
+    stream: DetectorStream,
     /// Bytes of an unfinished question.
     pending: Vec<u8>,
 }
 
-fn run(listener: &Listener, settings: CameraSettings, sight: &Sight, stop: &AtomicBool) {
+fn serve(listener: &Listener, settings: EmulatedDetectorSettings, sight: &VisibleObjects, stop: &AtomicBool) {
     let mut rng: ChaCha8Rng = trial_rng(settings.seed, usize::MAX, 1);
     let mut clients: Vec<Client> = Vec::new();
     let mut next = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         if let Ok(stream) = listener.accept()
-            && stream.waits(SLOW).is_ok()
+            && stream.set_timeouts(WRITE_TIMEOUT).is_ok()
         {
             clients.push(Client { stream, pending: Vec::new() });
         }
@@ -90,7 +94,8 @@ fn run(listener: &Listener, settings: CameraSettings, sight: &Sight, stop: &Atom
         if let Some(period) = due {
             next = Instant::now() + period;
             for (name, pose) in sight() {
-                let text = line(&name, now(), &seen(&pose, settings.sigma, &mut rng), settings.sigma);
+                let text =
+                    format_line(&name, unix_time(), &with_errors(&pose, settings.sigma, &mut rng), settings.sigma);
                 clients.retain_mut(|client| client.stream.write_all(text.as_bytes()).is_ok());
             }
         }
@@ -98,13 +103,13 @@ fn run(listener: &Listener, settings: CameraSettings, sight: &Sight, stop: &Atom
             let Some(questions) = client.questions() else { return false };
             let answers = questions.iter().filter(|_| settings.period.is_none()).filter_map(|name| {
                 let (name, pose) = sight().into_iter().find(|(other, _)| other == name)?;
-                Some(line(&name, now(), &seen(&pose, settings.sigma, &mut rng), settings.sigma))
+                Some(format_line(&name, unix_time(), &with_errors(&pose, settings.sigma, &mut rng), settings.sigma))
             });
             let text: String = answers.collect();
             client.stream.write_all(text.as_bytes()).is_ok()
         });
         if clients.is_empty() || settings.period.is_some() {
-            std::thread::sleep(TICK);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 }
@@ -116,10 +121,10 @@ impl Client {
         match self.stream.read(&mut buffer) {
             Ok(0) => return None,
             Ok(count) => self.pending.extend(&buffer[..count]),
-            Err(error) if is_early(&error) => {}
+            Err(error) if is_pending(&error) => {}
             Err(_) => return None,
         }
-        if self.pending.len() > LINE {
+        if self.pending.len() > MAX_LINE_LENGTH {
             // No valid question is so long.
             return None;
         }
@@ -134,7 +139,7 @@ impl Client {
 }
 
 /// Returns `pose` with the camera's errors.
-fn seen(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) -> Isometry3<f64> {
+fn with_errors(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) -> Isometry3<f64> {
     let mut draw = |sigma: f64| Normal::new(0.0, sigma).map_or(0.0, |normal| normal.sample(rng));
     let off = Vector3::new(draw(place), draw(place), draw(place));
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), draw(turn));
@@ -145,16 +150,16 @@ fn seen(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) 
 mod tests {
     use super::*;
     use crate::VisionLink;
-    use crate::measurement::Checks;
+    use crate::measurement::MeasurementChecks;
 
     fn look(seed: u64, address: &str, period: Option<Duration>) -> Vec<Isometry3<f64>> {
-        let settings = CameraSettings { sigma: (0.003, 0.02), seed, period };
+        let settings = EmulatedDetectorSettings { sigma: (0.003, 0.02), seed, period };
         let place = Isometry3::translation(0.6, 0.1, 0.03);
-        let sight: Sight = Box::new(move || vec![("ball".to_owned(), place), ("pear".to_owned(), place)]);
-        let camera = Camera::start(&address.parse().expect("an address"), settings, sight).expect("starts");
-        let checks = Checks::new(vec!["pear".to_owned(), "ball".to_owned()], Isometry3::identity());
+        let sight: VisibleObjects = Box::new(move || vec![("ball".to_owned(), place), ("pear".to_owned(), place)]);
+        let camera = EmulatedDetector::start(&address.parse().expect("an address"), settings, sight).expect("starts");
+        let checks = MeasurementChecks::new(vec!["pear".to_owned(), "ball".to_owned()], Isometry3::identity());
         let mut link = VisionLink::connect(camera.address(), checks).expect("connects");
-        let seen = (0..20).map(|_| link.look("pear", || false).expect("a look").expect("seen"));
+        let seen = (0..20).map(|_| link.detect("pear", || false).expect("a look").expect("seen"));
         let seen: Vec<_> = seen.map(|seen| seen.pose).collect();
         for pose in &seen {
             assert!((1e-6..0.02).contains(&(pose.translation.vector - place.translation.vector).norm()));

@@ -7,45 +7,45 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::stream::Stream;
-use super::{Address, LINE, is_early};
+use super::stream::DetectorStream;
+use super::{Address, MAX_LINE_LENGTH, is_pending};
 
 /// Time limit for a connection, and for resolving the name of its host.
-const CONNECTING: Duration = Duration::from_secs(3);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Time limit for writing a question.
-const WRITING: Duration = Duration::from_secs(1);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Buffer size for unread lines, bytes; the newest are kept.
-const KEPT: usize = 1 << 20;
+const BUFFER_SIZE: usize = 1 << 20;
 
 /// Reason for which a connection ended.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Ended {
+pub enum ConnectionEnd {
     #[error("the other side closed it")]
     Closed,
     #[error("{0}")]
     Failed(String),
-    /// No line ends within [`LINE`].
-    #[error("found a line of more than {LINE} bytes, expected one JSON object a line")]
-    Endless,
+    /// No line ends within [`MAX_LINE_LENGTH`].
+    #[error("found a line of more than {MAX_LINE_LENGTH} bytes, expected one JSON object a line")]
+    LineTooLong,
 }
 
 /// State of the reader.
 #[derive(Debug, Default)]
-struct Heard {
+struct LineBuffer {
     /// Unread lines, with their numbers from 1.
     lines: VecDeque<(u64, Vec<u8>)>,
     /// Total size of the unread lines, bytes.
     bytes: usize,
     count: u64,
-    ended: Option<Ended>,
+    ended: Option<ConnectionEnd>,
 }
 
-impl Heard {
+impl LineBuffer {
     fn push(&mut self, line: Vec<u8>) {
         self.count += 1;
         self.bytes += line.len();
         self.lines.push_back((self.count, line));
-        while self.bytes > KEPT {
+        while self.bytes > BUFFER_SIZE {
             let oldest = self.lines.pop_front();
             self.bytes -= oldest.map_or(self.bytes, |(_, line)| line.len());
         }
@@ -60,29 +60,29 @@ impl Heard {
 
 #[derive(Debug, Default)]
 struct Shared {
-    heard: Mutex<Heard>,
-    news: Condvar,
+    buffer: Mutex<LineBuffer>,
+    changed: Condvar,
 }
 
 impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Heard> {
+    fn lock(&self) -> MutexGuard<'_, LineBuffer> {
         // A panic of another holder has been reported already.
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+        self.buffer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// An open connection with its reader, which ends with it.
 pub struct Connection {
-    stream: Stream,
+    stream: DetectorStream,
     shared: Arc<Shared>,
     reader: Option<JoinHandle<()>>,
 }
 
 impl Connection {
-    /// Connects to `address` within [`CONNECTING`].
+    /// Connects to `address` within [`CONNECT_TIMEOUT`].
     pub fn open(address: &Address) -> io::Result<Self> {
-        let stream = Stream::connect(address, CONNECTING)?;
-        stream.write_timeout(WRITING)?;
+        let stream = DetectorStream::connect(address, CONNECT_TIMEOUT)?;
+        stream.set_write_timeout(WRITE_TIMEOUT)?;
         let (theirs, shared) = (stream.try_clone()?, Arc::new(Shared::default()));
         let to = shared.clone();
         let reader = std::thread::Builder::new().name("eyes".into()).spawn(move || read(theirs, &to))?;
@@ -90,7 +90,7 @@ impl Connection {
     }
 
     /// Returns the reason for which the connection has ended, if it has.
-    pub fn ended(&self) -> Option<Ended> {
+    pub fn end_reason(&self) -> Option<ConnectionEnd> {
         self.shared.lock().ended.clone()
     }
 
@@ -99,10 +99,10 @@ impl Connection {
     }
 
     /// Returns the oldest kept line with its number, or `None` if there is none within `wait`.
-    pub fn line(&self, wait: Duration) -> Result<Option<(u64, Vec<u8>)>, Ended> {
+    pub fn next_line(&self, wait: Duration) -> Result<Option<(u64, Vec<u8>)>, ConnectionEnd> {
         let heard = self.shared.lock();
-        let silent = |heard: &mut Heard| heard.lines.is_empty() && heard.ended.is_none();
-        let waited = self.shared.news.wait_timeout_while(heard, wait, silent);
+        let silent = |heard: &mut LineBuffer| heard.lines.is_empty() && heard.ended.is_none();
+        let waited = self.shared.changed.wait_timeout_while(heard, wait, silent);
         let mut heard = waited.unwrap_or_else(PoisonError::into_inner).0;
         match (heard.pop(), &heard.ended) {
             (None, Some(ended)) => Err(ended.clone()),
@@ -122,27 +122,27 @@ impl Drop for Connection {
     }
 }
 
-fn read(mut stream: Stream, shared: &Shared) {
+fn read(mut stream: DetectorStream, shared: &Shared) {
     let (mut pending, mut buffer) = (Vec::new(), [0; 4096]);
     let ended = loop {
         match stream.read(&mut buffer) {
-            Ok(0) => break Ended::Closed,
+            Ok(0) => break ConnectionEnd::Closed,
             Ok(count) => pending.extend(&buffer[..count]),
-            Err(error) if is_early(&error) => continue,
-            Err(error) => break Ended::Failed(error.to_string()),
+            Err(error) if is_pending(&error) => continue,
+            Err(error) => break ConnectionEnd::Failed(error.to_string()),
         }
         let mut heard = shared.lock();
         while let Some(end) = pending.iter().position(|byte| *byte == b'\n') {
             heard.push(pending.drain(..=end).collect());
         }
         drop(heard);
-        shared.news.notify_all();
-        if pending.len() > LINE {
-            break Ended::Endless;
+        shared.changed.notify_all();
+        if pending.len() > MAX_LINE_LENGTH {
+            break ConnectionEnd::LineTooLong;
         }
     };
     shared.lock().ended = Some(ended);
-    shared.news.notify_all();
+    shared.changed.notify_all();
 }
 
 #[cfg(test)]
@@ -152,11 +152,11 @@ mod tests {
     /// However many lines stay unread, the kept ones are bounded in size and are the newest.
     #[test]
     fn lines_that_nobody_takes_are_bounded() {
-        let mut heard = Heard::default();
+        let mut heard = LineBuffer::default();
         for n in 0..5000 {
             heard.push(format!("{n:1000}\n").into_bytes());
         }
-        assert!(heard.bytes <= KEPT && heard.lines.len() > 1000, "{}", heard.lines.len());
+        assert!(heard.bytes <= BUFFER_SIZE && heard.lines.len() > 1000, "{}", heard.lines.len());
         let newest = heard.lines.back().expect("kept").clone();
         assert_eq!((newest.0, newest.1), (5000, format!("{:1000}\n", 4999).into_bytes()));
         while heard.pop().is_some() {}

@@ -23,22 +23,22 @@ mod stream;
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use control::percept::Sighted;
+use control::detection::PoseDetection;
 use nalgebra::Isometry3;
 
-use self::connection::{Connection, Ended};
-use self::measurement::{Checks, Refused, read};
+use self::connection::{Connection, ConnectionEnd};
+use self::measurement::{MeasurementChecks, RefusedLine, parse_line};
 
 pub use self::stream::Address;
 
 /// Time limit for a measurement.
-const PATIENCE: Duration = Duration::from_secs(3);
+const MEASUREMENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Interval between checks for a stop, and between attempts to reconnect.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Tolerance of a measurement's age relative to the question, s: the clocks of two computers differ.
-const SKEW: f64 = 0.05;
+const MAX_CLOCK_SKEW: f64 = 0.05;
 /// Longest line, bytes.
-const LINE: usize = 1 << 16;
+const MAX_LINE_LENGTH: usize = 1 << 16;
 
 /// Reason for which a look failed.
 #[derive(Debug, thiserror::Error)]
@@ -49,22 +49,22 @@ pub enum VisionError {
     #[error(
         "--eyes {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
     )]
-    Lost { address: String, object: String, why: Ended },
-    #[error("--eyes {address}: {}", Ended::Endless)]
-    Endless { address: String },
+    Lost { address: String, object: String, why: ConnectionEnd },
+    #[error("--eyes {address}: {}", ConnectionEnd::LineTooLong)]
+    LineTooLong { address: String },
     /// No usable measurement came in time.
-    #[error("--eyes {address}: {object}: found {}, expected a measurement of it within {:.0} s", said(.refused), PATIENCE.as_secs_f64())]
-    Nothing {
+    #[error("--eyes {address}: {object}: found {}, expected a measurement of it within {:.0} s", describe_refusal(.refused), MEASUREMENT_TIMEOUT.as_secs_f64())]
+    NoMeasurement {
         address: String,
         object: String,
         /// The last line that came instead.
-        refused: Option<Refused>,
+        refused: Option<RefusedLine>,
     },
     #[error("the operator stopped it while {0} was looked for")]
     Stopped(String),
 }
 
-fn said(refused: &Option<Refused>) -> String {
+fn describe_refusal(refused: &Option<RefusedLine>) -> String {
     refused.as_ref().map_or("nothing".to_owned(), ToString::to_string)
 }
 
@@ -72,83 +72,83 @@ fn said(refused: &Option<Refused>) -> String {
 pub struct VisionLink {
     address: Address,
     connection: Connection,
-    checks: Checks,
+    checks: MeasurementChecks,
 }
 
 impl VisionLink {
     /// Connects to the system at `address`.
-    pub fn connect(address: &Address, checks: Checks) -> Result<Self, VisionError> {
+    pub fn connect(address: &Address, checks: MeasurementChecks) -> Result<Self, VisionError> {
         let connection =
             Connection::open(address).map_err(|source| VisionError::Io { address: address.to_string(), source })?;
         Ok(Self { address: address.clone(), connection, checks })
     }
 
     /// Returns the present pose of `object`, or `None` if the system reports it as hidden. `stop` ends the wait.
-    pub fn look(&mut self, object: &str, stop: impl Fn() -> bool) -> Result<Option<Sighted>, VisionError> {
+    pub fn detect(&mut self, object: &str, stop: impl Fn() -> bool) -> Result<Option<PoseDetection>, VisionError> {
         let (begun, address) = (Instant::now(), self.address.to_string());
-        let (mut refused, mut lost) = (None, self.connection.ended());
+        let (mut refused, mut lost) = (None, self.connection.end_reason());
         let mut asked = None;
-        while begun.elapsed() < PATIENCE {
+        while begun.elapsed() < MEASUREMENT_TIMEOUT {
             if stop() {
                 return Err(VisionError::Stopped(object.to_owned()));
             }
             if let Some(why) = &lost {
-                self.connect_anew(why)?;
+                self.reconnect(why)?;
                 (lost, asked) = (None, None);
             }
             let since = match asked {
                 Some(since) => since,
-                None => match self.ask(object) {
+                None => match self.send_question(object) {
                     Ok(since) => *asked.insert(since),
                     Err(why) => {
                         lost = Some(why);
-                        std::thread::sleep(LOOK);
+                        std::thread::sleep(POLL_INTERVAL);
                         continue;
                     }
                 },
             };
-            let (number, line) = match self.connection.line(LOOK) {
+            let (number, line) = match self.connection.next_line(POLL_INTERVAL) {
                 Ok(Some(line)) => line,
                 Ok(None) => continue,
-                Err(Ended::Endless) => return Err(VisionError::Endless { address }),
+                Err(ConnectionEnd::LineTooLong) => return Err(VisionError::LineTooLong { address }),
                 Err(why) => {
                     lost = Some(why);
-                    std::thread::sleep(LOOK);
+                    std::thread::sleep(POLL_INTERVAL);
                     continue;
                 }
             };
-            match read(&line, number, &self.checks, now()) {
+            match parse_line(&line, number, &self.checks, unix_time()) {
                 Ok(seen) if seen.object != object => {}
-                Ok(seen) if seen.time < since - SKEW => {
-                    refused = Some(Refused {
+                Ok(seen) if seen.time < since - MAX_CLOCK_SKEW => {
+                    refused = Some(RefusedLine {
                         line: number,
                         what: format!(
                             "a measurement of {object} that is {:.2} s old (taken before it was asked for)",
-                            now() - seen.time
+                            unix_time() - seen.time
                         ),
                     });
                 }
-                Ok(seen) => return Ok(seen.sighted),
+                Ok(seen) => return Ok(seen.detection),
                 Err(error) => refused = Some(error),
             }
         }
         let object = object.to_owned();
         match lost {
             Some(why) => Err(VisionError::Lost { address, object, why }),
-            None => Err(VisionError::Nothing { address, object, refused }),
+            None => Err(VisionError::NoMeasurement { address, object, refused }),
         }
     }
 
     /// Asks for `object`. Returns the time of the question (Unix time, s).
-    fn ask(&mut self, object: &str) -> Result<f64, Ended> {
-        let asked = now();
+    fn send_question(&mut self, object: &str) -> Result<f64, ConnectionEnd> {
+        let asked = unix_time();
         let question = serde_json::json!({"look": object}).to_string() + "\n";
-        self.connection.write(&question).map_err(|error| Ended::Failed(error.to_string()))?;
+        self.connection.write(&question).map_err(|error| ConnectionEnd::Failed(error.to_string()))?;
         Ok(asked)
     }
 
     /// Reconnects after the connection was lost.
-    fn connect_anew(&mut self, why: &Ended) -> Result<(), VisionError> {
+    fn reconnect(&mut self, why: &ConnectionEnd) -> Result<(), VisionError> {
         let failed = |error: std::io::Error| {
             let words = format!("the connection was lost ({why}) and cannot be made anew: {error}");
             let source = std::io::Error::new(error.kind(), words);
@@ -161,28 +161,28 @@ impl VisionLink {
 }
 
 /// True if the error means only that nothing has arrived yet.
-fn is_early(error: &std::io::Error) -> bool {
+fn is_pending(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
 /// Returns the Unix time, s.
-pub(crate) fn now() -> f64 {
+pub(crate) fn unix_time() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
 /// Eyes of a trial: their source, and the checks of their measurements.
 #[derive(Debug, Clone)]
-pub struct Vision {
+pub struct VisionSetup {
     pub source: VisionSource,
-    pub checks: Checks,
+    pub checks: MeasurementChecks,
 }
 
 /// Source of looks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VisionSource {
     /// A vision system.
-    At(Address),
+    System(Address),
     /// A camera that comes with the emulated robot.
     Emulated,
 }
@@ -191,12 +191,12 @@ impl std::str::FromStr for VisionSource {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "emulated" { Ok(Self::Emulated) } else { text.parse().map(Self::At) }
+        if text == "emulated" { Ok(Self::Emulated) } else { text.parse().map(Self::System) }
     }
 }
 
 /// Describes a position in words.
-pub fn shown(place: &Isometry3<f64>) -> String {
+pub fn format_position(place: &Isometry3<f64>) -> String {
     let t = place.translation.vector;
     format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
 }
@@ -208,8 +208,8 @@ mod tests {
 
     use super::*;
 
-    fn checks() -> Checks {
-        Checks::new(["pear", "ball"].map(str::to_owned).to_vec(), Isometry3::identity())
+    fn checks() -> MeasurementChecks {
+        MeasurementChecks::new(["pear", "ball"].map(str::to_owned).to_vec(), Isometry3::identity())
     }
 
     /// Starts a system that answers each question with these lines, with `TIME` replaced by the time.
@@ -221,7 +221,7 @@ mod tests {
             let mut questions = BufReader::new(stream.try_clone().expect("cloned")).lines().map_while(Result::ok);
             while questions.next().is_some() {
                 for line in lines {
-                    let line = line.replace("TIME", &format!("{:.4}", now()));
+                    let line = line.replace("TIME", &format!("{:.4}", unix_time()));
                     let _ = writeln!(stream, "{line}");
                 }
             }
@@ -248,7 +248,7 @@ mod tests {
         let lines: Vec<&'static str> = lines.iter().map(String::as_str).collect();
         let mut link = VisionLink::connect(&system(Box::leak(lines.into_boxed_slice())), checks()).expect("connects");
         for _ in 0..3 {
-            let seen = link.look("pear", || false).expect("a look").expect("seen");
+            let seen = link.detect("pear", || false).expect("a look").expect("seen");
             assert!((seen.sigma.expect("stated") - 0.002).abs() < 1e-12);
             assert_eq!(seen.pose.translation.vector.as_slice(), [0.6, 0.1, 0.03]);
         }
@@ -258,18 +258,18 @@ mod tests {
     fn what_is_hidden_is_not_seen() {
         let address = system(&[r#"{"object": "pear", "time": TIME, "hidden": true}"#]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
-        assert_eq!(link.look("pear", || false).expect("a look"), None);
+        assert_eq!(link.detect("pear", || false).expect("a look"), None);
     }
 
     #[test]
     fn what_is_wrong_is_told_with_the_last_line_that_was_refused() {
         let address = system(&["{\"object\": \"plum\", \"time\": TIME, \"hidden\": true}"]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
-        let error = link.look("pear", || false).expect_err("nothing usable").to_string();
+        let error = link.detect("pear", || false).expect_err("nothing usable").to_string();
         for words in ["pear", "line 1: object: found plum", "pear, ball", "within 3 s"] {
             assert!(error.contains(words), "{error}");
         }
-        assert!(matches!(link.look("pear", || true), Err(VisionError::Stopped(_))));
+        assert!(matches!(link.detect("pear", || true), Err(VisionError::Stopped(_))));
     }
 
     #[test]
@@ -279,7 +279,7 @@ mod tests {
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         drop(listener.accept().expect("a client"));
         drop(listener);
-        let error = link.look("pear", || false).expect_err("gone").to_string();
+        let error = link.detect("pear", || false).expect_err("gone").to_string();
         assert!(error.starts_with("--eyes 127.0.0.1:") && error.contains("cannot be made anew"), "{error}");
         let error = VisionLink::connect(&address, checks()).err().expect("nobody there").to_string();
         assert!(error.starts_with("--eyes 127.0.0.1:"), "{error}");
@@ -299,20 +299,20 @@ mod tests {
             let line = good("pear");
             // More than sockets hold: the lines of 40 s and more of measuring, at once.
             for n in 0..40_000 {
-                if writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", now()))).is_err() {
+                if writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", unix_time()))).is_err() {
                     let _ = sender.send(n);
                     return;
                 }
             }
             let _ = sender.send(40_000);
-            while writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", now()))).is_ok() {
+            while writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", unix_time()))).is_ok() {
                 std::thread::sleep(Duration::from_millis(10));
             }
         });
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         // The operator thinks until all of it was sent, or refused.
         assert_eq!(sent.recv().expect("sends"), 40_000, "lines taken");
-        link.look("pear", || false).expect("a look").expect("seen");
+        link.detect("pear", || false).expect("a look").expect("seen");
     }
 
     /// Each look reconnects to a system that closes its connection after every answer, or that was restarted in
@@ -325,12 +325,12 @@ mod tests {
             for stream in listener.incoming().flatten() {
                 let mut question = String::new();
                 let _ = BufReader::new(&stream).read_line(&mut question);
-                let _ = writeln!(&stream, "{}", good("pear").replace("TIME", &format!("{:.4}", now())));
+                let _ = writeln!(&stream, "{}", good("pear").replace("TIME", &format!("{:.4}", unix_time())));
             }
         });
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         for _ in 0..3 {
-            link.look("pear", || false).expect("a look").expect("seen");
+            link.detect("pear", || false).expect("a look").expect("seen");
         }
     }
 
@@ -352,7 +352,7 @@ mod tests {
     fn escape_sequences_from_the_eyes_are_told_in_words() {
         let address = system(&[r#"{"object": "\u001b[2Jpear", "time": TIME, "hidden": true}"#, "\u{1b}]0;owned\u{7}"]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
-        let error = link.look("pear", || false).expect_err("nothing usable").to_string();
+        let error = link.detect("pear", || false).expect_err("nothing usable").to_string();
         let shown = progress::printable(&error);
         assert!(!shown.contains(|letter: char| letter.is_control()), "{shown:?}");
     }

@@ -40,12 +40,12 @@ impl fmt::Display for Address {
 }
 
 /// An open connection.
-pub enum Stream {
+pub enum DetectorStream {
     Tcp(TcpStream),
     Unix(UnixStream),
 }
 
-impl Stream {
+impl DetectorStream {
     /// Connects to `address` within `limit`.
     pub fn connect(address: &Address, limit: Duration) -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
@@ -84,7 +84,7 @@ impl Stream {
     }
 
     /// Sets the time limit of writes.
-    pub fn write_timeout(&self, time: Duration) -> io::Result<()> {
+    pub fn set_write_timeout(&self, time: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.set_write_timeout(Some(time)),
             Self::Unix(stream) => stream.set_write_timeout(Some(time)),
@@ -92,7 +92,7 @@ impl Stream {
     }
 
     /// Sets the time limit of reads and writes.
-    pub fn waits(&self, time: Duration) -> io::Result<()> {
+    pub fn set_timeouts(&self, time: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => {
                 stream.set_read_timeout(Some(time)).and_then(|()| stream.set_write_timeout(Some(time)))
@@ -105,22 +105,22 @@ impl Stream {
 }
 
 /// Connects to the first of the addresses that answers, with the time limit `limit` for each.
-fn connect(address: &Address, limit: Duration) -> io::Result<Stream> {
+fn connect(address: &Address, limit: Duration) -> io::Result<DetectorStream> {
     let name = match address {
-        Address::Unix(path) => return UnixStream::connect(path).map(Stream::Unix),
+        Address::Unix(path) => return UnixStream::connect(path).map(DetectorStream::Unix),
         Address::Tcp(name) => name,
     };
     let mut failed = io::Error::new(io::ErrorKind::NotFound, "found no address of that host");
     for address in name.to_socket_addrs()? {
         match TcpStream::connect_timeout(&address, limit) {
-            Ok(stream) => return Ok(Stream::Tcp(stream)),
+            Ok(stream) => return Ok(DetectorStream::Tcp(stream)),
             Err(error) => failed = error,
         }
     }
     Err(failed)
 }
 
-impl Read for Stream {
+impl Read for DetectorStream {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Tcp(stream) => stream.read(buffer),
@@ -129,7 +129,7 @@ impl Read for Stream {
     }
 }
 
-impl Write for Stream {
+impl Write for DetectorStream {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
             Self::Tcp(stream) => stream.write(bytes),
@@ -177,17 +177,17 @@ impl Listener {
     }
 
     /// Accepts a waiting client.
-    pub fn accept(&self) -> io::Result<Stream> {
+    pub fn accept(&self) -> io::Result<DetectorStream> {
         Ok(match self {
             Self::Tcp(listener) => {
                 let stream = listener.accept()?.0;
                 stream.set_nonblocking(false)?;
-                Stream::Tcp(stream)
+                DetectorStream::Tcp(stream)
             }
             Self::Unix(listener, _) => {
                 let stream = listener.accept()?.0;
                 stream.set_nonblocking(false)?;
-                Stream::Unix(stream)
+                DetectorStream::Unix(stream)
             }
         })
     }

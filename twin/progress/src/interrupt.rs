@@ -10,37 +10,37 @@ use signal_hook::flag;
 /// Guard that catches interrupts. While one is alive, the first Ctrl-C (or SIGTERM, or the end of the terminal) is
 /// noted instead of ending the program. The second one ends it.
 pub struct Interrupt {
-    flags: &'static Flags,
+    flags: &'static InterruptFlags,
 }
 
 /// Flags that all guards share: there is one operator.
-static FLAGS: OnceLock<Flags> = OnceLock::new();
+static INTERRUPT_FLAGS: OnceLock<InterruptFlags> = OnceLock::new();
 
 #[derive(Debug)]
-struct Flags {
+struct InterruptFlags {
     happened: Arc<AtomicBool>,
     /// True if the next signal ends the program, as it does by default.
-    deadly: Arc<AtomicBool>,
+    next_is_fatal: Arc<AtomicBool>,
 }
 
 impl Interrupt {
     /// Catches interrupts from now on. Guards that are alive at the same time share their state: there is one operator.
     pub fn catch() -> io::Result<Self> {
-        let flags = match FLAGS.get() {
+        let flags = match INTERRUPT_FLAGS.get() {
             Some(flags) => flags,
             None => {
-                let new = Flags { happened: Arc::default(), deadly: Arc::new(AtomicBool::new(true)) };
+                let new = InterruptFlags { happened: Arc::default(), next_is_fatal: Arc::new(AtomicBool::new(true)) };
                 for signal in [SIGINT, SIGTERM, SIGHUP] {
                     // The order matters: whether a signal is deadly is decided before it is noted.
-                    flag::register_conditional_default(signal, new.deadly.clone())?;
-                    flag::register(signal, new.deadly.clone())?;
+                    flag::register_conditional_default(signal, new.next_is_fatal.clone())?;
+                    flag::register(signal, new.next_is_fatal.clone())?;
                     flag::register(signal, new.happened.clone())?;
                 }
-                FLAGS.get_or_init(|| new)
+                INTERRUPT_FLAGS.get_or_init(|| new)
             }
         };
         flags.happened.store(false, Ordering::SeqCst);
-        flags.deadly.store(false, Ordering::SeqCst);
+        flags.next_is_fatal.store(false, Ordering::SeqCst);
         Ok(Self { flags })
     }
 
@@ -56,16 +56,16 @@ pub struct Interrupted {
     /// Number of finished pieces.
     pub done: usize,
     /// Number of all pieces.
-    pub of: usize,
+    pub total: usize,
     /// Name of a piece with its verb, in the plural.
-    pub what: &'static str,
+    pub pieces: &'static str,
     /// Instructions for resuming.
-    pub further: String,
+    pub resume_hint: String,
 }
 
 impl std::fmt::Display for Interrupted {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { done, of, what, further } = self;
+        let Self { done, total: of, pieces: what, resume_hint: further } = self;
         write!(formatter, "interrupted: {done} of {of} {what}; {further}")
     }
 }
@@ -74,11 +74,11 @@ impl std::error::Error for Interrupted {}
 
 /// True if the operator has asked to end since interrupts were last caught.
 pub fn is_interrupted() -> bool {
-    FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
+    INTERRUPT_FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
 }
 
 impl Drop for Interrupt {
     fn drop(&mut self) {
-        self.flags.deadly.store(true, Ordering::SeqCst);
+        self.flags.next_is_fatal.store(true, Ordering::SeqCst);
     }
 }

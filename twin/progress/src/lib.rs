@@ -14,30 +14,30 @@ use indicatif::{HumanDuration, ProgressDrawTarget, ProgressState, ProgressStyle,
 pub use self::printable::{printable, write_to_stderr};
 
 /// Interval between lines in a log.
-const PERIOD: Duration = Duration::from_secs(30);
+const LOG_INTERVAL: Duration = Duration::from_secs(30);
 /// Width of a line in a log, columns.
-const COLUMNS: u16 = 160;
+const LOG_COLUMNS: u16 = 160;
 /// Interval between redraws of a bar while nothing happens, so that a log has its lines during long steps, too.
-const TICK: Duration = Duration::from_secs(1);
+const REDRAW_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Creates a bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, elapsed time, time
+/// Creates a bar of `length` steps, called `pieces`, on stderr; hidden if `quiet`. It shows steps, elapsed time, time
 /// left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
-    drawn(Some(length), 0, what, quiet)
+    make_bar(Some(length), 0, what, quiet)
 }
 
 /// As [`bar`], for work resumed after `done` steps, which do not count for the rate.
-pub fn resumed(length: u64, done: u64, what: &str, quiet: bool) -> ProgressBar {
-    drawn(Some(length), done, what, quiet)
+pub fn resumed_bar(length: u64, done: u64, what: &str, quiet: bool) -> ProgressBar {
+    make_bar(Some(length), done, what, quiet)
 }
 
 /// As [`bar`], for work of unknown length.
-pub fn open(quiet: bool) -> ProgressBar {
-    drawn(None, 0, "", quiet)
+pub fn open_ended_bar(quiet: bool) -> ProgressBar {
+    make_bar(None, 0, "", quiet)
 }
 
-fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(length, target(quiet)).with_position(done);
+fn make_bar(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(length, draw_target(quiet)).with_position(done);
     let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{left}}, {{rate}}] {{msg}}");
     let begun = Instant::now();
     // The rate is that over all of the time: the bar's own estimate looks back for seconds, and steps may take minutes.
@@ -49,23 +49,25 @@ fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar
         Ok(style) => bar.with_style(
             style
                 .with_key("rate", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
-                    let _ = to.write_str(&rate(per_second(state)));
+                    let _ = to.write_str(&format_rate(per_second(state)));
                 })
                 .with_key("left", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
-                    let _ =
-                        to.write_str(&left(state.len().unwrap_or(0).saturating_sub(state.pos()), per_second(state)));
+                    let _ = to.write_str(&format_time_left(
+                        state.len().unwrap_or(0).saturating_sub(state.pos()),
+                        per_second(state),
+                    ));
                 }),
         ),
         Err(_) => bar,
     };
     if !bar.is_hidden() {
-        bar.enable_steady_tick(TICK);
+        bar.enable_steady_tick(REDRAW_INTERVAL);
     }
     bar
 }
 
 /// Formats the time that `steps` take at a rate; unknown before the first step.
-fn left(steps: u64, per_second: f64) -> String {
+fn format_time_left(steps: u64, per_second: f64) -> String {
     match Duration::try_from_secs_f64(steps as f64 / per_second) {
         Ok(left) => format!("{:#}", HumanDuration(left)),
         Err(_) => "?".to_owned(),
@@ -73,7 +75,7 @@ fn left(steps: u64, per_second: f64) -> String {
 }
 
 /// Formats a rate in steps per second, or per minute or hour if they are slow.
-fn rate(per_second: f64) -> String {
+fn format_rate(per_second: f64) -> String {
     match per_second {
         fast if fast >= 1.0 => format!("{fast:.1}/s"),
         slow if slow >= 1.0 / 60.0 => format!("{:.1}/min", 60.0 * slow),
@@ -82,17 +84,17 @@ fn rate(per_second: f64) -> String {
 }
 
 /// Returns the target of a bar: hidden if `quiet`, else stderr.
-pub fn target(quiet: bool) -> ProgressDrawTarget {
+pub fn draw_target(quiet: bool) -> ProgressDrawTarget {
     match (quiet, io::stderr().is_terminal()) {
         (true, _) => ProgressDrawTarget::hidden(),
         (false, true) => ProgressDrawTarget::stderr(),
-        (false, false) => ProgressDrawTarget::term_like(Box::new(Log::new(io::stderr()))),
+        (false, false) => ProgressDrawTarget::term_like(Box::new(LogTerminal::new(io::stderr()))),
     }
 }
 
-/// A log in the role of a terminal: keeps the drawing of a bar, and writes it as one line each [`PERIOD`].
+/// A log in the role of a terminal: keeps the drawing of a bar, and writes it as one line each [`LOG_INTERVAL`].
 #[derive(Debug)]
-struct Log<W> {
+struct LogTerminal<W> {
     state: Mutex<LogState<W>>,
 }
 
@@ -100,33 +102,33 @@ struct Log<W> {
 struct LogState<W> {
     out: W,
     /// Text drawn since the last flush.
-    drawn: String,
+    pending_text: String,
     /// Time of the last written line, or of the beginning of the work before the first one.
-    written: Instant,
+    last_written: Instant,
 }
 
-impl<W> Log<W> {
+impl<W> LogTerminal<W> {
     fn new(out: W) -> Self {
-        Self { state: Mutex::new(LogState { out, drawn: String::new(), written: Instant::now() }) }
+        Self { state: Mutex::new(LogState { out, pending_text: String::new(), last_written: Instant::now() }) }
     }
 }
 
 impl<W: Write> LogState<W> {
     /// Ends a drawing at `now`.
     fn flush(&mut self, now: Instant) -> io::Result<()> {
-        let drawn = std::mem::take(&mut self.drawn);
+        let drawn = std::mem::take(&mut self.pending_text);
         let line = drawn.trim();
-        if line.is_empty() || now.duration_since(self.written) < PERIOD {
+        if line.is_empty() || now.duration_since(self.last_written) < LOG_INTERVAL {
             return Ok(());
         }
-        self.written = now;
+        self.last_written = now;
         writeln!(self.out, "{line}")
     }
 }
 
-impl<W: Write + Send + std::fmt::Debug> TermLike for Log<W> {
+impl<W: Write + Send + std::fmt::Debug> TermLike for LogTerminal<W> {
     fn width(&self) -> u16 {
-        COLUMNS
+        LOG_COLUMNS
     }
 
     fn move_cursor_up(&self, _: usize) -> io::Result<()> {
@@ -151,7 +153,7 @@ impl<W: Write + Send + std::fmt::Debug> TermLike for Log<W> {
 
     fn write_str(&self, text: &str) -> io::Result<()> {
         if let Ok(mut state) = self.state.lock() {
-            state.drawn.push_str(text);
+            state.pending_text.push_str(text);
         }
         Ok(())
     }
@@ -173,9 +175,9 @@ mod tests {
     #[test]
     fn a_log_gets_a_line_now_and_then() {
         let begun = Instant::now();
-        let mut state = LogState { out: Vec::new(), drawn: String::new(), written: begun };
+        let mut state = LogState { out: Vec::new(), pending_text: String::new(), last_written: begun };
         for second in 1..=70 {
-            state.drawn = format!("\r{second}/70 trials   ");
+            state.pending_text = format!("\r{second}/70 trials   ");
             state.flush(begun + Duration::from_secs(second)).expect("a log");
         }
         assert_eq!(String::from_utf8(state.out).expect("text"), "30/70 trials\n60/70 trials\n");
@@ -183,13 +185,13 @@ mod tests {
 
     #[test]
     fn rates_are_in_a_unit_that_can_be_read() {
-        assert_eq!([12.34, 0.5, 0.001, 0.0].map(rate), ["12.3/s", "30.0/min", "3.6/h", "0.0/h"]);
+        assert_eq!([12.34, 0.5, 0.001, 0.0].map(format_rate), ["12.3/s", "30.0/min", "3.6/h", "0.0/h"]);
     }
 
     #[test]
     fn time_left_is_that_of_the_rate() {
         assert_eq!(
-            [(30, 0.5), (7200, 1.0), (0, 1.0), (5, 0.0)].map(|(steps, rate)| left(steps, rate)),
+            [(30, 0.5), (7200, 1.0), (0, 1.0), (5, 0.0)].map(|(steps, rate)| format_time_left(steps, rate)),
             ["60s", "2h", "0s", "?"]
         );
     }
@@ -197,11 +199,11 @@ mod tests {
     /// The drawing of a bar arrives in a log as one line with its count.
     #[test]
     fn a_bar_draws_into_a_log() {
-        let log = Log::new(Vec::new());
-        log.state.lock().expect("the log").written -= PERIOD;
+        let log = LogTerminal::new(Vec::new());
+        log.state.lock().expect("the log").last_written -= LOG_INTERVAL;
         let shared = std::sync::Arc::new(log);
         #[derive(Debug)]
-        struct Shared(std::sync::Arc<Log<Vec<u8>>>);
+        struct Shared(std::sync::Arc<LogTerminal<Vec<u8>>>);
         impl TermLike for Shared {
             fn width(&self) -> u16 {
                 self.0.width()

@@ -11,7 +11,7 @@ use std::io::{self, Write as _};
 
 /// True if `letter` may be a control code of a terminal rather than text: control characters of ASCII and of Latin-1
 /// (U+0080 to U+009F), and those that change the writing direction. Line feed and tab are allowed.
-fn is_order(letter: char) -> bool {
+fn is_control_code(letter: char) -> bool {
     let turns =
         matches!(letter, '\u{061c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     turns || letter.is_control() && !matches!(letter, '\n' | '\t')
@@ -20,12 +20,12 @@ fn is_order(letter: char) -> bool {
 /// Returns `text` with every possible control code escaped as in `\u001b`. This is the escape of JSON, so JSON stays
 /// JSON.
 pub fn printable(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_order) {
+    if !text.contains(is_control_code) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for letter in text.chars() {
-        if is_order(letter) {
+        if is_control_code(letter) {
             // Writing to a string cannot fail.
             let _ = write!(shown, "\\u{:04x}", u32::from(letter));
         } else {

@@ -21,13 +21,13 @@ pub fn failure(error: &anyhow::Error) -> PyErr {
 }
 
 /// Converts exactly `N` numbers.
-pub fn fixed<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
+pub fn fixed_length<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
     let shape = || value_error(format!("{what}: found {} numbers, expected {N}", numbers.len()));
     numbers.as_slice().map_err(value_error)?.try_into().map_err(|_| shape())
 }
 
 /// Converts at most `most` numbers. The callee checks the exact number.
-pub fn up_to<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -> PyResult<T> {
+pub fn bounded_length<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -> PyResult<T> {
     let found = numbers.as_slice().map_err(value_error)?;
     if found.len() > most {
         return Err(value_error(format!("{what}: found {} numbers, expected at most {most}", found.len())));
@@ -36,8 +36,8 @@ pub fn up_to<T: FromIterator<f64>>(what: &str, numbers: &Numbers, most: usize) -
 }
 
 /// Converts exactly `N` finite numbers.
-pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
-    let found: [f64; N] = fixed(what, numbers)?;
+pub fn finite_array<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
+    let found: [f64; N] = fixed_length(what, numbers)?;
     match found.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(value_error(format!("{what}[{index}]: found {}, expected a finite number", found[index]))),
         None => Ok(found),
@@ -45,7 +45,7 @@ pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N
 }
 
 /// Returns an n x `N` array.
-pub fn table<'py, const N: usize>(
+pub fn array_of_rows<'py, const N: usize>(
     py: Python<'py>,
     rows: impl ExactSizeIterator<Item = [f64; N]>,
 ) -> Bound<'py, PyArray2<f64>> {

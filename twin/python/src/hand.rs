@@ -10,13 +10,13 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Numbers, finite, matrices, table, value_error};
+use crate::arrays::{Numbers, array_of_rows, finite_array, matrices, value_error};
 
 /// The built-in F-TAC Hand.
 pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| RobotModel::ftac_gen3().hand);
 
 fn angles(q: &Numbers) -> PyResult<HandVector> {
-    finite::<15>("q", q).map(|q| q.into_iter().collect())
+    finite_array::<15>("q", q).map(|q| q.into_iter().collect())
 }
 
 /// Returns names, limits and constants of the hand.
@@ -24,7 +24,7 @@ fn angles(q: &Numbers) -> PyResult<HandVector> {
 pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let (hand, all) = (&*HAND, PyDict::new(py));
     all.set_item("joints", hand.tree.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>())?;
-    all.set_item("limits", table(py, hand.tree.joints.iter().map(|joint| [joint.lower, joint.upper])))?;
+    all.set_item("limits", array_of_rows(py, hand.tree.joints.iter().map(|joint| [joint.lower, joint.upper])))?;
     all.set_item("springs", PyArray1::from_slice(py, &hand.transmission.springs))?;
     let pads: Vec<_> = hand
         .pads
@@ -43,7 +43,7 @@ pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     all.set_item("cameras", cameras)?;
     all.set_item("spool_radius", hand.parameters.cable.spool_radius)?;
     all.set_item("torque_constant", hand.parameters.servo.torque_constant)?;
-    all.set_item("tension", control::slip::most_tension(hand))?;
+    all.set_item("tension", control::slip::max_tension(hand))?;
     Ok(all)
 }
 
@@ -70,7 +70,7 @@ pub fn jacobian<'py>(
     if link >= HAND.tree.len() {
         return Err(value_error(format!("link: found {link}, expected 0 to {}", HAND.tree.len() - 1)));
     }
-    let (poses, point) = (HAND.tree.forward(&angles(&q)?), Point3::from(finite::<3>("point", &point)?));
+    let (poses, point) = (HAND.tree.forward(&angles(&q)?), Point3::from(finite_array::<3>("point", &point)?));
     let jacobian = HAND.tree.jacobian(&poses, link, &point);
     Ok(Array2::from_shape_fn((6, HAND.tree.len()), |at| jacobian[at]).into_pyarray(py))
 }
@@ -98,7 +98,7 @@ pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py,
 /// Returns the joint torques of cables and springs, N m.
 #[pyfunction]
 pub fn torques<'py>(py: Python<'py>, q: Numbers<'py>, tensions: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let torques = HAND.transmission.torques(&angles(&q)?, &finite::<5>("tensions", &tensions)?);
+    let torques = HAND.transmission.torques(&angles(&q)?, &finite_array::<5>("tensions", &tensions)?);
     Ok(PyArray1::from_slice(py, &torques))
 }
 
@@ -112,9 +112,9 @@ pub fn resting_posture<'py>(
     if !opposition.is_finite() {
         return Err(value_error(format!("opposition: found {opposition}, expected a finite angle in rad")));
     }
-    let tensions = finite::<5>("tensions", &tensions)?;
+    let tensions = finite_array::<5>("tensions", &tensions)?;
     if let Some(n) = tensions.iter().position(|tension| *tension < 0.0) {
         return Err(value_error(format!("tensions[{n}]: found {}, expected 0 N or more", tensions[n])));
     }
-    Ok(PyArray1::from_slice(py, &statics::free(&HAND, &tensions, opposition)))
+    Ok(PyArray1::from_slice(py, &statics::free_equilibrium(&HAND, &tensions, opposition)))
 }

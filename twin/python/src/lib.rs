@@ -4,7 +4,7 @@
 //! and converts the answer. The users' interface, with its documentation, is in `python/ftac`. Bad input raises a
 //! `ValueError` with the library's message; other failures raise a `RuntimeError`.
 //!
-//! [`arrays`] converts numpy arrays, [`worlds`] holds the data shared by scenes, [`scene`] steps them, and [`pickled`]
+//! [`arrays`] converts numpy arrays, [`shared_benches`] holds the data shared by scenes, [`scene`] steps them, and [`pickling`]
 //! stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
 //! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
 
@@ -12,13 +12,13 @@ mod arrays;
 mod grasps;
 mod hand;
 mod optics;
-mod pickled;
+mod pickling;
 mod program;
 mod scene;
 mod session;
+mod shared_benches;
 mod touch;
 mod trials;
-mod worlds;
 
 use pyo3::prelude::*;
 
@@ -38,9 +38,9 @@ mod _native {
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]
+    use crate::shared_benches::{combinations, objects, robot};
+    #[pymodule_export]
     use crate::touch::heights;
     #[pymodule_export]
     use crate::trials::Benchmark;
-    #[pymodule_export]
-    use crate::worlds::{combinations, objects, robot};
 }

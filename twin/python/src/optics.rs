@@ -2,21 +2,21 @@
 
 use std::sync::Arc;
 
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sim::tactile::unit_seed;
-use tactile_optics::{Foundation, IndentationMap, Sensor, press};
+use tactile_optics::{GelFoundation, IndentationMap, Sensor, press};
 
 use crate::arrays::{map, picture, value_error};
 use crate::hand::HAND;
 
 /// A rendered press: image, indentation depth of the gel (m) at every pixel, force (N).
-type Pressed<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray2<f32>>, f64);
+type RenderedPress<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray2<f32>>, f64);
 
-fn camera(index: usize) -> PyResult<(&'static Pad, &'static Camera)> {
+fn camera(index: usize) -> PyResult<(&'static Pad, &'static PadCamera)> {
     let count = HAND.cameras.len();
     let camera = HAND
         .cameras
@@ -34,17 +34,17 @@ fn sensor(index: usize, unit: Option<u64>) -> PyResult<Sensor> {
     })
 }
 
-fn positive(what: &str, value: f64, unit: &str) -> PyResult<()> {
+fn check_positive(what: &str, value: f64, unit: &str) -> PyResult<()> {
     let good = value.is_finite() && value > 0.0;
     if good { Ok(()) } else { Err(value_error(format!("{what}: found {value}, expected more than 0 {unit}"))) }
 }
 
-fn rendered<'py>(
+fn render_press<'py>(
     py: Python<'py>,
     index: usize,
     (unit, noise): (Option<u64>, u64),
     pressed: impl FnOnce() -> Result<(IndentationMap, f64), tactile_optics::OpticsError> + Send,
-) -> PyResult<Pressed<'py>> {
+) -> PyResult<RenderedPress<'py>> {
     let made = py.detach(|| -> PyResult<_> {
         let sensor = sensor(index, unit)?;
         let (indentation, force) = pressed().map_err(value_error)?;
@@ -74,9 +74,9 @@ pub fn press_sphere<'py>(
     center: (f64, f64),
     unit: Option<u64>,
     noise: u64,
-) -> PyResult<Pressed<'py>> {
+) -> PyResult<RenderedPress<'py>> {
     let (pad, camera) = camera(index)?;
-    positive("radius", radius, "m")?;
+    check_positive("radius", radius, "m")?;
     if !(center.0.is_finite() && center.1.is_finite()) {
         return Err(value_error(format!("center: found {center:?}, expected two finite lengths in m")));
     }
@@ -86,18 +86,20 @@ pub fn press_sphere<'py>(
     };
     match (depth, force) {
         (Some(depth), None) => {
-            positive("depth", depth, "m")?;
-            rendered(py, index, (unit, noise), move || {
+            check_positive("depth", depth, "m")?;
+            render_press(py, index, (unit, noise), move || {
                 let depths = pixels(camera).map(|(x, y)| {
                     lowest(x, y).map_or(0.0, |lowest| (pad.surface_height(x, y) - (lowest - depth)).max(0.0) as f32)
                 });
                 let depths: Vec<f32> = depths.collect();
-                let gel = Foundation::winkler(&HAND.gel());
+                let gel = GelFoundation::winkler(&HAND.gel());
                 let force = depths.iter().map(|depth| gel.pressure(f64::from(*depth))).sum::<f64>() * area(camera);
                 Ok((IndentationMap::from_depth(depths)?, force))
             })
         }
-        (None, Some(force)) => rendered(py, index, (unit, noise), move || balanced(pad, camera, force, lowest)),
+        (None, Some(force)) => {
+            render_press(py, index, (unit, noise), move || press_to_force(pad, camera, force, lowest))
+        }
         _ => Err(value_error("expected either a depth or a force")),
     }
 }
@@ -113,7 +115,7 @@ pub fn press_heights<'py>(
     force: f64,
     unit: Option<u64>,
     noise: u64,
-) -> PyResult<Pressed<'py>> {
+) -> PyResult<RenderedPress<'py>> {
     let (pad, camera) = camera(index)?;
     if surface.shape() != [IMAGE_SIZE, IMAGE_SIZE] {
         let shape = surface.shape();
@@ -127,13 +129,13 @@ pub fn press_heights<'py>(
         let height = heights[nearest((y0 - y) / dy) * IMAGE_SIZE + nearest((x - x0) / dx)];
         height.is_finite().then_some(height)
     };
-    rendered(py, index, (unit, noise), move || balanced(pad, camera, force, lowest))
+    render_press(py, index, (unit, noise), move || press_to_force(pad, camera, force, lowest))
 }
 
 /// Presses an object in until the gel bears the force (N). Returns the indentation and the force.
-fn balanced(
+fn press_to_force(
     pad: &Pad,
-    camera: &Camera,
+    camera: &PadCamera,
     force: f64,
     lowest: impl FnMut(f64, f64) -> Option<f64>,
 ) -> Result<(IndentationMap, f64), tactile_optics::OpticsError> {
@@ -142,13 +144,13 @@ fn balanced(
 }
 
 /// Returns the centres of a camera's pixels in the pad frame, m, row by row.
-fn pixels(camera: &Camera) -> impl Iterator<Item = (f64, f64)> {
+fn pixels(camera: &PadCamera) -> impl Iterator<Item = (f64, f64)> {
     let at = move |row: usize| (0..IMAGE_SIZE).map(move |column| camera.pixel_center(column, row));
     (0..IMAGE_SIZE).flat_map(at)
 }
 
 /// Returns the area of a pixel on the gel, m2.
-fn area(camera: &Camera) -> f64 {
+fn area(camera: &PadCamera) -> f64 {
     let (dx, dy) = camera.pixel_size();
     dx * dy
 }

@@ -8,34 +8,38 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
-use hand_model::arm::MOST_ARM_JOINTS;
-use hand_model::hand::{MOST_ACTUATORS, MOST_DIGITS};
-use learning_environment::{EpisodeError, Judgement, Options, PadImages, Placed, SceneOptions, Task};
+use hand_model::arm::MAX_ARM_JOINTS;
+use hand_model::hand::{MAX_ACTUATORS, MAX_DIGITS};
+use learning_environment::{
+    EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, SceneObject, SceneOptions,
+};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use world::layout::Place;
+use world::layout::TablePlacement;
 
-use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, up_to, value_error};
-use crate::pickled::{Given, Kept, Stepped, actions, check, keep};
-use crate::worlds::shared;
+use crate::arrays::{
+    Numbers, array_of_rows, bounded_length, failure, fixed_length, picture, pictures, pose_row, value_error,
+};
+use crate::pickling::{PickledState, SteppedScene, UnpickledState, check_state, decode_actions, pickle};
+use crate::shared_benches::shared_bench;
 
 /// Constructor arguments of a scene: objects and their places, images, seed, reality, texts of the robot.
-type SceneMade = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool, Option<String>);
+type SceneArguments = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool, Option<String>);
 /// Constructor arguments of an episode: task, images, combination, seed, reality, texts of the robot.
-type EpisodeMade = (String, Option<usize>, Option<usize>, u64, bool, Option<String>);
+type EpisodeArguments = (String, Option<usize>, Option<usize>, u64, bool, Option<String>);
 
 /// A robot at a table with objects.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Scene(Mutex<Stepped<learning_environment::Scene, SceneMade>>);
+pub struct Scene(Mutex<SteppedScene<learning_environment::TactileScene, SceneArguments>>);
 
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Episode(Mutex<Stepped<learning_environment::Episode, EpisodeMade>>);
+pub struct Episode(Mutex<SteppedScene<learning_environment::Episode, EpisodeArguments>>);
 
 /// Locks the scene, or returns an error if another thread is stepping it.
-fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
+fn lock_stepped<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Ok(guard),
         Err(TryLockError::WouldBlock) => {
@@ -48,45 +52,46 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
 }
 
 /// Arguments of an action: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
-type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
+type ActionArguments<'py> =
+    (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
 /// Converts the arguments of an action. The action's limits check the exact number of values; here only the maximum of
 /// any robot is checked.
-fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
+fn action((twist, joints, tensions, opposition, spools): ActionArguments) -> PyResult<Action> {
     let arm = match (twist, joints) {
-        (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
-        (None, Some(joints)) => ArmAction::Joints(up_to("joints", &joints, MOST_ARM_JOINTS)?),
+        (Some(twist), None) => ArmAction::Twist(Twist::from(fixed_length::<6>("twist", &twist)?)),
+        (None, Some(joints)) => ArmAction::Joints(bounded_length("joints", &joints, MAX_ARM_JOINTS)?),
         (None, None) => ArmAction::Twist(Twist::zeros()),
         (Some(_), Some(_)) => return Err(value_error("found twist and joints, expected one of them at most")),
     };
     let hand = match (tensions, opposition, spools) {
         (Some(tensions), Some(opposition), None) => {
-            HandAction::Tensions { tensions: up_to("tensions", &tensions, MOST_DIGITS)?, opposition }
+            HandAction::Tensions { tensions: bounded_length("tensions", &tensions, MAX_DIGITS)?, opposition }
         }
-        (None, None, Some(spools)) => HandAction::Spools(up_to("spools", &spools, MOST_ACTUATORS)?),
+        (None, None, Some(spools)) => HandAction::Spools(bounded_length("spools", &spools, MAX_ACTUATORS)?),
         _ => return Err(value_error("expected either tensions and opposition, or spools")),
     };
     Ok(Action { arm, hand })
 }
 
 /// Returns the observation: the measurements of the robot.
-fn observation<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn observation<'py>(py: Python<'py>, scene: &learning_environment::TactileScene) -> PyResult<Bound<'py, PyDict>> {
     let measured = PyDict::new(py);
     measured.set_item("time", scene.time())?;
     let servos = scene.servos().iter().map(|servo| [servo.position, servo.velocity, servo.current]);
-    measured.set_item("servos", table(py, servos))?;
+    measured.set_item("servos", array_of_rows(py, servos))?;
     let arm = scene.arm();
     let joints = (0..arm.position.len()).map(|n| [arm.position[n], arm.velocity[n], arm.torque[n]]);
-    measured.set_item("arm", table(py, joints))?;
+    measured.set_item("arm", array_of_rows(py, joints))?;
     measured.set_item("palm", PyArray1::from_slice(py, &pose_row(&scene.palm())))?;
     if let Some(images) = scene.images() {
-        measured.set_item("tactile", shown(py, images)?)?;
+        measured.set_item("tactile", pad_image_array(py, images)?)?;
         measured.set_item("tactile_time", times(images).into_pyarray(py))?;
     }
     Ok(measured)
 }
 
-fn shown<'py>(py: Python<'py>, images: &PadImages) -> PyResult<Bound<'py, PyArray4<u8>>> {
+fn pad_image_array<'py>(py: Python<'py>, images: &PadImages) -> PyResult<Bound<'py, PyArray4<u8>>> {
     pictures(py, images.times().len(), images.side(), images.rgb().to_vec())
 }
 
@@ -95,12 +100,12 @@ fn times(images: &PadImages) -> Vec<f64> {
 }
 
 /// Returns the true state of the scene.
-fn truth<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn truth<'py>(py: Python<'py>, scene: &learning_environment::TactileScene) -> PyResult<Bound<'py, PyDict>> {
     let truth = scene.truth();
     let all = PyDict::new(py);
     all.set_item("time", truth.time)?;
-    all.set_item("objects", table(py, truth.objects.iter().map(pose_row)))?;
-    all.set_item("velocities", table(py, truth.velocities.iter().map(|v| [v.x, v.y, v.z])))?;
+    all.set_item("objects", array_of_rows(py, truth.objects.iter().map(pose_row)))?;
+    all.set_item("velocities", array_of_rows(py, truth.velocities.iter().map(|v| [v.x, v.y, v.z])))?;
     all.set_item("palm", PyArray1::from_slice(py, &pose_row(&truth.palm)))?;
     all.set_item("joints", truth.hand.into_pyarray(py))?;
     all.set_item("tensions", PyArray1::from_slice(py, &truth.tensions))?;
@@ -111,20 +116,20 @@ fn truth<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<
         let (p, f) = (contact.point, contact.force);
         [contact.object as f64, link, p.x, p.y, p.z, f.x, f.y, f.z]
     });
-    all.set_item("contacts", table(py, contacts))?;
+    all.set_item("contacts", array_of_rows(py, contacts))?;
     Ok(all)
 }
 
 /// Returns the limits of the actions.
-fn limits<'py>(py: Python<'py>, scene: &learning_environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+fn limits<'py>(py: Python<'py>, scene: &learning_environment::TactileScene) -> PyResult<Bound<'py, PyDict>> {
     let limits = scene.limits();
     let all = PyDict::new(py);
     all.set_item("speed", limits.speed)?;
     all.set_item("turn_speed", limits.turn_speed)?;
-    all.set_item("joints", table(py, limits.joints.into_iter()))?;
+    all.set_item("joints", array_of_rows(py, limits.joints.into_iter()))?;
     all.set_item("tension", limits.tension)?;
     all.set_item("opposition", PyArray1::from_slice(py, &limits.opposition))?;
-    all.set_item("spools", table(py, limits.spools.into_iter()))?;
+    all.set_item("spools", array_of_rows(py, limits.spools.into_iter()))?;
     all.set_item("step", scene.step_length())?;
     Ok(all)
 }
@@ -140,49 +145,51 @@ impl Scene {
         reality: bool,
         robot: Option<String>,
     ) -> PyResult<Self> {
-        let bench = shared(py, reality, robot.as_deref())?;
-        let placed = objects.iter().cloned().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } });
+        let bench = shared_bench(py, reality, robot.as_deref())?;
+        let placed =
+            objects.iter().cloned().map(|(name, x, y, yaw)| SceneObject { name, place: TablePlacement { x, y, yaw } });
         let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
-        let scene = py.detach(|| learning_environment::Scene::new(&bench.world, &bench.board, &placed, options));
-        let (scene, made) = (scene.map_err(value_error)?, (objects, images, seed, reality, robot));
-        Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() })))
+        let scene =
+            py.detach(|| learning_environment::TactileScene::new(&bench.world, &bench.cameras, &placed, options));
+        let (scene, arguments) = (scene.map_err(value_error)?, (objects, images, seed, reality, robot));
+        Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() })))
     }
 
-    fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<()> {
+    fn step(&self, py: Python<'_>, asked: ActionArguments) -> PyResult<()> {
         let action = action(asked)?;
-        let mut stepped = own(&self.0)?;
-        let Stepped { scene, actions, .. } = &mut *stepped;
+        let mut stepped = lock_stepped(&self.0)?;
+        let SteppedScene { scene, actions, .. } = &mut *stepped;
         py.detach(|| scene.step(&action)).map_err(value_error)?;
         actions.push(action);
         Ok(())
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        observation(py, &own(&self.0)?.scene)
+        observation(py, &lock_stepped(&self.0)?.scene)
     }
 
     /// Returns the images of the untouched pads, as `tactile` of an observation.
     fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
-        own(&self.0)?.scene.untouched().map(|images| shown(py, images)).transpose()
+        lock_stepped(&self.0)?.scene.untouched().map(|images| pad_image_array(py, images)).transpose()
     }
 
     fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        truth(py, &own(&self.0)?.scene)
+        truth(py, &lock_stepped(&self.0)?.scene)
     }
 
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        limits(py, &own(&self.0)?.scene)
+        limits(py, &lock_stepped(&self.0)?.scene)
     }
 
     /// Renders the scene for people to look at, side x side x RGB.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        drawn(py, &own(&self.0)?.scene, side)
+        render_picture(py, &lock_stepped(&self.0)?.scene, side)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (SceneMade, Kept<'py>))> {
-        let stepped = own(&self.0)?;
-        let kept = keep(py, &stepped.scene, &stepped.actions);
-        Ok((native(py, "restored_scene")?, (stepped.made.clone(), kept)))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (SceneArguments, PickledState<'py>))> {
+        let stepped = lock_stepped(&self.0)?;
+        let kept = pickle(py, &stepped.scene, &stepped.actions);
+        Ok((native(py, "restored_scene")?, (stepped.arguments.clone(), kept)))
     }
 
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -190,21 +197,21 @@ impl Scene {
     }
 
     fn copy(&self) -> PyResult<Self> {
-        Ok(Self(Mutex::new(own(&self.0)?.clone())))
+        Ok(Self(Mutex::new(lock_stepped(&self.0)?.clone())))
     }
 }
 
 /// Restores a pickled scene.
 #[pyfunction]
-pub fn restored_scene(py: Python<'_>, made: SceneMade, kept: Given<'_>) -> PyResult<Scene> {
+pub fn restored_scene(py: Python<'_>, made: SceneArguments, kept: UnpickledState<'_>) -> PyResult<Scene> {
     let (objects, images, seed, reality, robot) = made;
     let restored = Scene::new(py, objects, images, seed, reality, robot)?;
     {
-        let mut stepped = own(&restored.0)?;
+        let mut stepped = lock_stepped(&restored.0)?;
         let scene = &mut stepped.scene;
-        let actions = actions(scene, &kept)?;
+        let actions = decode_actions(scene, &kept)?;
         py.detach(|| actions.iter().try_for_each(|action| scene.step(action))).map_err(value_error)?;
-        check(&stepped.scene, &kept)?;
+        check_state(&stepped.scene, &kept)?;
         stepped.actions = actions;
     }
     Ok(restored)
@@ -215,15 +222,19 @@ fn native<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     py.import("ftac._native")?.getattr(name)
 }
 
-fn drawn<'py>(py: Python<'py>, scene: &learning_environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+fn render_picture<'py>(
+    py: Python<'py>,
+    scene: &learning_environment::TactileScene,
+    side: u32,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let rgb = py.detach(|| scene.picture(side)).map_err(value_error)?;
     picture(py, side as usize, rgb)
 }
 
 /// Judgement after a step: held, progress, gained, success, lost.
-type Judged = (Vec<bool>, f64, f64, bool, bool);
+type JudgementTuple = (Vec<bool>, f64, f64, bool, bool);
 
-fn judged(judgement: Judgement) -> Judged {
+fn judgement_tuple(judgement: Judgement) -> JudgementTuple {
     let Judgement { held, progress, gained, success, lost } = judgement;
     (held, progress, gained, success, lost)
 }
@@ -241,88 +252,88 @@ impl Episode {
         robot: Option<String>,
     ) -> PyResult<Self> {
         let kind = match task {
-            "pick_one" => Task::PickOne,
-            "pick_second" => Task::PickSecond,
-            "pick_two" => Task::PickTwo,
+            "pick_one" => EpisodeTask::PickOne,
+            "pick_second" => EpisodeTask::PickSecond,
+            "pick_two" => EpisodeTask::PickTwo,
             found => {
                 return Err(value_error(format!(
                     "task: found `{found}`, expected `pick_one`, `pick_second` or `pick_two`"
                 )));
             }
         };
-        let bench = shared(py, reality, robot.as_deref())?;
-        if kind == Task::PickSecond
-            && !grasp_verification::builtin::fits(&bench.world.cell.robot).map_err(|error| failure(&error))?
+        let bench = shared_bench(py, reality, robot.as_deref())?;
+        if kind == EpisodeTask::PickSecond
+            && !grasp_verification::builtin::fits_robot(&bench.world.cell.robot).map_err(|error| failure(&error))?
         {
             let name = &bench.world.cell.robot.name;
             let words = "task: found `pick_second`, which begins with a grasp of the built-in robot, expected `pick_one` or `pick_two` with";
             return Err(value_error(format!("{words} {name}")));
         }
-        let options = Options { task: kind, images, combination };
-        let made = (task.to_owned(), images, combination, seed, reality, robot);
+        let options = EpisodeOptions { task: kind, images, combination };
+        let arguments = (task.to_owned(), images, combination, seed, reality, robot);
         match py.detach(|| learning_environment::Episode::begin(&bench, options, seed)) {
-            Ok(scene) => Ok(Self(Mutex::new(Stepped { scene, made, actions: Vec::new() }))),
+            Ok(scene) => Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
             Err(error) => Err(value_error(error)),
         }
     }
 
-    fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<Judged> {
+    fn step(&self, py: Python<'_>, asked: ActionArguments) -> PyResult<JudgementTuple> {
         let action = action(asked)?;
-        let mut stepped = own(&self.0)?;
-        let stepped: &mut Stepped<_, _> = &mut stepped;
-        py.detach(|| asked_of(stepped, action)).map_err(value_error)
+        let mut stepped = lock_stepped(&self.0)?;
+        let stepped: &mut SteppedScene<_, _> = &mut stepped;
+        py.detach(|| step_and_judge(stepped, action)).map_err(value_error)
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let stepped = own(&self.0)?;
+        let stepped = lock_stepped(&self.0)?;
         let episode = &stepped.scene;
         let measured = observation(py, &episode.scene)?;
-        measured.set_item("seen", table(py, episode.seen().iter().map(|seen| pose_row(&seen.pose()))))?;
+        measured.set_item("seen", array_of_rows(py, episode.detections().iter().map(|seen| pose_row(&seen.pose()))))?;
         Ok(measured)
     }
 
     /// Returns the images of the untouched pads, as `tactile` of an observation.
     fn untouched<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
-        own(&self.0)?.scene.scene.untouched().map(|images| shown(py, images)).transpose()
+        lock_stepped(&self.0)?.scene.scene.untouched().map(|images| pad_image_array(py, images)).transpose()
     }
 
     fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        truth(py, &own(&self.0)?.scene.scene)
+        truth(py, &lock_stepped(&self.0)?.scene.scene)
     }
 
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        limits(py, &own(&self.0)?.scene.scene)
+        limits(py, &lock_stepped(&self.0)?.scene.scene)
     }
 
     /// Renders the scene for people to look at, side x side x RGB.
     fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        drawn(py, &own(&self.0)?.scene.scene, side)
+        render_picture(py, &lock_stepped(&self.0)?.scene.scene, side)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (EpisodeMade, Kept<'py>))> {
-        let stepped = own(&self.0)?;
-        let kept = keep(py, &stepped.scene.scene, &stepped.actions);
-        Ok((native(py, "restored_episode")?, (stepped.made.clone(), kept)))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (EpisodeArguments, PickledState<'py>))> {
+        let stepped = lock_stepped(&self.0)?;
+        let kept = pickle(py, &stepped.scene.scene, &stepped.actions);
+        Ok((native(py, "restored_episode")?, (stepped.arguments.clone(), kept)))
     }
 
     /// Returns the tensions (N) and the opposition (rad) with which the hand begins.
     fn grip(&self) -> PyResult<(Vec<f64>, f64)> {
-        let (tensions, opposition) = own(&self.0)?.scene.grip();
+        let (tensions, opposition) = lock_stepped(&self.0)?.scene.grip();
         Ok((tensions.to_vec(), opposition))
     }
 
     fn objects(&self) -> PyResult<Vec<String>> {
-        Ok(own(&self.0)?.scene.objects().map(str::to_owned).collect())
+        Ok(lock_stepped(&self.0)?.scene.objects().map(str::to_owned).collect())
     }
 
     /// Returns the yaw (rad) of each object about the vertical from its rest pose, as seen by vision.
     fn yaws(&self) -> PyResult<Vec<f64>> {
-        Ok(own(&self.0)?.scene.seen().iter().map(|seen| seen.yaw).collect())
+        Ok(lock_stepped(&self.0)?.scene.detections().iter().map(|seen| seen.yaw).collect())
     }
 
     fn combination(&self) -> PyResult<usize> {
-        Ok(own(&self.0)?.scene.combination())
+        Ok(lock_stepped(&self.0)?.scene.combination())
     }
 
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -330,37 +341,37 @@ impl Episode {
     }
 
     fn copy(&self) -> PyResult<Self> {
-        Ok(Self(Mutex::new(own(&self.0)?.clone())))
+        Ok(Self(Mutex::new(lock_stepped(&self.0)?.clone())))
     }
 }
 
 /// Steps an episode and returns its judgement.
-fn asked_of(
-    stepped: &mut Stepped<learning_environment::Episode, EpisodeMade>,
+fn step_and_judge(
+    stepped: &mut SteppedScene<learning_environment::Episode, EpisodeArguments>,
     action: Action,
-) -> Result<Judged, ActionError> {
+) -> Result<JudgementTuple, ActionError> {
     stepped.scene.scene.step(&action)?;
     stepped.actions.push(action);
-    Ok(judged(stepped.scene.judge()))
+    Ok(judgement_tuple(stepped.scene.judge()))
 }
 
 /// Restores a pickled episode.
 #[pyfunction]
-pub fn restored_episode(py: Python<'_>, made: EpisodeMade, kept: Given<'_>) -> PyResult<Episode> {
+pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledState<'_>) -> PyResult<Episode> {
     let (task, images, combination, seed, reality, robot) = made;
     let restored = Episode::new(py, &task, images, combination, seed, reality, robot)?;
     {
-        let mut stepped = own(&restored.0)?;
-        let stepped: &mut Stepped<_, _> = &mut stepped;
-        let actions = actions(&stepped.scene.scene, &kept)?;
-        py.detach(|| actions.into_iter().try_for_each(|action| asked_of(stepped, action).map(drop)))
+        let mut stepped = lock_stepped(&restored.0)?;
+        let stepped: &mut SteppedScene<_, _> = &mut stepped;
+        let actions = decode_actions(&stepped.scene.scene, &kept)?;
+        py.detach(|| actions.into_iter().try_for_each(|action| step_and_judge(stepped, action).map(drop)))
             .map_err(value_error)?;
-        check(&stepped.scene.scene, &kept)?;
+        check_state(&stepped.scene.scene, &kept)?;
     }
     Ok(restored)
 }
 
-/// Steps a batch of episodes on `jobs` threads. A row of `actions` is twist, tension of each digit, opposition. If one
+/// Steps a batch of episodes on `jobs` threads. A row of `decode_actions` is twist, tension of each digit, opposition. If one
 /// action is refused, no episode is stepped.
 #[pyfunction]
 pub fn step_all(
@@ -368,8 +379,8 @@ pub fn step_all(
     episodes: Vec<Py<Episode>>,
     actions: PyReadonlyArray2<'_, f64>,
     jobs: usize,
-) -> PyResult<Vec<Judged>> {
-    let mut guards = episodes.iter().map(|episode| own(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
+) -> PyResult<Vec<JudgementTuple>> {
+    let mut guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
     let Some(digits) = guards.first().map(|first| first.scene.scene.limits().digits) else { return Ok(Vec::new()) };
     let length = 6 + digits + 1;
     if actions.shape() != [guards.len(), length] {
@@ -388,19 +399,20 @@ pub fn step_all(
         };
         let refused = |error| value_error(format!("environment {number}: {error}"));
         guard.scene.scene.limits().check(&action).map_err(refused)?;
-        let stepped: &mut Stepped<_, _> = guard;
+        let stepped: &mut SteppedScene<_, _> = guard;
         work.push(Mutex::new((stepped, Some(action), None)));
     }
     let done = py.detach(|| {
         workers::for_each(jobs, &work, |_, item| {
             let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
             let (stepped, action, judgement) = &mut *item;
-            *judgement = action.take().map(|action| asked_of(stepped, action)).transpose()?;
+            *judgement = action.take().map(|action| step_and_judge(stepped, action)).transpose()?;
             Ok(())
         })
     });
     done.map_err(|error| failure(&error))?;
-    let judgement = |item: Mutex<(_, _, Option<Judged>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
+    let judgement =
+        |item: Mutex<(_, _, Option<JudgementTuple>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
     let missing = || PyRuntimeError::new_err("a step failed half-way: make new environments");
     work.into_iter().map(|item| judgement(item).ok_or_else(missing)).collect()
 }

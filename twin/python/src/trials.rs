@@ -6,8 +6,8 @@
 
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher, TrialOutcome};
-use external_policy::host::Array;
-use external_policy::{Guest, Host, HostError, Pace};
+use external_policy::server::QuestionArray;
+use external_policy::{PolicyIntroduction, PolicyServer, PolicyServerError, SimulatedTimePassage};
 use hand_model::RobotModel;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -21,31 +21,33 @@ use crate::arrays::{failure, value_error};
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Benchmark(Bench);
 
-/// A `policy_host.Host` that answers questions.
-struct Asked<'a> {
-    host: &'a Py<PyAny>,
+/// A `policy_host.PolicyServer` that answers questions.
+struct PythonPolicyServer<'a> {
+    server: &'a Py<PyAny>,
     /// An interrupt, which is no failure of the policy and ends the call.
     interrupt: Option<PyErr>,
 }
 
-impl Host for Asked<'_> {
-    fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError> {
+impl PolicyServer for PythonPolicyServer<'_> {
+    fn ask(&mut self, question: &Value, arrays: &[QuestionArray]) -> Result<Value, PolicyServerError> {
         let question = question.to_string();
         let answer = Python::attach(|py| {
             let arrays: Vec<_> =
                 arrays.iter().map(|array| (array.shape.clone(), PyBytes::new(py, array.bytes))).collect();
-            self.host.call_method1(py, "answer_text", (question, arrays))?.extract::<String>(py)
+            self.server.call_method1(py, "answer_text", (question, arrays))?.extract::<String>(py)
         });
         let answer: Value = match answer {
-            Ok(text) => serde_json::from_str(&text).map_err(|error| HostError::Answer(error.to_string()))?,
+            Ok(text) => {
+                serde_json::from_str(&text).map_err(|error| PolicyServerError::InvalidAnswer(error.to_string()))?
+            }
             Err(error) => {
                 let words = error.to_string();
                 self.interrupt = Some(error);
-                return Err(HostError::Failed(words));
+                return Err(PolicyServerError::Failed(words));
             }
         };
         match answer.get("error").and_then(Value::as_str) {
-            Some(why) => Err(HostError::Failed(why.to_owned())),
+            Some(why) => Err(PolicyServerError::Failed(why.to_owned())),
             None => Ok(answer),
         }
     }
@@ -60,7 +62,7 @@ impl Benchmark {
     #[new]
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
         let made = py.detach(|| {
-            let combos = grasp_verification::builtin::plans()?.plans.len();
+            let combos = grasp_verification::builtin::grasp_pairs()?.plans.len();
             make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
         });
         Ok(Self(made.map_err(|error| failure(&error))?))
@@ -77,10 +79,10 @@ impl Benchmark {
         trial: usize,
     ) -> PyResult<String> {
         self.check(combination)?;
-        let guest: Guest = serde_json::from_str(guest).map_err(value_error)?;
-        let pace = if wall { Pace::Wall } else { Pace::Stand };
-        let mut asked = Asked { host: &host, interrupt: None };
-        let played = py.detach(|| self.0.hosted(combination, trial, (&guest, pace), &mut asked));
+        let guest: PolicyIntroduction = serde_json::from_str(guest).map_err(value_error)?;
+        let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Stand };
+        let mut asked = PythonPolicyServer { server: &host, interrupt: None };
+        let played = py.detach(|| self.0.play_with_server(combination, trial, (&guest, pace), &mut asked));
         if let Some(error) = asked.interrupt {
             return Err(error);
         }
@@ -94,9 +96,9 @@ impl Benchmark {
         self.check(combination)?;
         let condition: Condition = name.parse().map_err(value_error)?;
         let played = py.detach(|| match condition {
-            Condition::Ideal => self.0.ideal(combination, &mut NoWatcher).map(|outcome| outcome.record),
+            Condition::Ideal => self.0.play_ideal(combination, &mut NoWatcher).map(|outcome| outcome.record),
             _ => {
-                let results = self.0.trial(combination, trial, &[condition], &[], &mut NoWatcher)?;
+                let results = self.0.play_conditions(combination, trial, &[condition], &[], &mut NoWatcher)?;
                 results.records.into_iter().next().ok_or_else(|| anyhow::anyhow!("no trial was played"))
             }
         });
@@ -107,7 +109,7 @@ impl Benchmark {
 
 impl Benchmark {
     fn check(&self, combination: usize) -> PyResult<()> {
-        let count = self.0.plans.plans.len();
+        let count = self.0.grasp_pairs.plans.len();
         if combination < count {
             return Ok(());
         }

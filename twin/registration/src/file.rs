@@ -23,7 +23,7 @@ pub struct RegistrationFile {
 }
 
 /// Largest plausible offset of the base from its nominal pose: m and rad.
-const FARTHEST: (f64, f64) = (0.1, 0.2);
+const MAX_BASE_OFFSET: (f64, f64) = (0.1, 0.2);
 
 impl RegistrationFile {
     /// Creates the file of a registration.
@@ -45,7 +45,7 @@ impl RegistrationFile {
         if read.version != 1 {
             return bad("version", read.version.to_string(), "1");
         }
-        if !read.position.iter().all(|value| value.abs() <= FARTHEST.0) {
+        if !read.position.iter().all(|value| value.abs() <= MAX_BASE_OFFSET.0) {
             return bad(
                 "position",
                 format!("{:?}", read.position),
@@ -57,7 +57,7 @@ impl RegistrationFile {
             return bad("quaternion", format!("{:?}", read.quaternion), "four numbers of norm 1");
         }
         let angle = read.world_from_base().rotation.angle();
-        if angle > FARTHEST.1 {
+        if angle > MAX_BASE_OFFSET.1 {
             return bad("quaternion", format!("a turn of {:.3} rad", angle), "at most 0.2 rad");
         }
         if !read.sigma.iter().all(|value| *value > 0.0 && value.is_finite()) {

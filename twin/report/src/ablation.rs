@@ -5,29 +5,30 @@ use kuva::prelude::{ForestPlot, Plot};
 use maud::{Markup, html};
 use scenarios::summary::{Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
-use statistics::{Difference, Interval};
+use statistics::{ConfidenceInterval, PairedDifference};
 use world::Sensing;
 
 use super::chart::{self, color};
-use super::comparisons::with_interval;
-use super::html::{Column, Table, number};
+use super::comparisons::format_with_interval;
+use super::html::{ColumnAlignment, HtmlTable, format_number};
 
 /// Width of the drawing and height of a row, pixels.
 const WIDTH: f64 = 760.0;
-const ROW: f64 = 30.0;
+const ROW_HEIGHT: f64 = 30.0;
 
 /// A row of the figure: name, class that colours it, mean clean success.
 struct Row {
     name: &'static str,
     class: &'static str,
-    success: Interval,
+    success: ConfidenceInterval,
 }
 
 /// Returns the rows: blind at the top, then the ablations by rising success, then reflex and the whole hand.
 fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     let of = |condition: Condition| {
         let rates = combination_rates(records, condition);
-        Difference::of(&rates.iter().map(|rates| (rates.clean_success_rate, 0.0)).collect::<Vec<_>>()).difference
+        PairedDifference::from_pairs(&rates.iter().map(|rates| (rates.clean_success_rate, 0.0)).collect::<Vec<_>>())
+            .difference
     };
     let mut less: Vec<Row> = summary
         .ablations
@@ -50,7 +51,7 @@ pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let forest =
         rows.iter().fold(ForestPlot::new().with_show_null_line(false), |forest, Row { name, class, success }| {
             let mean = success.value.unwrap_or(0.0);
-            let label = format!("{name}: {}", number(mean, 3));
+            let label = format!("{name}: {}", format_number(mean, 3));
             forest.with_colored_row(
                 label,
                 mean,
@@ -60,7 +61,7 @@ pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
             )
         });
     let plots: Vec<Plot> = vec![forest.with_whisker_width(4.0).into()];
-    let size = [WIDTH, 90.0 + ROW * rows.len() as f64];
+    let size = [WIDTH, 90.0 + ROW_HEIGHT * rows.len() as f64];
     let layout = chart::layout(&plots, "Clean success by what the hand may use", size);
     chart::draw(plots, layout.with_x_axis_min(0.0).with_x_axis_max(1.0), "Clean success rate without some of its means")
 }
@@ -71,18 +72,18 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
         return Markup::default();
     }
     let head = [
-        ("what the hand may use", Column::Words),
-        ("trials", Column::Numbers),
-        ("success [95 %]", Column::Numbers),
-        ("clean success [95 %]", Column::Numbers),
-        ("against the whole hand [95 %]", Column::Numbers),
-        ("contact", Column::Numbers),
+        ("what the hand may use", ColumnAlignment::Words),
+        ("trials", ColumnAlignment::Numbers),
+        ("success [95 %]", ColumnAlignment::Numbers),
+        ("clean success [95 %]", ColumnAlignment::Numbers),
+        ("against the whole hand [95 %]", ColumnAlignment::Numbers),
+        ("contact", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new(
+    let mut table = HtmlTable::new(
         "The same trials without some of its means; clean success is compared; intervals by bootstrap over combinations",
         &head,
     );
-    let with = |of: &Interval| with_interval(of, 3);
+    let with = |of: &ConfidenceInterval| format_with_interval(of, 3);
     for ablation in &summary.ablations {
         table.row(&[
             ablation.ablation.label().to_string(),
@@ -90,7 +91,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
             with(&ablation.success),
             with(&ablation.clean_success),
             with(&ablation.against_full),
-            number(ablation.contact.value.unwrap_or(f64::NAN), 3),
+            format_number(ablation.contact.value.unwrap_or(f64::NAN), 3),
         ]);
     }
     html! {

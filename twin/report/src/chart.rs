@@ -67,7 +67,7 @@ pub fn element(scene: &Scene, description: &str) -> Markup {
 
 /// Returns the chart as a file of its own.
 pub fn standalone(chart: &Markup) -> String {
-    let style = html! { style { (PreEscaped(style::FIGURE)) } }.into_string();
+    let style = html! { style { (PreEscaped(style::FIGURE_CSS)) } }.into_string();
     let chart = chart.0.replacen('>', &format!(">{style}"), 1);
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}\n", printable(PreEscaped(chart)))
 }

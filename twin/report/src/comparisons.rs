@@ -4,10 +4,10 @@
 use maud::{Markup, Render as _, html};
 use scenarios::Condition;
 use scenarios::summary::Summary;
-use statistics::{Difference, Interval, TTest, Untested};
+use statistics::{ConfidenceInterval, NoTestReason, PairedDifference, TTest};
 
 use super::findings::Rate;
-use super::html::{Column, Table, number, probability};
+use super::html::{ColumnAlignment, HtmlTable, format_number, format_probability};
 
 /// One of the benchmark's comparisons between two conditions that were played.
 pub struct Comparison<'a> {
@@ -15,7 +15,7 @@ pub struct Comparison<'a> {
     pub conditions: [Condition; 2],
     pub rate: Rate,
     pub test: &'a TTest,
-    difference: &'a Difference,
+    difference: &'a PairedDifference,
 }
 
 impl Comparison<'_> {
@@ -41,7 +41,7 @@ impl Comparison<'_> {
 }
 
 /// Lists the comparisons whose two conditions were both played.
-pub fn played(summary: &Summary) -> Vec<Comparison<'_>> {
+pub fn played_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
     use Condition::{Blind, Ideal, Reflex, Touch};
     let (tests, differences) = (&summary.t_test, &summary.differences);
     let all = [
@@ -52,86 +52,91 @@ pub fn played(summary: &Summary) -> Vec<Comparison<'_>> {
     ];
     let compared = all.map(|(conditions, rate, test, difference)| Comparison { conditions, rate, test, difference });
     let played = |one: &Comparison| {
-        let both = one.conditions.iter().all(|condition| summary.conditions.of(*condition).trials > 0);
-        both && one.test.untested != Some(Untested::NotPlayed)
+        let both = one.conditions.iter().all(|condition| summary.conditions.get(*condition).trials > 0);
+        both && one.test.untested != Some(NoTestReason::NotPlayed)
     };
     compared.into_iter().filter(played).collect()
 }
 
 /// Formats a number that may be missing.
-fn maybe(value: Option<f64>, decimals: usize) -> String {
-    number(value.unwrap_or(f64::NAN), decimals)
+fn format_optional(value: Option<f64>, decimals: usize) -> String {
+    format_number(value.unwrap_or(f64::NAN), decimals)
 }
 
 /// Formats a value with its interval, if it has one.
-pub fn with_interval(of: &Interval, decimals: usize) -> String {
+pub fn format_with_interval(of: &ConfidenceInterval, decimals: usize) -> String {
     match (of.low, of.high) {
         (Some(low), Some(high)) => {
-            format!("{} [{}, {}]", maybe(of.value, decimals), number(low, decimals), number(high, decimals))
+            format!(
+                "{} [{}, {}]",
+                format_optional(of.value, decimals),
+                format_number(low, decimals),
+                format_number(high, decimals)
+            )
         }
-        _ => maybe(of.value, decimals),
+        _ => format_optional(of.value, decimals),
     }
 }
 
 /// Returns the tables; empty if nothing can be compared.
 pub fn section(summary: &Summary) -> Markup {
-    let compared = played(summary);
+    let compared = played_comparisons(summary);
     html! { @if !compared.is_empty() {
-        (tests(summary, &compared)) (differences(&compared)) (mixed(summary)) (trial_by_trial(summary))
+        (tests(summary, &compared)) (differences(&compared)) (mixed_model_table(summary)) (trial_by_trial(summary))
     } }
 }
 
 /// Returns the table of the tests.
-fn tests(summary: &Summary, compared: &[Comparison]) -> Table {
+fn tests(summary: &Summary, compared: &[Comparison]) -> HtmlTable {
     let head = [
-        ("question", Column::Words),
-        ("difference of means", Column::Numbers),
-        ("t", Column::Numbers),
-        ("df", Column::Numbers),
-        ("p", Column::Numbers),
+        ("question", ColumnAlignment::Words),
+        ("difference of means", ColumnAlignment::Numbers),
+        ("t", ColumnAlignment::Numbers),
+        ("df", ColumnAlignment::Numbers),
+        ("p", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new("Paired one-sided t-tests over combinations", &head);
+    let mut table = HtmlTable::new("Paired one-sided t-tests over combinations", &head);
     for one in compared {
-        let [more, less] = one.conditions.map(|condition| one.rate.over_all(summary.conditions.of(condition)).mean);
+        let [more, less] = one.conditions.map(|condition| one.rate.over_all(summary.conditions.get(condition)).mean);
         let test = one.test;
-        let tested = test.p.map(|p| [maybe(test.t, 2), test.df.to_string(), probability(p)]);
+        let tested = test.p.map(|p| [format_optional(test.t, 2), test.df.to_string(), format_probability(p)]);
         let [t, df, p] = tested.unwrap_or_else(|| {
             let reason = test.reason().unwrap_or_default();
             ["–".to_owned(), "–".to_owned(), format!("none: {reason}")]
         });
-        table.row(&[one.question(), maybe(more.zip(less).map(|(a, b)| a - b), 3), t, df, p]);
+        table.row(&[one.question(), format_optional(more.zip(less).map(|(a, b)| a - b), 3), t, df, p]);
     }
     table
 }
 
 /// Returns the table of effect sizes, which goes beyond the paper: the sizes of the differences, and the power with
 /// fewer combinations.
-fn differences(compared: &[Comparison]) -> Table {
+fn differences(compared: &[Comparison]) -> HtmlTable {
     let head = [
-        ("difference", Column::Words),
-        ("mean [95 %]", Column::Numbers),
-        ("effect size d_z [95 %]", Column::Numbers),
-        ("power with fewer combinations", Column::Words),
+        ("difference", ColumnAlignment::Words),
+        ("mean [95 %]", ColumnAlignment::Numbers),
+        ("effect size d_z [95 %]", ColumnAlignment::Numbers),
+        ("power with fewer combinations", ColumnAlignment::Words),
     ];
-    let mut table = Table::new("Paired differences over combinations, with bootstrap intervals", &head);
+    let mut table = HtmlTable::new("Paired differences over combinations, with bootstrap intervals", &head);
     for one in compared {
-        let Difference { difference, d_z, power } = one.difference;
-        let power: Vec<String> = power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
-        table.row(&[one.name(), with_interval(difference, 3), with_interval(d_z, 2), power.join(", ")]);
+        let PairedDifference { difference, d_z, power } = one.difference;
+        let power: Vec<String> = power.iter().map(|(n, power)| format!("{n}: {}", format_number(*power, 2))).collect();
+        table.row(&[one.name(), format_with_interval(difference, 3), format_with_interval(d_z, 2), power.join(", ")]);
     }
     table
 }
 
 /// Returns the table of the mixed model, trials within combinations: it shows whether combinations differ, or only
 /// their trials.
-fn mixed(summary: &Summary) -> Markup {
+fn mixed_model_table(summary: &Summary) -> Markup {
     let head = [
-        ("difference, trial by trial", Column::Words),
-        ("mean [95 %]", Column::Numbers),
-        ("SD between combinations", Column::Numbers),
-        ("SD within them", Column::Numbers),
-        ("share between", Column::Numbers),
-        ("pairs of trials", Column::Numbers),
+        ("difference, trial by trial", ColumnAlignment::Words),
+        ("mean [95 %]", ColumnAlignment::Numbers),
+        ("SD between combinations", ColumnAlignment::Numbers),
+        ("SD within them", ColumnAlignment::Numbers),
+        ("share between", ColumnAlignment::Numbers),
+        ("pairs of trials", ColumnAlignment::Numbers),
     ];
     let of = &summary.differences.mixed;
     let all = [
@@ -143,14 +148,14 @@ fn mixed(summary: &Summary) -> Markup {
     if played.is_empty() {
         return Markup::default();
     }
-    let mut table = Table::new("Mixed model: paired trials within combinations", &head);
+    let mut table = HtmlTable::new("Mixed model: paired trials within combinations", &head);
     for (name, mixed) in played {
         table.row(&[
             name.to_string(),
-            with_interval(&mixed.difference, 3),
-            maybe(mixed.between_sd, 3),
-            maybe(mixed.within_sd, 3),
-            maybe(mixed.intraclass, 2),
+            format_with_interval(&mixed.difference, 3),
+            format_optional(mixed.between_sd, 3),
+            format_optional(mixed.within_sd, 3),
+            format_optional(mixed.intraclass, 2),
             mixed.trials.to_string(),
         ]);
     }
@@ -160,7 +165,7 @@ fn mixed(summary: &Summary) -> Markup {
 /// Compares the success of touch and blind, pair by pair of trials.
 fn trial_by_trial(summary: &Summary) -> Markup {
     let counts = &summary.differences.mcnemar;
-    let tested = counts.p.map_or("none, too few trials differ".to_owned(), |p| format!("p {}", probability(p)));
+    let tested = counts.p.map_or("none, too few trials differ".to_owned(), |p| format!("p {}", format_probability(p)));
     html! { @if counts.both + counts.first_only + counts.second_only + counts.neither > 0 {
         p {
             "Trial by trial: " (counts.both) " succeeded both blind and with touch, " (counts.first_only) " only with touch, "

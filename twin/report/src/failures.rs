@@ -8,17 +8,17 @@ use scenarios::summary::Summary;
 use scenarios::{Condition, FailureCause, TrialRecord};
 
 use super::findings::harmless_contacts;
-use super::html::{Column, Table};
+use super::html::{ColumnAlignment, HtmlTable};
 
 /// Returns the section. `folder` may hold recordings.
 pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Markup {
-    let listed: Vec<Condition> = summary.conditions.played();
-    let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.of(*condition)).collect();
+    let listed: Vec<Condition> = summary.conditions.conditions_with_trials();
+    let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.get(*condition)).collect();
     let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
-    let mut head = vec![("cause", Column::Words)];
-    head.extend(listed.iter().map(|condition| (condition.name(), Column::Numbers)));
-    let mut table = Table::new("Failed trials by cause", &head);
-    let recorded = recorded(folder);
+    let mut head = vec![("cause", ColumnAlignment::Words)];
+    head.extend(listed.iter().map(|condition| (condition.name(), ColumnAlignment::Numbers)));
+    let mut table = HtmlTable::new("Failed trials by cause", &head);
+    let recorded = recorded_failures(folder);
     let mut row = |name: String, counts: Vec<usize>| {
         let mut cells = vec![name];
         cells.extend(counts.iter().map(ToString::to_string));
@@ -56,7 +56,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Mar
 }
 
 /// Returns names and files of the recordings listed in `causes.csv`: one of each cause and condition.
-fn recorded(folder: &Path) -> Vec<(String, String)> {
+fn recorded_failures(folder: &Path) -> Vec<(String, String)> {
     let Ok(text) = std::fs::read_to_string(folder.join("causes.csv")) else { return Vec::new() };
     let fields = text
         .lines()

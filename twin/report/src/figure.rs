@@ -9,18 +9,18 @@ use kuva::prelude::{LinePlot, MarkerShape, Plot, RaincloudPlot, ScatterPlot, Tex
 use maud::Markup;
 
 use super::chart;
-use super::html::number;
+use super::html::format_number;
 
 /// Size of a drawing of four columns and one bracket, pixels.
-const SIZE: [f64; 2] = [540.0, 430.0];
+const BASE_SIZE: [f64; 2] = [540.0, 430.0];
 /// Additional size per further column (width) and per further bracket (height), pixels.
-const MORE: [f64; 2] = [90.0, 36.0];
+const EXTRA_SIZE: [f64; 2] = [90.0, 36.0];
 /// Range of rates on the axis: with room for dots at the ends, and for numbers and a bracket above.
-const RANGE: [f64; 2] = [-0.06, 1.36];
+const RATE_RANGE: [f64; 2] = [-0.06, 1.36];
 /// Height of a bracket with its text, in rates.
-const BRACKET: f64 = 0.13;
+const BRACKET_HEIGHT: f64 = 0.13;
 /// Spacing of dots, in columns and in rates.
-const PITCH: [f64; 2] = [0.026, 0.018];
+const DOT_PITCH: [f64; 2] = [0.026, 0.018];
 /// Dots in a row.
 const DOTS_PER_ROW: usize = 13;
 
@@ -70,31 +70,34 @@ impl Figure {
         }
         for (n, (from, to, _)) in self.brackets.iter().enumerate() {
             let [a, b] = [from, to].map(|n| *n as f64 + 1.0);
-            let [low, high] = [1.21, 1.23].map(|y| y + BRACKET * n as f64);
+            let [low, high] = [1.21, 1.23].map(|y| y + BRACKET_HEIGHT * n as f64);
             let corners = vec![(a, low), (a, high), (b, high), (b, low)];
             plots.push(LinePlot::new().with_data(corners).with_color("var(--soft)").with_stroke_width(1.0).into());
         }
         let [columns, brackets] = [self.groups.len(), self.brackets.len()].map(|n| n as f64);
-        let size = [SIZE[0] + MORE[0] * (columns - 4.0).max(0.0), SIZE[1] + MORE[1] * (brackets - 1.0).max(0.0)];
+        let size = [
+            BASE_SIZE[0] + EXTRA_SIZE[0] * (columns - 4.0).max(0.0),
+            BASE_SIZE[1] + EXTRA_SIZE[1] * (brackets - 1.0).max(0.0),
+        ];
         let mut layout = chart::layout(&plots, &self.title, size)
             .with_x_categories(self.groups.iter().map(|group| group.name.clone()).collect())
             .with_y_label(&self.axis)
-            .with_y_axis_min(RANGE[0])
-            .with_y_axis_max(RANGE[1] + BRACKET * (brackets - 1.0).max(0.0))
+            .with_y_axis_min(RATE_RANGE[0])
+            .with_y_axis_max(RATE_RANGE[1] + BRACKET_HEIGHT * (brackets - 1.0).max(0.0))
             .with_y_tick_step(0.2)
             .with_y_tick_format(TickFormat::Custom(std::sync::Arc::new(|rate| match (-0.01..1.01).contains(&rate) {
                 true => format!("{:.1}", rate.abs()),
                 false => String::new(),
             })));
         for (x, group) in groups() {
-            let mean = |(mean, sd): (f64, f64)| format!("{} ± {}", number(mean, 3), number(sd, 3));
+            let mean = |(mean, sd): (f64, f64)| format!("{} ± {}", format_number(mean, 3), format_number(sd, 3));
             let words = [group.mean_sd.map_or("no data".to_owned(), mean), format!("n = {}", group.count)];
             for (y, words) in [1.13, 1.06].into_iter().zip(words) {
                 layout = layout.with_annotation(TextAnnotation::new(words, x, y));
             }
         }
         for (n, (from, to, text)) in self.brackets.iter().enumerate() {
-            let (x, y) = ((from + to) as f64 / 2.0 + 1.0, 1.24 + BRACKET * n as f64);
+            let (x, y) = ((from + to) as f64 / 2.0 + 1.0, 1.24 + BRACKET_HEIGHT * n as f64);
             layout = layout.with_annotation(TextAnnotation::new(text, x, y));
         }
         chart::draw(plots, layout, &self.description)
@@ -111,7 +114,7 @@ fn mean(x: f64, group: &Group) -> Option<[ScatterPlot; 2]> {
         false => (rates().fold(mean, f64::min), rates().fold(mean, f64::max)),
     };
     let diamond = |color: &str, size: f64| {
-        let dot = chart::dots(color, [((x, mean), format!("mean {}", number(mean, 3)))]);
+        let dot = chart::dots(color, [((x, mean), format!("mean {}", format_number(mean, 3)))]);
         dot.with_marker(MarkerShape::Diamond).with_size(size)
     };
     let whiskers = diamond(&group.color, 5.0).with_y_err_asymmetric([(mean - low, high - mean)]);
@@ -126,7 +129,10 @@ fn dots(x: f64, group: &Group) -> ScatterPlot {
         let rows = equals.len().div_ceil(DOTS_PER_ROW);
         equals.iter().enumerate().map(move |(index, (rate, name))| {
             let (row, place) = ((index % rows) as f64 - (rows - 1) as f64 / 2.0, (index / rows) as f64);
-            ((x - 0.1 - PITCH[0] * place, rate + PITCH[1] * row), format!("{name}: {}", number(*rate, 3)))
+            (
+                (x - 0.1 - DOT_PITCH[0] * place, rate + DOT_PITCH[1] * row),
+                format!("{name}: {}", format_number(*rate, 3)),
+            )
         })
     });
     chart::dots(&group.color, rows).with_size(2.2).with_marker_opacity(0.85)
@@ -169,7 +175,8 @@ mod tests {
         assert_eq!(svg.matches("<circle ").count(), 180);
         for piece in svg.split("<circle ").skip(1) {
             assert!(
-                (50.0..SIZE[0]).contains(&at(piece, "cx")) && (50.0..SIZE[1] - 40.0).contains(&at(piece, "cy")),
+                (50.0..BASE_SIZE[0]).contains(&at(piece, "cx"))
+                    && (50.0..BASE_SIZE[1] - 40.0).contains(&at(piece, "cy")),
                 "{piece}"
             );
         }

@@ -15,15 +15,15 @@ use world::objects::ObjectModel;
 use crate::html::{self, data_uri};
 use crate::picture::{Picture, View, tile};
 
-const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
+const TABLE_COLOR: [f64; 3] = [206.0, 196.0, 182.0];
 /// Number of stills in the strip of a trial, and their size in pixels.
-pub const STILLS: (usize, u32) = (5, 220);
+pub const STRIP_LAYOUT: (usize, u32) = (5, 220);
 /// JPEG quality of a frame.
-const QUALITY: u8 = 72;
+const JPEG_QUALITY: u8 = 72;
 
 /// Poses of everything at one time, in the world frame; those of the hand's links are in the palm frame.
 #[derive(Debug, Clone)]
-pub struct Frame {
+pub struct FilmFrame {
     /// Time, s.
     pub time: f64,
     pub phase: String,
@@ -40,21 +40,21 @@ pub struct Film {
     pub title: String,
     /// Outcome in words, and true if it was good.
     pub outcome: (String, bool),
-    pub frames: Vec<Frame>,
+    pub frames: Vec<FilmFrame>,
     /// Log lines with their times, s.
     pub notes: Vec<(f64, String)>,
 }
 
 /// Parts of a film that do not change: hand, arm and object models.
-pub struct Stage<'a> {
+pub struct FilmStage<'a> {
     pub hand: &'a Hand,
     pub arm: &'a Arm,
     pub objects: Vec<Arc<ObjectModel>>,
 }
 
-impl Stage<'_> {
+impl FilmStage<'_> {
     /// Renders a still of `size` pixels, centred at `center` (m) and `width` m wide.
-    pub fn still(&self, frame: &Frame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
+    pub fn still(&self, frame: &FilmFrame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
         let eye = Vector3::new(0.30, -0.88, 0.36).normalize();
         let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center, width });
         let mesh = |mesh: &Mesh| -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
@@ -63,7 +63,7 @@ impl Stage<'_> {
         };
         let table = telemetry::scene::table();
         let (vertices, normals) = mesh(&table);
-        picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE);
+        picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE_COLOR);
         picture.arm(self.arm, &frame.arm);
         for (model, pose) in self.objects.iter().zip(&frame.objects) {
             let (vertices, triangles, normals) = model.shape.triangles();
@@ -77,7 +77,7 @@ impl Stage<'_> {
 
     /// Returns centre and width (m) of a view that shows the whole film: the objects at their initial poses, and the
     /// hand above them.
-    fn around(film: &Film) -> (Point3<f64>, f64) {
+    fn enclosing_view(film: &Film) -> (Point3<f64>, f64) {
         let Some(first) = film.frames.first() else { return (Point3::origin(), 1.0) };
         let sum: Vector3<f64> = first.objects.iter().map(|pose| pose.translation.vector).sum();
         let mut center = Point3::from(sum / first.objects.len().max(1) as f64);
@@ -102,14 +102,14 @@ impl Stage<'_> {
 
     /// Renders all frames of a film as JPEG, on all cores.
     fn frames(&self, film: &Film, size: u32) -> Result<Vec<Vec<u8>>> {
-        let around = Self::around(film);
+        let around = Self::enclosing_view(film);
         film.frames.par_iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
     }
 }
 
 fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
         .encode(image.as_raw(), image.width(), image.height(), ExtendedColorType::Rgb8)
         .context("a frame of the film")?;
     Ok(bytes)
@@ -118,7 +118,7 @@ fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
 /// Returns a page that plays `films` side by side with frames of `size` pixels at `rate` Hz. `about` is the text above
 /// them.
 pub fn page(
-    stage: &Stage,
+    stage: &FilmStage,
     films: &[Film],
     (size, rate): (u32, f64),
     (title, about): (&str, &Markup),
@@ -165,7 +165,7 @@ mod tests {
 
     fn film(hand: &Hand, arm: &Arm) -> Film {
         let arm_links = arm.tree.forward(&arm.home);
-        let frame = |n: usize| Frame {
+        let frame = |n: usize| FilmFrame {
             time: n as f64 * 0.25,
             phase: format!("phase {n}"),
             arm: arm_links.clone(),
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn a_page_holds_all_frames() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let stage = Stage { hand: &hand, arm: &arm, objects: vec![] };
+        let stage = FilmStage { hand: &hand, arm: &arm, objects: vec![] };
         let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", &html! { p { "about" } })).expect("drawn");
         assert_eq!(html.matches("data:image/jpeg;base64,").count(), 4, "the first frame, and three in the film");
         for part in ["touch &lt;1&gt;", "felt &amp; decided", "0.5 s: phase 2", "both objects held"] {

@@ -9,7 +9,7 @@ use statistics::{MeanSd, TTest, percentile};
 
 use super::chart::color;
 use super::figure::{Figure, Group};
-use super::html::{number, probability};
+use super::html::{format_number, format_probability};
 
 /// Kind of rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,7 +23,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    pub fn of(self, rates: &CombinationRates) -> f64 {
+    pub fn of_combination(self, rates: &CombinationRates) -> f64 {
         match self {
             Self::Contact => rates.contact_rate,
             Self::Success => rates.success_rate,
@@ -62,10 +62,10 @@ fn figure(
         Rate::Success => "Success rate",
         Rate::CleanSuccess => "Clean success rate",
     };
-    let played = summary.conditions.played();
+    let played = summary.conditions.conditions_with_trials();
     let groups: Vec<Group> = played
         .iter()
-        .map(|condition| group(*condition, rate.over_all(summary.conditions.of(*condition)), records, rate))
+        .map(|condition| group(*condition, rate.over_all(summary.conditions.get(*condition)), records, rate))
         .collect();
     let column = |condition: Condition| played.iter().position(|one| *one == condition);
     let columns_compared = column(compared.0).zip(column(compared.1));
@@ -75,10 +75,10 @@ fn figure(
             (Some((mean, _)), [Some(low), Some(median), Some(high)]) => format!(
                 "{}: mean {}, median {}, from {} to {}",
                 group.name,
-                number(mean, 3),
-                number(median, 3),
-                number(low, 3),
-                number(high, 3)
+                format_number(mean, 3),
+                format_number(median, 3),
+                format_number(low, 3),
+                format_number(high, 3)
             ),
             _ => format!("{}: no data", group.name),
         })
@@ -92,7 +92,7 @@ fn figure(
             columns.join("; ")
         ),
         groups,
-        brackets: outcome(test)
+        brackets: format_test(test)
             .zip(columns_compared)
             .map(|(text, (one, other))| (one, other, text))
             .into_iter()
@@ -107,12 +107,12 @@ fn extremes(group: &Group) -> [Option<f64>; 3] {
 }
 
 /// Formats a test's outcome as papers print it; `None` if there was nothing to test.
-pub fn outcome(test: &TTest) -> Option<String> {
-    let p = match probability(test.p?) {
+pub fn format_test(test: &TTest) -> Option<String> {
+    let p = match format_probability(test.p?) {
         text if text.starts_with('<') => text,
         text => format!("= {text}"),
     };
-    Some(format!("t({}) = {}, p {p}", test.df, number(test.t?, 1)))
+    Some(format!("t({}) = {}, p {p}", test.df, format_number(test.t?, 1)))
 }
 
 fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate) -> Group {
@@ -123,7 +123,7 @@ fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate)
         count: combinations.len(),
         dots: combinations
             .iter()
-            .map(|one| (rate.of(one), format!("{} {}, then {}", one.combination, one.first, one.second)))
+            .map(|one| (rate.of_combination(one), format!("{} {}, then {}", one.combination, one.first, one.second)))
             .collect(),
         mean_sd: all.mean.map(|mean| (mean, all.sd.unwrap_or(f64::NAN))),
     }
@@ -145,9 +145,9 @@ pub struct CombinationLine {
 }
 
 /// Conditions whose clean success ranks combinations, the most informative first.
-pub const RANKED: [Condition; 4] = [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::Own];
+pub const RANKING_CONDITIONS: [Condition; 4] = [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::Own];
 
-/// Lists all combinations, worst first: by clean success under the conditions of [`RANKED`], then by contacts blind and
+/// Lists all combinations, worst first: by clean success under the conditions of [`RANKING_CONDITIONS`], then by contacts blind and
 /// ideal.
 pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
@@ -176,9 +176,9 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let rank = |line: &CombinationLine| -> Vec<f64> {
         let rate = |condition: Condition, rate: Rate| {
             let at = Condition::ALL.iter().position(|one| *one == condition)?;
-            line.rates[at].as_ref().map(|rates| rate.of(rates))
+            line.rates[at].as_ref().map(|rates| rate.of_combination(rates))
         };
-        let clean = RANKED.map(|condition| rate(condition, Rate::CleanSuccess).unwrap_or(f64::INFINITY));
+        let clean = RANKING_CONDITIONS.map(|condition| rate(condition, Rate::CleanSuccess).unwrap_or(f64::INFINITY));
         let contact = [Condition::Blind, Condition::Ideal];
         let contact = contact.map(|condition| -rate(condition, Rate::Contact).unwrap_or(0.0));
         [&clean[..], &contact[..]].concat()

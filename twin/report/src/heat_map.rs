@@ -8,26 +8,26 @@ use scenarios::{Condition, TrialRecord};
 
 use super::chart;
 use super::findings::{CombinationLine, Rate, combination_lines};
-use super::html::number;
+use super::html::format_number;
 
 /// Size of a cell, and room for names, pixels.
-const CELL: f64 = 15.0;
-const NAMES: f64 = 112.0;
+const CELL_SIZE: f64 = 15.0;
+const NAME_WIDTH: f64 = 112.0;
 /// Shown conditions, with their index in [`Condition::ALL`].
-const SHOWN: [(usize, Condition); 2] = [(1, Condition::Blind), (3, Condition::Touch)];
+const SHOWN_CONDITIONS: [(usize, Condition); 2] = [(1, Condition::Blind), (3, Condition::Touch)];
 
 /// Returns the section; empty without records of these conditions.
 pub fn section(records: &[TrialRecord]) -> Markup {
     let lines = combination_lines(records);
     let played = |index: usize| lines.iter().any(|line| line.rates[index].is_some());
-    html! { @if SHOWN.iter().any(|(index, _)| played(*index)) {
+    html! { @if SHOWN_CONDITIONS.iter().any(|(index, _)| played(*index)) {
         h2 id="map" { "First against second object" }
         p {
             "Clean success of every combination, from red (none) over yellow to green (all trials); numbers show under the pointer. \
             Blank pairs are not among the combinations."
         }
         div.maps {
-            @for (index, condition) in SHOWN.into_iter().filter(|(index, _)| played(*index)) {
+            @for (index, condition) in SHOWN_CONDITIONS.into_iter().filter(|(index, _)| played(*index)) {
                 figure { (map(&lines, index, condition)) figcaption { (condition) } }
             }
         }
@@ -43,20 +43,22 @@ fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> Markup 
     let place = |names: &[String], name: &String| names.iter().position(|one| one == name).unwrap_or(0) as f64 + 1.0;
     let (cells, colors): (Vec<_>, Vec<_>) = lines
         .iter()
-        .filter_map(|line| Some((line, Rate::CleanSuccess.of(line.rates[index].as_ref()?))))
+        .filter_map(|line| Some((line, Rate::CleanSuccess.of_combination(line.rates[index].as_ref()?))))
         .map(|(line, rate)| {
-            let title = format!("{}, then {}: clean success {}", line.first, line.second, number(rate, 2));
+            let title = format!("{}, then {}: clean success {}", line.first, line.second, format_number(rate, 2));
             (((place(&columns, &line.second), place(&rows, &line.first)), title), color(rate))
         })
         .unzip();
-    let cells =
-        chart::dots("none", cells).with_colors(colors).with_marker(MarkerShape::Square).with_size(CELL / 2.0 - 0.5);
+    let cells = chart::dots("none", cells)
+        .with_colors(colors)
+        .with_marker(MarkerShape::Square)
+        .with_size(CELL_SIZE / 2.0 - 0.5);
     let plots: Vec<Plot> = vec![cells.into()];
-    let size = [columns.len(), rows.len()].map(|names| NAMES + 10.0 + CELL * names as f64);
+    let size = [columns.len(), rows.len()].map(|names| NAME_WIDTH + 10.0 + CELL_SIZE * names as f64);
     let [x, y] = [columns.len(), rows.len()].map(|names| names as f64 + 0.5);
     let layout = chart::layout(&plots, "", size)
-        .with_force_margins(NAMES, 10.0)
-        .with_force_margins_y(10.0, NAMES)
+        .with_force_margins(NAME_WIDTH, 10.0)
+        .with_force_margins_y(10.0, NAME_WIDTH)
         .with_x_axis_min(0.5)
         .with_x_axis_max(x)
         .with_y_axis_min(0.5)
@@ -81,11 +83,11 @@ fn color(rate: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::made_up;
+    use crate::tests::synthetic_records;
 
     #[test]
     fn every_combination_is_a_cell_of_each_map() {
-        let records = made_up(12, 4);
+        let records = synthetic_records(12, 4);
         let html = section(&records).into_string();
         let pairs: BTreeSet<_> = records.iter().map(|record| record.combination).collect();
         assert_eq!(html.matches("<title>").count(), 2 * pairs.len());

@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use crate::style;
 
 /// Formats `value` with `decimals` digits after the point; a dash if it is not a number.
-pub fn number(value: f64, decimals: usize) -> String {
+pub fn format_number(value: f64, decimals: usize) -> String {
     match value {
         v if v.is_nan() => "–".to_string(),
         v if v.is_infinite() => if v > 0.0 { "∞" } else { "−∞" }.to_string(),
@@ -22,7 +22,7 @@ pub fn number(value: f64, decimals: usize) -> String {
 }
 
 /// Formats a probability as papers print it: `2.1×10⁻¹⁷`, or `0.032`.
-pub fn probability(p: f64) -> String {
+pub fn format_probability(p: f64) -> String {
     if !p.is_finite() {
         return "–".to_string();
     }
@@ -52,7 +52,7 @@ fn superscript(character: char) -> char {
 }
 
 /// Formats a time in the unit that a reader would choose.
-pub fn duration(seconds: f64) -> String {
+pub fn format_duration(seconds: f64) -> String {
     match seconds {
         s if !s.is_finite() || s < 0.0 => "–".to_string(),
         s if s < 120.0 => format!("{s:.1} s"),
@@ -62,35 +62,35 @@ pub fn duration(seconds: f64) -> String {
 }
 
 /// Returns `count` and the noun, in the plural if needed.
-pub fn counted(count: usize, noun: &str) -> String {
+pub fn count_with_noun(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Alignment of a column of a [`Table`].
+/// Alignment of a column of a [`HtmlTable`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Column {
+pub enum ColumnAlignment {
     /// Words, aligned left.
     Words,
     /// Numbers, aligned right in figures of equal width.
     Numbers,
 }
 
-impl Column {
+impl ColumnAlignment {
     fn class(self) -> Option<&'static str> {
         (self == Self::Numbers).then_some("number")
     }
 }
 
 /// A table with a caption, a head row, and a head cell in every row.
-pub struct Table {
+pub struct HtmlTable {
     caption: String,
-    head: Vec<(String, Column)>,
+    head: Vec<(String, ColumnAlignment)>,
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl HtmlTable {
     /// Creates a table without rows. `head` names its columns.
-    pub fn new(caption: &str, head: &[(&str, Column)]) -> Self {
+    pub fn new(caption: &str, head: &[(&str, ColumnAlignment)]) -> Self {
         let head = head.iter().map(|(name, column)| ((*name).to_owned(), *column)).collect();
         Self { caption: caption.to_owned(), head, rows: Vec::new() }
     }
@@ -101,7 +101,7 @@ impl Table {
     }
 }
 
-impl Render for Table {
+impl Render for HtmlTable {
     fn render(&self) -> Markup {
         html! {
             div.scroll { table {
@@ -136,7 +136,7 @@ pub fn page(title: &str, more: &str, main: &Markup, script: &str) -> String {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(style::FIGURE)) (PreEscaped(style::PAGE)) (PreEscaped(more)) }
+                style { (PreEscaped(style::FIGURE_CSS)) (PreEscaped(style::PAGE_CSS)) (PreEscaped(more)) }
             }
             body { main { (main) } @if !script.is_empty() { script { (PreEscaped(script)) } } }
         }
@@ -168,22 +168,23 @@ mod tests {
 
     #[test]
     fn numbers_read_as_in_print() {
-        assert_eq!(number(0.4654, 3), "0.465");
-        assert_eq!(number(-0.0001, 3), "0.000");
-        assert_eq!(number(-1.25, 2), "−1.25");
-        assert_eq!(number(f64::NAN, 3), "–");
-        assert_eq!(probability(2.1e-17), "2.1×10⁻¹⁷");
-        assert_eq!(probability(4.56e-8), "4.6×10⁻⁸");
-        assert_eq!(probability(0.0321), "0.032");
-        assert_eq!(probability(0.0), "< 10⁻³⁰⁰");
-        assert_eq!(duration(3.25), "3.2 s");
-        assert_eq!(duration(754.6), "12 min 34 s");
-        assert_eq!(duration(7860.0), "2 h 11 min");
+        assert_eq!(format_number(0.4654, 3), "0.465");
+        assert_eq!(format_number(-0.0001, 3), "0.000");
+        assert_eq!(format_number(-1.25, 2), "−1.25");
+        assert_eq!(format_number(f64::NAN, 3), "–");
+        assert_eq!(format_probability(2.1e-17), "2.1×10⁻¹⁷");
+        assert_eq!(format_probability(4.56e-8), "4.6×10⁻⁸");
+        assert_eq!(format_probability(0.0321), "0.032");
+        assert_eq!(format_probability(0.0), "< 10⁻³⁰⁰");
+        assert_eq!(format_duration(3.25), "3.2 s");
+        assert_eq!(format_duration(754.6), "12 min 34 s");
+        assert_eq!(format_duration(7860.0), "2 h 11 min");
     }
 
     #[test]
     fn tables_have_scoped_heads_and_escaped_cells() {
-        let mut table = Table::new("Rates & more", &[("what", Column::Words), ("rate", Column::Numbers)]);
+        let mut table =
+            HtmlTable::new("Rates & more", &[("what", ColumnAlignment::Words), ("rate", ColumnAlignment::Numbers)]);
         table.row(&["<cup>", "0.5"]);
         let html = table.render().into_string();
         assert!(html.contains("<th scope=\"col\" class=\"number\">rate</th>"));

@@ -4,11 +4,11 @@
 use std::fmt::Write as _;
 
 use maud::html;
-use plant::identified::Source;
+use plant::identified::SessionSource;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::html::{Column, Table, whole_page};
+use crate::html::{ColumnAlignment, HtmlTable, whole_page};
 
 /// Half-width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.96;
@@ -141,16 +141,16 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
 }
 
 /// Returns a self-contained page.
-pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[Source]) -> String {
-    let mut motion = Table::new(
+pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[SessionSource]) -> String {
+    let mut motion = HtmlTable::new(
         "How the servos move: root mean square of what the twin leaves unexplained",
         &[
-            ("actuator", Column::Words),
-            ("motions", Column::Numbers),
-            ("samples", Column::Numbers),
-            ("as drawn, deg", Column::Numbers),
-            ("identified, deg", Column::Numbers),
-            ("delay, ms", Column::Numbers),
+            ("actuator", ColumnAlignment::Words),
+            ("motions", ColumnAlignment::Numbers),
+            ("samples", ColumnAlignment::Numbers),
+            ("as drawn, deg", ColumnAlignment::Numbers),
+            ("identified, deg", ColumnAlignment::Numbers),
+            ("delay, ms", ColumnAlignment::Numbers),
         ],
     );
     for row in actuators {
@@ -165,18 +165,23 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
     }
     let table = |caption: &str, identified: bool| {
         let head = [
-            ("parameter", Column::Words),
-            ("deviation from the drawing", Column::Numbers),
-            ("95 % interval: ±", Column::Numbers),
-            ("before any session: ±", Column::Numbers),
+            ("parameter", ColumnAlignment::Words),
+            ("deviation from the drawing", ColumnAlignment::Numbers),
+            ("95 % interval: ±", ColumnAlignment::Numbers),
+            ("before any session: ±", ColumnAlignment::Numbers),
         ];
-        let mut table = Table::new(caption, &head);
+        let mut table = HtmlTable::new(caption, &head);
         parameters.iter().filter(|row| row.identified == identified).for_each(|row| table.row(&row.cells()));
         table
     };
-    let mut source = Table::new(
+    let mut source = HtmlTable::new(
         "Sessions",
-        &[("file", Column::Words), ("robot", Column::Words), ("s", Column::Numbers), ("SHA-256", Column::Words)],
+        &[
+            ("file", ColumnAlignment::Words),
+            ("robot", ColumnAlignment::Words),
+            ("s", ColumnAlignment::Numbers),
+            ("SHA-256", ColumnAlignment::Words),
+        ],
     );
     for session in sessions {
         source.row(&[&session.file, &session.robot, &format!("{:.0}", session.seconds), &session.sha256]);

@@ -31,7 +31,7 @@ mod verdict;
 use std::path::Path;
 
 use anyhow::Result;
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use scenarios::TrialRecord;
 use scenarios::summary::Summary;
 use serde_json::Value;
@@ -43,19 +43,19 @@ use serde_json::Value;
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [contact, clean] = findings::figures(summary, records);
     for (name, figure) in [("contact.svg", &contact), ("clean_success.svg", &clean)] {
-        write_whole(&folder.join(name), chart::standalone(&figure.draw()).as_bytes())?;
+        write_atomically(&folder.join(name), chart::standalone(&figure.draw()).as_bytes())?;
     }
-    let panels = panels::of(records);
+    let panels = panels::drawable_panels(records);
     for panel in &panels {
-        write_whole(&folder.join(panel.file()), chart::standalone(&panel.figure.draw()).as_bytes())?;
+        write_atomically(&folder.join(panel.file()), chart::standalone(&panel.figure.draw()).as_bytes())?;
     }
     if let Some(figure) = prediction::standalone(records) {
-        write_whole(&folder.join("risk.svg"), figure.as_bytes())?;
+        write_atomically(&folder.join("risk.svg"), figure.as_bytes())?;
     }
     if !summary.ablations.is_empty() {
         let figure = chart::standalone(&ablation::figure(summary, records));
-        write_whole(&folder.join("ablations.svg"), figure.as_bytes())?;
+        write_atomically(&folder.join("ablations.svg"), figure.as_bytes())?;
     }
     let page = page::render(summary, records, run, (folder, [&contact, &clean], &panels))?;
-    Ok(write_whole(&folder.join("report.html"), page.as_bytes())?)
+    Ok(write_atomically(&folder.join("report.html"), page.as_bytes())?)
 }

@@ -11,12 +11,12 @@ use statistics::MeanSd;
 
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines};
-use super::html::{Column, Table, counted, duration, number, page};
+use super::html::{ColumnAlignment, HtmlTable, count_with_noun, format_duration, format_number, page};
 use super::panels::{self, Panel};
 use super::{ablation, comparisons, failures, findings, heat_map, pictures, prediction, run, verdict};
 
 /// Script that sorts a table by the clicked column, ascending and descending in turn.
-const SORTING: &str = include_str!("../data/sorting.js");
+const SORTING_SCRIPT: &str = include_str!("../data/sorting.js");
 /// Differences of the run from the paper, and definitions of the figures; contains no data.
 const DEFINITIONS: &str = include_str!("../data/definitions.html");
 
@@ -29,7 +29,8 @@ pub fn render(
     (folder, figures, panels): (&Path, [&Figure; 2], &[Panel]),
 ) -> Result<String> {
     let (robot, seed) = (&summary.robot, summary.seed);
-    let (combos, trials) = (counted(summary.combos, "object combination"), counted(summary.trials_per_combo, "trial"));
+    let (combos, trials) =
+        (count_with_noun(summary.combos, "object combination"), count_with_noun(summary.trials_per_combo, "trial"));
     let main = html! {
         h1 { "Multi-object benchmark of the F-TAC Hand" }
         p.byline {
@@ -54,32 +55,32 @@ pub fn render(
         (run::section(run))
         (PreEscaped(DEFINITIONS))
     };
-    Ok(page(&format!("Multi-object benchmark: {robot}, seed {seed}"), "", &main, SORTING))
+    Ok(page(&format!("Multi-object benchmark: {robot}, seed {seed}"), "", &main, SORTING_SCRIPT))
 }
 
 /// Formats a number that may be missing.
-fn maybe(value: Option<f64>, decimals: usize) -> String {
-    number(value.unwrap_or(f64::NAN), decimals)
+fn format_optional(value: Option<f64>, decimals: usize) -> String {
+    format_number(value.unwrap_or(f64::NAN), decimals)
 }
 
 /// Returns the table of the conditions beside the paper's values.
 fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let columns = [
-        ("condition", Column::Words),
-        ("trials", Column::Numbers),
-        ("n", Column::Numbers),
-        ("contact rate: mean (SD)", Column::Numbers),
-        ("success rate: mean (SD)", Column::Numbers),
-        ("clean success rate: mean (SD)", Column::Numbers),
-        ("predicted risk", Column::Numbers),
-        ("time of a trial (s)", Column::Numbers),
+        ("condition", ColumnAlignment::Words),
+        ("trials", ColumnAlignment::Numbers),
+        ("n", ColumnAlignment::Numbers),
+        ("contact rate: mean (SD)", ColumnAlignment::Numbers),
+        ("success rate: mean (SD)", ColumnAlignment::Numbers),
+        ("clean success rate: mean (SD)", ColumnAlignment::Numbers),
+        ("predicted risk", ColumnAlignment::Numbers),
+        ("time of a trial (s)", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new("Rates over combinations (n), each the share of its trials", &columns);
-    for condition in summary.conditions.played() {
-        let ours = summary.conditions.of(condition);
+    let mut table = HtmlTable::new("Rates over combinations (n), each the share of its trials", &columns);
+    for condition in summary.conditions.conditions_with_trials() {
+        let ours = summary.conditions.get(condition);
         let cell = |rate: Rate| {
             let MeanSd { mean, sd } = rate.over_all(ours);
-            format!("{} ({})", maybe(mean, 3), maybe(sd, 3))
+            format!("{} ({})", format_optional(mean, 3), format_optional(sd, 3))
         };
         table.row(&[
             condition.name().to_string(),
@@ -88,8 +89,8 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> Markup {
             cell(Rate::Contact),
             cell(Rate::Success),
             cell(Rate::CleanSuccess),
-            maybe(ours.risk_rate.mean, 3),
-            maybe(ours.trial_s.mean, 1),
+            format_optional(ours.risk_rate.mean, 3),
+            format_optional(ours.trial_s.mean, 1),
         ]);
     }
     html! { h2 id="rates" { "Contact and success" } (table) }
@@ -104,7 +105,7 @@ fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
                 figure {
                     (figure.draw())
                     figcaption {
-                        (figure.title) ": a dot is one of " (counted(summary.combos, "combination")) " (its name shows under the pointer); the box \
+                        (figure.title) ": a dot is one of " (count_with_noun(summary.combos, "combination")) " (its name shows under the pointer); the box \
                         spans the 25th to the 75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to \
                         maximum; the shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go on \
                         above and below it. "
@@ -120,7 +121,7 @@ fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
 /// Returns the section on speed and accuracy.
 fn facts(summary: &Summary) -> Markup {
     let unit = |value: Option<f64>, decimals: usize, unit: &str| match value {
-        Some(value) => format!("{} {unit}", number(value, decimals)),
+        Some(value) => format!("{} {unit}", format_number(value, decimals)),
         None => "–".to_string(),
     };
     let (time, pose) = (&summary.decision_ms, &summary.pose_error);
@@ -140,7 +141,7 @@ fn facts(summary: &Summary) -> Markup {
     }
     facts.extend([
         ("Real-time factor, all threads together".to_string(), unit(summary.real_time_factor, 2, "×")),
-        ("Wall time".to_string(), duration(summary.wall_s)),
+        ("Wall time".to_string(), format_duration(summary.wall_s)),
     ]);
     html! {
         h2 id="speed" { "Speed and accuracy" }
@@ -151,36 +152,38 @@ fn facts(summary: &Summary) -> Markup {
 /// Returns the table with one line per combination.
 fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let mut head = vec![
-        ("no.".to_string(), Column::Words),
-        ("first object".to_string(), Column::Words),
-        ("second object".to_string(), Column::Words),
+        ("no.".to_string(), ColumnAlignment::Words),
+        ("first object".to_string(), ColumnAlignment::Words),
+        ("second object".to_string(), ColumnAlignment::Words),
     ];
-    let played = summary.conditions.played();
+    let played = summary.conditions.conditions_with_trials();
     for rate in ["contact", "clean success"] {
-        head.extend(played.iter().map(|condition| (format!("{rate}, {condition}"), Column::Numbers)));
+        head.extend(played.iter().map(|condition| (format!("{rate}, {condition}"), ColumnAlignment::Numbers)));
     }
     let touched = played.contains(&Condition::Touch);
     if touched {
-        head.push(("switched".to_string(), Column::Numbers));
+        head.push(("switched".to_string(), ColumnAlignment::Numbers));
     }
-    let head: Vec<(&str, Column)> = head.iter().map(|(name, column)| (name.as_str(), *column)).collect();
-    let ranks: Vec<&str> = findings::RANKED
+    let head: Vec<(&str, ColumnAlignment)> = head.iter().map(|(name, column)| (name.as_str(), *column)).collect();
+    let ranks: Vec<&str> = findings::RANKING_CONDITIONS
         .iter()
         .filter(|condition| played.contains(condition))
         .map(|condition| condition.name())
         .collect();
     let by =
         if ranks.is_empty() { "contacts".to_string() } else { format!("clean success: {}", ranks.join(", then ")) };
-    let mut table = Table::new(&format!("Rates of every combination, worst first by {by}"), &head);
+    let mut table = HtmlTable::new(&format!("Rates of every combination, worst first by {by}"), &head);
     for line in combination_lines(records) {
         let mut cells = vec![line.combination.to_string(), line.first.clone(), line.second.clone()];
         for rate in [Rate::Contact, Rate::CleanSuccess] {
             // In the order of `Condition::ALL`.
             let rates = Condition::ALL.into_iter().zip(&line.rates);
             let rates = rates.filter(|(condition, _)| played.contains(condition));
-            cells.extend(rates.map(|(_, rates)| maybe(rates.as_ref().map(|rates| rate.of(rates)), 2)));
+            cells.extend(
+                rates.map(|(_, rates)| format_optional(rates.as_ref().map(|rates| rate.of_combination(rates)), 2)),
+            );
         }
-        cells.extend(touched.then(|| maybe(line.switched, 2)));
+        cells.extend(touched.then(|| format_optional(line.switched, 2)));
         table.row(&cells);
     }
     html! { h2 id="combinations" { "Every combination" } (table) }

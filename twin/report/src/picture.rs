@@ -8,29 +8,29 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use font8x8::UnicodeFonts;
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use hand_model::pads::Pad;
 use hand_model::{Arm, Hand};
 use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
-use sim::stand::{HandStand, Prop};
-use telemetry::hand_mesh::{self, Material, Part};
+use sim::test_stand::{HandTestStand, Prop};
+use telemetry::hand_mesh::{self, Material, RigidPart};
 use telemetry::mesh::Mesh;
 
 /// Colours of the arm's parts, used in turn.
-const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
+const ARM_COLORS: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
 /// Oversampling factor: each pixel is the mean of this many by this many.
 const OVERSAMPLE: u32 = 2;
-const PAPER: [f64; 3] = [250.0, 250.0, 248.0];
-const INK: [u8; 3] = [40, 42, 48];
-const COVER: [f64; 3] = [196.0, 199.0, 206.0];
-const PALM: [f64; 3] = [170.0, 174.0, 184.0];
-const PAD: [f64; 3] = [92.0, 120.0, 150.0];
+const BACKGROUND_COLOR: [f64; 3] = [250.0, 250.0, 248.0];
+const TEXT_COLOR: [u8; 3] = [40, 42, 48];
+const COVER_COLOR: [f64; 3] = [196.0, 199.0, 206.0];
+const PALM_COLOR: [f64; 3] = [170.0, 174.0, 184.0];
+const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
 /// Radius of a drawn cable, m: twice the real one, so that it is visible.
-const CABLE: f64 = 5.0e-4;
+const CABLE_RADIUS: f64 = 5.0e-4;
 /// Colours of the pads' configurations, from a on, used in turn.
-pub const CONFIGURATIONS: [[f64; 3]; 9] = [
+pub const CONFIGURATION_COLORS: [[f64; 3]; 9] = [
     [76.0, 146.0, 206.0],
     [92.0, 176.0, 124.0],
     [236.0, 168.0, 74.0],
@@ -42,18 +42,18 @@ pub const CONFIGURATIONS: [[f64; 3]; 9] = [
     [120.0, 92.0, 70.0],
 ];
 /// Colours of props, used in turn.
-pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
+pub const PROP_COLORS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
 
 /// Returns the colour of a pad's configuration.
 pub fn configuration_color(pad: &Pad) -> [f64; 3] {
     let letter = (pad.configuration as usize).wrapping_sub('a' as usize);
-    CONFIGURATIONS[letter % CONFIGURATIONS.len()]
+    CONFIGURATION_COLORS[letter % CONFIGURATION_COLORS.len()]
 }
 
 fn material_color(material: Material) -> [f64; 3] {
     match material {
-        Material::Palm => PALM,
-        Material::Cover => COVER,
+        Material::Palm => PALM_COLOR,
+        Material::Cover => COVER_COLOR,
         Material::Knuckle => [112.0, 116.0, 126.0],
         Material::Board => [52.0, 116.0, 84.0],
         Material::ServoPack => [88.0, 91.0, 100.0],
@@ -105,7 +105,7 @@ impl View {
     }
 
     /// Returns the same direction of view around another centre, with another width (m).
-    pub fn at(self, center: Point3<f64>, width: f64) -> Self {
+    pub fn recentered(self, center: Point3<f64>, width: f64) -> Self {
         Self { center, width, ..self }
     }
 }
@@ -130,7 +130,7 @@ impl Picture {
             right,
             up: view.eye.cross(&right),
             view,
-            color: vec![PAPER; count],
+            color: vec![BACKGROUND_COLOR; count],
             depth: vec![f64::NEG_INFINITY; count],
         }
     }
@@ -143,7 +143,7 @@ impl Picture {
         [half + scale * d.dot(&self.right), half - scale * d.dot(&self.up), d.dot(&self.view.eye)]
     }
 
-    /// Draws triangles. `pose` maps the frame of the vertices to the palm frame.
+    /// Draws triangles. `prop_pose` maps the frame of the vertices to the palm frame.
     pub fn triangles(
         &mut self,
         pose: &Isometry3<f64>,
@@ -214,7 +214,7 @@ impl Picture {
 
     /// Draws the hand with all its parts at joint angles `q` (rad).
     pub fn hand(&mut self, hand: &Hand, q: &[f64]) {
-        self.hand_with(hand, q, |_| PAD);
+        self.hand_with(hand, q, |_| PAD_COLOR);
     }
 
     /// As [`Picture::hand`], with a colour for each pad.
@@ -229,7 +229,7 @@ impl Picture {
         (palm, links): (&Isometry3<f64>, &[Isometry3<f64>]),
         pad_color: impl Fn(&Pad) -> [f64; 3],
     ) {
-        for Part { link, material, mesh } in hand_mesh::parts(hand, hand_mesh::FINE) {
+        for RigidPart { link, material, mesh } in hand_mesh::parts(hand, hand_mesh::FINE_STEPS) {
             let pose = link.map_or(*palm, |link| palm * links[link]);
             self.mesh(&pose, &mesh, material_color(material));
         }
@@ -238,7 +238,7 @@ impl Picture {
         }
         for run in hand_mesh::cables(hand, links) {
             for pair in run.windows(2) {
-                self.mesh(palm, &Mesh::capsule(pair[0], pair[1], CABLE), CABLE_COLOR);
+                self.mesh(palm, &Mesh::capsule(pair[0], pair[1], CABLE_RADIUS), CABLE_COLOR);
             }
         }
     }
@@ -248,7 +248,7 @@ impl Picture {
         let base = Isometry3::identity();
         let poses = std::iter::once(&base).chain(links);
         for (k, (part, pose)) in telemetry::scene::arm_parts(arm).iter().zip(poses).enumerate() {
-            self.mesh(pose, part, ARM[k % 2]);
+            self.mesh(pose, part, ARM_COLORS[k % 2]);
         }
     }
 
@@ -261,15 +261,15 @@ impl Picture {
     }
 
     /// Draws the hand and all props of a stand at their current poses.
-    pub fn stand(&mut self, stand: &HandStand) {
+    pub fn stand(&mut self, stand: &HandTestStand) {
         self.hand(stand.hand(), &stand.angles());
-        for index in 0..stand.props() {
-            self.prop(stand.prop(index), &stand.pose(index), PROPS[index % PROPS.len()]);
+        for index in 0..stand.prop_count() {
+            self.prop(stand.prop(index), &stand.prop_pose(index), PROP_COLORS[index % PROP_COLORS.len()]);
         }
     }
 
     /// Overlays triangles on everything drawn so far, with opacity `covers` (0 to 1).
-    pub fn veil(&mut self, vertices: &[Point3<f64>], triangles: &[[u32; 3]], color: [f64; 3], covers: f64) {
+    pub fn overlay(&mut self, vertices: &[Point3<f64>], triangles: &[[u32; 3]], color: [f64; 3], covers: f64) {
         let placed: Vec<[f64; 3]> = vertices.iter().map(|vertex| self.project(vertex)).collect();
         let mut over = vec![false; self.color.len()];
         for corners in triangles {
@@ -314,13 +314,13 @@ impl Picture {
             *pixel = Rgb(sum.map(|part| part as u8));
         }
         for (row, line) in caption.lines().enumerate() {
-            text(&mut image, 6, 6 + 11 * row as i64, line, INK);
+            text(&mut image, 6, 6 + 11 * row as i64, line, TEXT_COLOR);
         }
         image
     }
 }
 
-/// Writes `line` with its upper left corner at (x, y).
+/// Writes `shell_line` with its upper left corner at (x, y).
 pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
     for (n, letter) in line.chars().enumerate() {
         let Some(glyph) = font8x8::BASIC_FONTS.get(letter) else { continue };
@@ -343,14 +343,14 @@ pub fn swatch(image: &mut RgbImage, (x, y): (i64, i64), side: u32, color: [u8; 3
     image::imageops::replace(image, &RgbImage::from_pixel(side, side, Rgb(color)), x, y);
 }
 
-/// Writes `line` in ink, `scale` times as large as [`text`].
+/// Writes `shell_line` in ink, `scale` times as large as [`text`].
 pub fn large_text(image: &mut RgbImage, (x, y): (i64, i64), scale: u32, line: &str) {
     let width = 8 * line.chars().count() as u32;
     let mut small = RgbImage::from_pixel(width.max(1), 8, Rgb([255; 3]));
     text(&mut small, 0, 0, line, [0; 3]);
     for (column, row, _) in small.enumerate_pixels().filter(|(.., pixel)| pixel.0 == [0; 3]) {
         let at = |start: i64, n: u32| start + i64::from(n * scale);
-        swatch(image, (at(x, column), at(y, row)), scale, INK);
+        swatch(image, (at(x, column), at(y, row)), scale, TEXT_COLOR);
     }
 }
 
@@ -359,7 +359,8 @@ pub fn tile(pictures: &[RgbImage], columns: usize) -> RgbImage {
     let (w, h) = pictures.iter().fold((0, 0), |(w, h), picture| (picture.width().max(w), picture.height().max(h)));
     let columns = columns.min(pictures.len()).max(1);
     let rows = pictures.len().div_ceil(columns);
-    let mut sheet = RgbImage::from_pixel(w * columns as u32, h * rows as u32, Rgb(PAPER.map(|part| part as u8)));
+    let mut sheet =
+        RgbImage::from_pixel(w * columns as u32, h * rows as u32, Rgb(BACKGROUND_COLOR.map(|part| part as u8)));
     for (n, picture) in pictures.iter().enumerate() {
         let (x, y) = ((n % columns) as i64 * i64::from(w), (n / columns) as i64 * i64::from(h));
         image::imageops::replace(&mut sheet, picture, x, y);
@@ -372,7 +373,7 @@ pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
     let mut bytes = Cursor::new(Vec::new());
     let format = ImageFormat::from_path(path).with_context(|| path.display().to_string())?;
     image.write_to(&mut bytes, format).with_context(|| path.display().to_string())?;
-    Ok(write_whole(path, bytes.get_ref())?)
+    Ok(write_atomically(path, bytes.get_ref())?)
 }
 
 #[cfg(test)]
@@ -383,7 +384,7 @@ mod tests {
     #[test]
     fn the_nearer_hides_the_farther() {
         let view = View { eye: Vector3::z(), up: Vector3::y(), center: Point3::origin(), width: 0.1 };
-        let ball = Prop::new("ball", world::Shape::Sphere { radius: 0.02 }, 1.0, 0.5);
+        let ball = Prop::new("ball", world::ObjectShape::Sphere { radius: 0.02 }, 1.0, 0.5);
         for (near, far) in [(0.05, -0.05), (-0.05, 0.05)] {
             let mut picture = Picture::new(64, view);
             picture.prop(&ball, &Isometry3::translation(0.0, 0.0, near), [255.0, 0.0, 0.0]);
@@ -399,7 +400,7 @@ mod tests {
         let view = View { eye: Vector3::x(), up: Vector3::z(), center: Point3::origin(), width: 0.1 };
         let mut picture = Picture::new(100, view);
         picture.prop(
-            &Prop::new("ball", world::Shape::Sphere { radius: 0.02 }, 1.0, 0.5),
+            &Prop::new("ball", world::ObjectShape::Sphere { radius: 0.02 }, 1.0, 0.5),
             &Isometry3::identity(),
             [0.0, 0.0, 0.0],
         );

@@ -15,18 +15,18 @@ use super::html::data_uri;
 use crate::picture::{Picture, View};
 
 /// Size of an object's picture, pixels, and width of its view, m.
-const OBJECT: (u32, f64) = (96, 0.16);
+const OBJECT_PICTURE_SIZE: (u32, f64) = (96, 0.16);
 /// Returns the file with the stills of a trial in a result folder. `name` is the name of the trial's recording.
 pub fn strip_file(folder: &Path, name: &str, condition: Condition) -> PathBuf {
-    let ending = ending(condition);
-    let named = ending.trim_end_matches(PNG);
+    let ending = file_suffix(condition);
+    let named = ending.trim_end_matches(PNG_EXTENSION);
     folder.join("recordings").join(format!("{}{ending}", name.trim_end_matches(named)))
 }
 
-const PNG: &str = ".png";
+const PNG_EXTENSION: &str = ".png";
 
-fn ending(condition: Condition) -> String {
-    format!("_{condition}{PNG}")
+fn file_suffix(condition: Condition) -> String {
+    format!("_{condition}{PNG_EXTENSION}")
 }
 
 /// Draws an object on its own, in its resting pose.
@@ -49,12 +49,12 @@ fn png(image: &RgbImage) -> Result<String> {
 pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
     let stills = match strip(folder) {
         Some((file, condition)) => {
-            let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&ending(condition), "");
+            let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&file_suffix(condition), "");
             Some((data_uri("image/png", &std::fs::read(&file)?), name.replace('_', " "), condition))
         }
         None => None,
     };
-    let (known, (size, width)) = (ObjectSet::standard(), OBJECT);
+    let (known, (size, width)) = (ObjectSet::standard(), OBJECT_PICTURE_SIZE);
     let names: BTreeSet<&str> = records.iter().flat_map(TrialRecord::objects).collect();
     let picture = |name: &str| known.get(name).map(|model| png(&object(model, size, width, ""))).transpose();
     let objects = names.into_iter().map(|name| Ok((name, picture(name)?))).collect::<Result<Vec<_>>>()?;
@@ -83,8 +83,9 @@ fn strip(folder: &Path) -> Option<(PathBuf, Condition)> {
     let files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let preferred = [Condition::Touch, Condition::Own, Condition::Reflex, Condition::Blind];
     preferred.into_iter().find_map(|condition| {
-        let its =
-            |file: &&PathBuf| file.file_name().is_some_and(|name| name.to_string_lossy().ends_with(&ending(condition)));
+        let its = |file: &&PathBuf| {
+            file.file_name().is_some_and(|name| name.to_string_lossy().ends_with(&file_suffix(condition)))
+        };
         Some((files.iter().filter(its).min()?.clone(), condition))
     })
 }

@@ -13,9 +13,9 @@ const LEFT: f64 = 64.0;
 const RIGHT: f64 = WIDTH as f64 - 150.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = HEIGHT as f64 - 52.0;
-const INK: [u8; 3] = [40, 42, 48];
-const GRID: [u8; 3] = [225, 226, 228];
-const LINES: [[u8; 3]; 6] =
+const TEXT_COLOR: [u8; 3] = [40, 42, 48];
+const GRID_COLOR: [u8; 3] = [225, 226, 228];
+const LINE_COLORS: [[u8; 3]; 6] =
     [[31, 99, 170], [206, 92, 28], [52, 140, 72], [150, 70, 150], [120, 120, 120], [180, 150, 30]];
 
 pub struct Plot {
@@ -41,20 +41,20 @@ impl Plot {
         let across = |x: f64| LEFT + (x - xs.0) / (xs.1 - xs.0) * (RIGHT - LEFT);
         let down = |y: f64| BOTTOM - (y - ys.0) / (ys.1 - ys.0) * (BOTTOM - TOP);
         for x in ticks(xs) {
-            line(&mut image, [across(x), TOP], [across(x), BOTTOM], GRID);
-            text(&mut image, across(x) as i64 - 12, BOTTOM as i64 + 8, &label(x), INK);
+            line(&mut image, [across(x), TOP], [across(x), BOTTOM], GRID_COLOR);
+            text(&mut image, across(x) as i64 - 12, BOTTOM as i64 + 8, &label(x), TEXT_COLOR);
         }
         for y in ticks(ys) {
-            line(&mut image, [LEFT, down(y)], [RIGHT, down(y)], GRID);
-            text(&mut image, 8, down(y) as i64 - 4, &format!("{:>6}", label(y)), INK);
+            line(&mut image, [LEFT, down(y)], [RIGHT, down(y)], GRID_COLOR);
+            text(&mut image, 8, down(y) as i64 - 4, &format!("{:>6}", label(y)), TEXT_COLOR);
         }
-        line(&mut image, [LEFT, TOP], [LEFT, BOTTOM], INK);
-        line(&mut image, [LEFT, BOTTOM], [RIGHT, BOTTOM], INK);
-        text(&mut image, 8, 8, &self.title, INK);
-        text(&mut image, 8, 24, &self.y, INK);
-        text(&mut image, LEFT as i64, BOTTOM as i64 + 28, &self.x, INK);
+        line(&mut image, [LEFT, TOP], [LEFT, BOTTOM], TEXT_COLOR);
+        line(&mut image, [LEFT, BOTTOM], [RIGHT, BOTTOM], TEXT_COLOR);
+        text(&mut image, 8, 8, &self.title, TEXT_COLOR);
+        text(&mut image, 8, 24, &self.y, TEXT_COLOR);
+        text(&mut image, LEFT as i64, BOTTOM as i64 + 28, &self.x, TEXT_COLOR);
         for (n, (name, points)) in self.lines.iter().enumerate() {
-            let color = LINES[n % LINES.len()];
+            let color = LINE_COLORS[n % LINE_COLORS.len()];
             for pair in points.windows(2) {
                 let [a, b] = [pair[0], pair[1]].map(|p| [across(p[0]), down(p[1])]);
                 line(&mut image, a, b, color);
@@ -122,8 +122,8 @@ mod tests {
             let (x, y) = (x as u32, y as u32);
             (x - 6..x + 6).any(|x| (y - 6..y + 6).any(|y| image.get_pixel(x, y).0 == color))
         };
-        assert!(near(LINES[0], LEFT, BOTTOM) && near(LINES[0], RIGHT, TOP), "a rises");
-        assert!(near(LINES[1], LEFT, TOP) && near(LINES[1], RIGHT, BOTTOM), "b falls");
-        assert!(!near(LINES[0], LEFT, TOP) && !near(LINES[1], RIGHT, TOP));
+        assert!(near(LINE_COLORS[0], LEFT, BOTTOM) && near(LINE_COLORS[0], RIGHT, TOP), "a rises");
+        assert!(near(LINE_COLORS[1], LEFT, TOP) && near(LINE_COLORS[1], RIGHT, BOTTOM), "b falls");
+        assert!(!near(LINE_COLORS[0], LEFT, TOP) && !near(LINE_COLORS[1], RIGHT, TOP));
     }
 }

@@ -3,39 +3,42 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::html::{Column, Table, duration, number};
+use super::html::{ColumnAlignment, HtmlTable, format_duration, format_number};
 
 /// Keys shown first, in this order; the others follow in their own order.
-const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
+const FIRST_KEYS: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
 
 /// Key of the warnings, a list of texts that the reader must know before anything else.
-const WARNINGS: &str = "warnings";
+const WARNINGS_KEY: &str = "warnings";
 
 /// Returns the warnings on how this run differs from what it seems to be: at the top of the page, in red. Empty if
 /// there are none.
 pub fn warnings(run: &Value) -> Markup {
-    let list = run.get(WARNINGS).and_then(Value::as_array).filter(|list| !list.is_empty());
-    html! { @if let Some(list) = list { ul.warnings { @for text in list { li { (plain(text)) } } } } }
+    let list = run.get(WARNINGS_KEY).and_then(Value::as_array).filter(|list| !list.is_empty());
+    html! { @if let Some(list) = list { ul.warnings { @for text in list { li { (unquoted(text)) } } } } }
 }
 
 /// Returns the section.
 pub fn section(run: &Value) -> Markup {
     let mut rows = Vec::new();
     if let Value::Object(fields) = run {
-        for key in FIRST.iter().filter(|key| **key != "command") {
+        for key in FIRST_KEYS.iter().filter(|key| **key != "command") {
             if let Some(value) = fields.get(*key) {
                 flatten(key, value, &mut rows);
             }
         }
-        for (key, value) in fields.iter().filter(|(key, _)| !FIRST.contains(&key.as_str()) && *key != WARNINGS) {
+        for (key, value) in fields.iter().filter(|(key, _)| !FIRST_KEYS.contains(&key.as_str()) && *key != WARNINGS_KEY)
+        {
             flatten(key, value, &mut rows);
         }
     } else if !run.is_null() {
         flatten("run", run, &mut rows);
     }
     let (long, short): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, text)| text.contains('\n'));
-    let mut table =
-        Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
+    let mut table = HtmlTable::new(
+        "Settings and versions of the run",
+        &[("what", ColumnAlignment::Words), ("value", ColumnAlignment::Words)],
+    );
     for (key, text) in &short {
         table.row(&[key, text]);
     }
@@ -51,13 +54,13 @@ pub fn section(run: &Value) -> Markup {
 pub fn command_line(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
-        Value::Array(words) if !words.is_empty() => Some(line(&words.iter().map(plain).collect::<Vec<_>>())),
+        Value::Array(words) if !words.is_empty() => Some(shell_line(&words.iter().map(unquoted).collect::<Vec<_>>())),
         _ => None,
     }
 }
 
 /// Joins words to a line that a shell accepts.
-pub fn line(words: &[String]) -> String {
+pub fn shell_line(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
@@ -78,23 +81,23 @@ fn flatten(key: &str, value: &Value, rows: &mut Vec<(String, String)>) {
         Value::Null => {}
         _ if key.rsplit('.').next().is_some_and(|name| name.ends_with("_s")) && value.is_number() => {
             let name = key.strip_suffix("_s").unwrap_or(key);
-            rows.push((reading(name), duration(value.as_f64().unwrap_or(f64::NAN))));
+            rows.push((readable_key(name), format_duration(value.as_f64().unwrap_or(f64::NAN))));
         }
-        _ => rows.push((reading(key), plain(value))),
+        _ => rows.push((readable_key(key), unquoted(value))),
     }
 }
 
 /// Makes a key readable.
-fn reading(key: &str) -> String {
+fn readable_key(key: &str) -> String {
     key.replace('_', " ")
 }
 
 /// Formats a value without JSON's quotes.
-fn plain(value: &Value) -> String {
+fn unquoted(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
-        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(", "),
-        Value::Number(n) if n.is_f64() => number(n.as_f64().unwrap_or(f64::NAN), 3),
+        Value::Array(items) => items.iter().map(unquoted).collect::<Vec<_>>().join(", "),
+        Value::Number(n) if n.is_f64() => format_number(n.as_f64().unwrap_or(f64::NAN), 3),
         other => other.to_string(),
     }
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::*;
 
 /// Makes up a benchmark in which blind trials collide more often the higher the combination's number is.
-pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
+pub(crate) fn synthetic_records(combinations: usize, trials: usize) -> Vec<TrialRecord> {
     const OBJECTS: [&str; 6] = ["egg", "can_50", "tennis_ball", "mug <small>", "box & lid", "bottle"];
     let mut records = Vec::new();
     for combination in 0..combinations {
@@ -97,7 +97,7 @@ fn dots(svg: &str, name: &str) -> usize {
 
 #[test]
 fn every_combination_is_a_dot_of_every_condition() {
-    let [page, contact, clean] = report(&made_up(60, 10));
+    let [page, contact, clean] = report(&synthetic_records(60, 10));
     for svg in [&contact, &clean] {
         for condition in Condition::BUILT_IN {
             assert_eq!(dots(svg, condition.name()), 60, "{condition}");
@@ -116,7 +116,7 @@ fn the_papers_panels_are_drawn_by_both_counts() {
         let [page, ..] = report(records);
         page.split_once("<h2 id=\"paper\">").unwrap().1.split_once("<h2").unwrap().0.to_owned()
     };
-    let records = made_up(60, 10);
+    let records = synthetic_records(60, 10);
     let drawn = section(&records);
     for column in
         ["ideal: paper", "ideal: contact", "ideal: predicted", "blind: predicted", "touch: paper", "touch: contact"]
@@ -143,7 +143,7 @@ fn the_papers_panels_are_drawn_by_both_counts() {
 
 #[test]
 fn the_summarys_numbers_are_on_the_page() {
-    let records = made_up(60, 10);
+    let records = synthetic_records(60, 10);
     let [page, ..] = report(&records);
     let summary =
         summarise(&records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6, decision_budget: None });
@@ -167,7 +167,7 @@ fn the_summarys_numbers_are_on_the_page() {
 /// A policy of the user's own has its column, row and boxes if it was played, and none if it was not.
 #[test]
 fn a_policy_of_ones_own_is_one_more_condition() {
-    let mut records = made_up(6, 2);
+    let mut records = synthetic_records(6, 2);
     assert!(!report(&records)[0].contains("clean success, own"));
     let touch = records.iter().filter(|record| record.condition == Condition::Touch);
     let own: Vec<_> = touch.map(|record| TrialRecord { condition: Condition::Own, ..record.clone() }).collect();
@@ -179,7 +179,7 @@ fn a_policy_of_ones_own_is_one_more_condition() {
 
 #[test]
 fn the_worst_combination_comes_first() {
-    let lines = findings::combination_lines(&made_up(60, 10));
+    let lines = findings::combination_lines(&synthetic_records(60, 10));
     let touch: Vec<f64> = lines.iter().map(|line| line.rates[3].as_ref().unwrap().clean_success_rate).collect();
     assert_eq!(lines.len(), 60);
     assert!(touch.is_sorted() && touch[0] < 1.0);
@@ -188,22 +188,23 @@ fn the_worst_combination_comes_first() {
 /// A prediction that is always right has an area of 1, and groups of trials without and with contacts.
 #[test]
 fn the_worth_of_the_predicted_risk_is_shown() {
-    let [page, ..] = report(&made_up(60, 10));
+    let [page, ..] = report(&synthetic_records(60, 10));
     let section = page.split_once("id=\"risk\"").unwrap().1.split_once("<h2").unwrap().0;
     assert!(
         section.contains("area 1.000 (too few trials, or none that it confuses: no interval)")
             && section.contains("observed 0 of"),
         "{section}"
     );
-    let blind = made_up(60, 10).iter().filter(|record| record.condition == Condition::Blind).count();
+    let blind = synthetic_records(60, 10).iter().filter(|record| record.condition == Condition::Blind).count();
     assert!(section.contains(&format!("in {blind} blind trials")), "{section}");
-    let without: Vec<_> = made_up(6, 2).into_iter().map(|record| TrialRecord { risk: None, ..record }).collect();
+    let without: Vec<_> =
+        synthetic_records(6, 2).into_iter().map(|record| TrialRecord { risk: None, ..record }).collect();
     assert!(report(&without)[0].contains("cannot be compared"));
 }
 
 #[test]
 fn what_others_named_cannot_break_the_page() {
-    let [page, contact, _] = report(&made_up(12, 2));
+    let [page, contact, _] = report(&synthetic_records(12, 2));
     assert!(page.contains("mug &lt;small&gt;") && !page.contains("<small>") && !page.contains("<here>"));
     assert!(contact.contains("box &amp; lid") && !contact.contains("box & lid"));
     for file in [&page, &contact] {
@@ -216,7 +217,7 @@ fn little_or_nothing_still_makes_a_report() {
     let [page, ..] = report(&[]);
     assert!(page.contains("No finished trial yet"));
     for (combinations, trials) in [(1, 1), (1, 10), (2, 1)] {
-        let [page, svg, _] = report(&made_up(combinations, trials));
+        let [page, svg, _] = report(&synthetic_records(combinations, trials));
         assert!(page.ends_with("</html>") && !page.contains("NaN") && !svg.contains("NaN"));
     }
 }
@@ -225,7 +226,7 @@ fn little_or_nothing_still_makes_a_report() {
 /// both were played, and nothing else.
 #[test]
 fn nothing_is_said_of_conditions_that_were_not_played() {
-    let all = made_up(6, 2);
+    let all = synthetic_records(6, 2);
     for subset in 1..16_usize {
         let set: Vec<Condition> = (0..4).filter(|n| subset >> n & 1 == 1).map(|n| Condition::BUILT_IN[n]).collect();
         let records: Vec<_> = all.iter().filter(|record| set.contains(&record.condition)).cloned().collect();
@@ -258,7 +259,7 @@ fn two_combinations_have_no_verdict() {
     for (combinations, reason) in
         [(2, "2 of at least 5 combinations"), (6, "the differences of all 6 combinations are equal")]
     {
-        let mut records = made_up(combinations, 2);
+        let mut records = synthetic_records(combinations, 2);
         for record in &mut records {
             record.clean_success = record.condition == Condition::Touch;
             record.success = record.clean_success;
@@ -275,8 +276,8 @@ fn two_combinations_have_no_verdict() {
 #[test]
 fn a_report_replaces_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
-    let before = report_in(folder.path(), &made_up(2, 1));
-    let after = report_in(folder.path(), &made_up(3, 1));
+    let before = report_in(folder.path(), &synthetic_records(2, 1));
+    let after = report_in(folder.path(), &synthetic_records(3, 1));
     assert_ne!(before[0], after[0]);
     let missing = folder.path().join("missing");
     let summary = summarise(&[], &[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0, decision_budget: None });
@@ -289,5 +290,5 @@ fn a_report_replaces_the_one_before() {
 fn sample() {
     let folder = std::env::temp_dir().join("ftac-report-sample");
     std::fs::create_dir_all(&folder).unwrap();
-    report_in(&folder, &made_up(60, 10));
+    report_in(&folder, &synthetic_records(60, 10));
 }

@@ -3,21 +3,21 @@
 use maud::{Markup, html};
 use scenarios::summary::Summary;
 use scenarios::{Condition, TrialRecord};
-use statistics::{Interval, TTest};
+use statistics::{ConfidenceInterval, TTest};
 
 use super::comparisons::{self, Comparison};
-use super::findings::{Rate, outcome};
-use super::html::number;
+use super::findings::{Rate, format_test};
+use super::html::format_number;
 
 /// Significance level: a difference counts as shown if p is below it.
-const LEVEL: f64 = 0.05;
+const SIGNIFICANCE_LEVEL: f64 = 0.05;
 
 /// Returns the paragraph.
 pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if records.is_empty() {
         return html! { p.verdict.short { "No finished trial yet: there is nothing to report." } };
     }
-    let compared = comparisons::played(summary);
+    let compared = comparisons::played_comparisons(summary);
     let (headline, all_shown) = headline(&compared);
     html! {
         p.verdict.short[!all_shown] {
@@ -58,7 +58,9 @@ fn headline(compared: &[Comparison]) -> (Option<String>, bool) {
         .collect();
     let findings: Vec<(bool, &str)> = asked
         .iter()
-        .filter_map(|(test, shown, not)| test.p.map(|p| if p < LEVEL { (true, *shown) } else { (false, *not) }))
+        .filter_map(|(test, shown, not)| {
+            test.p.map(|p| if p < SIGNIFICANCE_LEVEL { (true, *shown) } else { (false, *not) })
+        })
         .collect();
     let all_shown = findings.iter().all(|(shown, _)| *shown);
     if findings.is_empty() {
@@ -75,16 +77,16 @@ fn capitalised(text: &str) -> String {
 }
 
 fn percent(rate: Option<f64>) -> String {
-    format!("{} %", number(rate.map_or(f64::NAN, |rate| rate * 100.0), 1))
+    format!("{} %", format_number(rate.map_or(f64::NAN, |rate| rate * 100.0), 1))
 }
 
 /// Formats a test's outcome, or the reason why there is none.
-fn tested(test: &TTest) -> String {
-    outcome(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default()))
+fn format_test_or_reason(test: &TTest) -> String {
+    format_test(test).unwrap_or_else(|| format!("not tested: {}", test.reason().unwrap_or_default()))
 }
 
 /// Joins words as in `a, b and c`.
-fn listed(parts: &[String]) -> String {
+fn join_words(parts: &[String]) -> String {
     match parts {
         [] => String::new(),
         [only] => only.clone(),
@@ -101,7 +103,7 @@ fn clean_success(summary: &Summary, compared: &[Comparison]) -> String {
     ];
     let parts: Vec<String> = words
         .into_iter()
-        .map(|(condition, words)| (summary.conditions.of(condition), words))
+        .map(|(condition, words)| (summary.conditions.get(condition), words))
         .filter(|(condition, _)| condition.trials > 0)
         .map(|(condition, words)| format!("{} {words}", percent(condition.clean_success_rate.mean)))
         .collect();
@@ -112,17 +114,17 @@ fn clean_success(summary: &Summary, compared: &[Comparison]) -> String {
         .iter()
         .find(|one| one.rate == Rate::CleanSuccess && one.conditions == [Condition::Touch, Condition::Blind]);
     let test = test.map_or_else(String::new, |one| {
-        let Interval { value, low, high } = summary.differences.clean_success.difference;
-        let points = |value: f64| number(100.0 * value, 1);
+        let ConfidenceInterval { value, low, high } = summary.differences.clean_success.difference;
+        let points = |value: f64| format_number(100.0 * value, 1);
         let gain = match (value, low, high) {
             (Some(value), Some(low), Some(high)) => {
                 format!("; touch less blind {} points, 95 % {} to {}", points(value), points(low), points(high))
             }
             _ => String::new(),
         };
-        format!(" ({}{gain}; the paper: 100 % and 53.5 %)", tested(one.test))
+        format!(" ({}{gain}; the paper: 100 % and 53.5 %)", format_test_or_reason(one.test))
     });
-    format!("Trials that succeeded cleanly, with the same errors: {}{test}. ", listed(&parts))
+    format!("Trials that succeeded cleanly, with the same errors: {}{test}. ", join_words(&parts))
 }
 
 fn contacts(summary: &Summary, compared: &[Comparison]) -> String {
@@ -135,13 +137,13 @@ fn contacts(summary: &Summary, compared: &[Comparison]) -> String {
     ];
     let parts: Vec<String> = words
         .into_iter()
-        .map(|(condition, words)| (summary.conditions.of(condition), words))
+        .map(|(condition, words)| (summary.conditions.get(condition), words))
         .filter(|(condition, _)| condition.trials > 0)
         .map(|(condition, words)| format!("{} {words}", percent(condition.contact_rate.mean)))
         .collect();
     let test = compared.iter().find(|one| one.rate == Rate::Contact);
     let test = test.map_or_else(String::new, |one| {
-        format!(" (blind over ideal: {}; the paper: 46.5 % and 0.0 %)", tested(one.test))
+        format!(" (blind over ideal: {}; the paper: 46.5 % and 0.0 %)", format_test_or_reason(one.test))
     });
-    format!("Trials with an unwanted contact: {}{test}.", listed(&parts))
+    format!("Trials with an unwanted contact: {}{test}.", join_words(&parts))
 }

@@ -3,65 +3,65 @@
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use control::percept::Sighted;
+use control::detection::PoseDetection;
 use hand_model::robot::RobotBackend;
 use hardware_bridge::hardware_robot::HardwareRobot;
-use hardware_bridge::safety::state::{Cause, State};
+use hardware_bridge::safety::state::{StopCause, SupervisorState};
 use nalgebra::Isometry3;
 use scenarios::referee::{FailureCause, Verdict};
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
 use super::operator::Operator;
-use super::{Glance, TrialBody};
-use object_detector::{VisionError, VisionLink, shown};
+use super::{Detection, TrialBackend};
+use object_detector::{VisionError, VisionLink, format_position};
 use progress::interrupt::Interrupt;
 
 mod source;
 
-pub use self::source::{Checked, HardwareSource};
+pub use self::source::{CheckedRobot, HardwareFactory};
 
 /// Time limit for the first measurements to pass the checks.
-const PATIENCE: Duration = Duration::from_secs(5);
+const CHECK_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest wait for an operator's answer, s; after it the robot holds.
-const OPERATOR: f64 = 600.0;
+const OPERATOR_TIMEOUT: f64 = 600.0;
 /// Time within which a standstill of this program may have caused a stop of the robot.
-const RECENTLY: Duration = Duration::from_secs(5);
+const STANDSTILL_WINDOW: Duration = Duration::from_secs(5);
 
 /// The real robot with its operator.
-pub struct Hardware {
+pub struct HardwareBackend {
     robot: HardwareRobot,
-    places: Vec<Isometry3<f64>>,
+    nominal_poses: Vec<Isometry3<f64>>,
     names: Vec<String>,
     /// Longest time to think, s.
-    pause: f64,
+    max_pause: f64,
     /// Interrupt by the operator, caught from torque-on to the end.
     interrupt: Interrupt,
-    eyes: Option<VisionLink>,
+    vision: Option<VisionLink>,
     operator: Operator,
 }
 
-impl Hardware {
+impl HardwareBackend {
     /// Asks the operator in mid-trial while the robot stands still. Returns the answer. A robot that stops meanwhile
     /// ends the question and the trial.
-    fn ask(&mut self, question: &str) -> Result<String> {
-        self.robot.pause(OPERATOR);
-        match self.operator.ask_until(question, || Ok(self.stopped().is_some()))? {
+    fn ask_during_trial(&mut self, question: &str) -> Result<String> {
+        self.robot.pause(OPERATOR_TIMEOUT);
+        match self.operator.ask_until(question, || Ok(self.stop_reason().is_some()))? {
             Some(answer) => Ok(answer),
-            None => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+            None => bail!(super::TrialStopped(self.stop_reason().unwrap_or_default())),
         }
     }
 
     /// Asks the operator after the trial. A robot that is lost meanwhile has not kept the objects to the end. One that
     /// holds because its operator takes long has.
     fn ask_for_verdict(&mut self, question: &str) -> Result<String> {
-        self.robot.pause(OPERATOR);
-        let waited = |state: State| matches!(state, State::Hold(Cause::HostSilent(_)));
-        let lost = || self.stopped().filter(|_| !waited(self.robot.state()));
+        self.robot.pause(OPERATOR_TIMEOUT);
+        let waited = |state: SupervisorState| matches!(state, SupervisorState::Hold(StopCause::HostSilent(_)));
+        let lost = || self.stop_reason().filter(|_| !waited(self.robot.state()));
         match self.operator.ask_until(question, || Ok(lost().is_some()))? {
             Some(answer) => Ok(answer),
             None => {
-                let why = self.stopped().unwrap_or_default();
-                bail!(super::Stopped(format!(
+                let why = self.stop_reason().unwrap_or_default();
+                bail!(super::TrialStopped(format!(
                     "{why}; this was while the verdict was asked for, and the trial has none"
                 )))
             }
@@ -69,7 +69,7 @@ impl Hardware {
     }
 
     /// Asks for the verdict until the answer is yes or no.
-    fn yes(&mut self, question: &str) -> Result<bool> {
+    fn ask_yes_no(&mut self, question: &str) -> Result<bool> {
         loop {
             match self.ask_for_verdict(question)?.as_str() {
                 "yes" | "y" => return Ok(true),
@@ -80,7 +80,7 @@ impl Hardware {
     }
 
     /// Asks for the cause of failure, by number.
-    fn why_not(&mut self) -> Result<FailureCause> {
+    fn ask_failure_cause(&mut self) -> Result<FailureCause> {
         use FailureCause::{
             BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
         };
@@ -95,7 +95,7 @@ impl Hardware {
     }
 }
 
-impl TrialBody for Hardware {
+impl TrialBackend for HardwareBackend {
     fn robot(&self) -> &dyn RobotBackend {
         &self.robot
     }
@@ -104,30 +104,30 @@ impl TrialBody for Hardware {
         &mut self.robot
     }
 
-    fn truth(&self) -> Option<Truth> {
+    fn truth(&self) -> Option<GroundTruth> {
         None
     }
 
     /// Looks with the vision system, or without one asks the operator, who puts the object at its nominal place.
-    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
+    fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         let object = glance.object;
-        if let Some(eyes) = &mut self.eyes {
-            self.robot.pause(OPERATOR);
+        if let Some(eyes) = &mut self.vision {
+            self.robot.pause(OPERATOR_TIMEOUT);
             let interrupt = &self.interrupt;
-            let seen = eyes.look(&self.names[object], || interrupt.happened());
+            let seen = eyes.detect(&self.names[object], || interrupt.happened());
             self.pause();
             return match seen {
-                Err(VisionError::Stopped(_)) => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+                Err(VisionError::Stopped(_)) => bail!(super::TrialStopped(self.stop_reason().unwrap_or_default())),
                 seen => Ok(seen?),
             };
         }
-        let place = self.places[object];
+        let place = self.nominal_poses[object];
         let question = format!(
             "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
             self.names[object],
-            shown(&place)
+            format_position(&place)
         );
-        self.ask(&question)?;
+        self.ask_during_trial(&question)?;
         // After the answer the controller goes on thinking.
         self.pause();
         Ok(Some(place.into()))
@@ -139,26 +139,29 @@ impl TrialBody for Hardware {
     }
 
     fn pause(&mut self) {
-        self.robot.pause(self.pause);
+        self.robot.pause(self.max_pause);
     }
 
-    fn stopped(&self) -> Option<String> {
-        if self.interrupt.happened() && matches!(self.robot.state(), State::Running | State::Armed) {
+    fn stop_reason(&self) -> Option<String> {
+        if self.interrupt.happened() && matches!(self.robot.state(), SupervisorState::Running | SupervisorState::Armed)
+        {
             // The state of a robot that cannot hold gives the reason.
             let _ = self.robot.hold();
         }
         let state = self.robot.state();
-        if matches!(state, State::Running | State::Armed) {
+        if matches!(state, SupervisorState::Running | SupervisorState::Armed) {
             return None;
         }
         let report = self.robot.report();
         let own_words = match (state, report.arm_error) {
-            (State::Fault(Cause::ArmFault(_)), Some(words)) => format!(" ({words})"),
+            (SupervisorState::Fault(StopCause::ArmFault(_)), Some(words)) => format!(" ({words})"),
             _ => String::new(),
         };
-        let frozen = match (state, report.frozen) {
-            (State::Hold(Cause::Frozen(_)) | State::Fault(Cause::Frozen(_)), _) => String::new(),
-            (_, Some((at, gap))) if at.elapsed() < RECENTLY => format!(
+        let frozen = match (state, report.last_standstill) {
+            (SupervisorState::Hold(StopCause::HostFrozen(_)) | SupervisorState::Fault(StopCause::HostFrozen(_)), _) => {
+                String::new()
+            }
+            (_, Some((at, gap))) if at.elapsed() < STANDSTILL_WINDOW => format!(
                 "; before that this program stood still for {:.0} ms: was it stopped, or the computer suspended or overloaded?",
                 1e3 * gap
             ),
@@ -168,13 +171,13 @@ impl TrialBody for Hardware {
     }
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
-        let contact = self.yes(
+        let contact = self.ask_yes_no(
             "Did a held object, the fingers that hold it, or the palm touch the next one before it was grasped? [yes/no]",
         )?;
-        let success = self.yes("Were all objects in the hand to the end? [yes/no]")?;
+        let success = self.ask_yes_no("Were all objects in the hand to the end? [yes/no]")?;
         let cause = match success {
             true => None,
-            false => Some(self.why_not()?),
+            false => Some(self.ask_failure_cause()?),
         };
         Ok(Some(Verdict { contact, first_contact: None, success, cause }))
     }
@@ -184,10 +187,10 @@ impl TrialBody for Hardware {
         let ms = |seconds: f64| 1e3 * seconds;
         let mm = |metres: f64| 1e3 * metres;
         // Smallest margins to the supervisor's limits, by which owners set their own.
-        let pressed = report.margins.pressed.map(|most| {
-            serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest)})
+        let pressed = report.margins.torque.map(|most| {
+            serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest_excess)})
         });
-        let room = report.margins.room.map(|least| {
+        let room = report.margins.workspace.map(|least| {
             serde_json::json!({"table_mm": mm(least.table), "sides_mm": mm(least.sides), "clearance_mm": mm(least.clearance)})
         });
         Some(serde_json::json!({
@@ -197,18 +200,21 @@ impl TrialBody for Hardware {
             "late_cycles": report.late,
             "longest_gap_ms": ms(report.longest_gap),
             "longest_silence_ms": ms(report.longest_silence),
-            "last_standstill_ms": report.frozen.map(|(_, gap)| ms(gap)),
-            "not_run_ahead": report.behind,
+            "last_standstill_ms": report.last_standstill.map(|(_, gap)| ms(gap)),
+            "not_run_ahead": report.priority_error,
             "missing_answers": report.bus.missing,
             "round_trip_ms": {"p50": report.bus.round_trip(0.5).map(ms), "p99": report.bus.round_trip(0.99).map(ms)},
         }))
     }
 
     /// Opens the hand only if the operator says so.
-    fn leave(&mut self, why: Option<&str>) -> Result<()> {
+    fn end_trial(&mut self, why: Option<&str>) -> Result<()> {
         if let Some(why) = why {
             eprintln!("STOPPED: {why}");
-            eprintln!("The hand keeps hold of what it holds, as far as its servos answer; {}.", self.robot.standing());
+            eprintln!(
+                "The hand keeps hold of what it holds, as far as its servos answer; {}.",
+                self.robot.describe_state()
+            );
         }
         let report = self.robot.report();
         let silence = 1e3 * report.longest_silence;
@@ -219,13 +225,13 @@ impl TrialBody for Hardware {
         let mut told = why.is_some();
         let question = "Hold your hands under the objects; `release` opens the hand, anything else leaves it holding.";
         if why.is_none() {
-            self.robot.pause(OPERATOR);
+            self.robot.pause(OPERATOR_TIMEOUT);
         }
         let answer = self
             .operator
             .ask_until(question, || {
                 // Reported once, when it happens: it changes what the operator holds hands under.
-                if !told && let State::Fault(cause) = self.robot.state() {
+                if !told && let SupervisorState::Fault(cause) = self.robot.state() {
                     told = true;
                     eprint!("\nSTOPPED meanwhile: fault: {cause}; the trial was over. {question} ");
                 }

@@ -1,81 +1,81 @@
 //! Robots on which a trial can be played.
 //!
 //! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other body can be
-//! cloned ([`SingleBody`]): the emulated devices with a plant behind them ([`emulated`]), the real robot
-//! ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot if its session is recorded. On those
+//! cloned ([`SingleUseBackend`]): the emulated devices with a plant behind them ([`wire_emulation`]), the real robot
+//! ([`hardware`]), a recorded session ([`replay`]), and the simulated robot if its session is recorded. On those
 //! every condition begins a trial of its own, and a clone is the same body.
 //!
-//! [`Body`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of a
-//! trial (ground truth for the referee, prior perception, the operator) are in [`TrialBody`], for the program alone.
-//! [`mount`] hides the base of an emulated robot.
+//! [`Backend`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of a
+//! trial (ground truth for the referee, prior perception, the operator) are in [`TrialBackend`], for the program alone.
+//! [`registration_plan`] hides the base of an emulated robot.
 
 // Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
 extern crate progress;
 
 pub mod arm_link;
-pub mod bounds;
+pub mod direct_emulation;
 pub mod disk;
-pub mod emulated;
 pub mod hardware;
-pub mod mount;
 pub mod operator;
-pub mod replayed;
-pub mod rounded;
+pub mod registration_plan;
+pub mod replay;
 mod task;
+pub mod validation;
+pub mod wire_emulation;
 
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
-use control::percept::Sighted;
-use hand_model::robot::{Command, Readings, RobotBackend, RobotError, Tick};
+use control::detection::PoseDetection;
+use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
-use robot_session_log::{Recorder, Session, Writer};
+use robot_session_log::{SessionHeader, SessionRecorder, SessionWriter};
 use scenarios::noise::ObjectNoise;
 use scenarios::record::TrialRecord;
 use scenarios::referee::Verdict;
 use sim::SimulatedRobot;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
-pub use self::task::{Places, Task};
+pub use self::task::{PoseSources, TrialTask};
 
 /// Reason for which a trial ended early. The hand keeps its grip.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]
-pub struct Stopped(pub String);
+pub struct TrialStopped(pub String);
 
 /// Reason for which a recorded look failed.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]
-pub struct LookFailed(pub String);
+pub struct DetectionFailed(pub String);
 
 /// A look of prior perception.
 #[derive(Debug, Clone, Copy)]
-pub struct Glance {
+pub struct Detection {
     /// Number of the object.
     pub object: usize,
     /// Error of the look.
     pub noise: ObjectNoise,
     /// Pose of the object when the frame was taken; `None` for its present pose.
-    pub then: Option<Isometry3<f64>>,
+    pub pose_at_capture: Option<Isometry3<f64>>,
     /// Position of the camera, world, m; `None` sees everything.
-    pub camera: Option<Point3<f64>>,
+    pub camera_position: Option<Point3<f64>>,
 }
 
 /// A body with everything that a trial needs of it in addition to the controller's interface.
-pub trait TrialBody {
+pub trait TrialBackend {
     /// Returns the controller's interface.
     fn robot(&self) -> &dyn RobotBackend;
     /// Returns the controller's interface, to drive it.
     fn robot_mut(&mut self) -> &mut dyn RobotBackend;
     /// Returns the ground truth, if it is known: for referee and recording only.
-    fn truth(&self) -> Option<Truth>;
+    fn truth(&self) -> Option<GroundTruth>;
     /// Returns the percept of an object now, or `None` if it is hidden.
-    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>>;
+    fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>>;
     /// Returns the reason for which the body no longer follows commands, with advice.
-    fn stopped(&self) -> Option<String> {
+    fn stop_reason(&self) -> Option<String> {
         None
     }
     /// Stops the body where it is; the hand keeps its grip.
@@ -83,7 +83,7 @@ pub trait TrialBody {
     /// Announces that the controller thinks: no command comes until it has done so.
     fn pause(&mut self) {}
     /// Handles the content of the hand after the trial, or after a stop for the reason `why`.
-    fn leave(&mut self, _why: Option<&str>) -> Result<()> {
+    fn end_trial(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
     }
     /// Returns statistics of the body's operation, for the record.
@@ -97,12 +97,12 @@ pub trait TrialBody {
 }
 
 /// The only place where a body's robot is driven through the body.
-impl RobotBackend for dyn TrialBody + '_ {
+impl RobotBackend for dyn TrialBackend + '_ {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         self.robot_mut().observe()
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         self.robot_mut().send(command)
     }
 
@@ -115,7 +115,7 @@ impl RobotBackend for dyn TrialBody + '_ {
     }
 }
 
-impl TrialBody for SimulatedRobot {
+impl TrialBackend for SimulatedRobot {
     fn robot(&self) -> &dyn RobotBackend {
         self
     }
@@ -124,35 +124,35 @@ impl TrialBody for SimulatedRobot {
         self
     }
 
-    fn truth(&self) -> Option<Truth> {
+    fn truth(&self) -> Option<GroundTruth> {
         Some(self.truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
-        let Glance { object, noise, then, camera } = glance;
+    fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
+        let Detection { object, noise, pose_at_capture: then, camera_position: camera } = glance;
         let pose = then.unwrap_or_else(|| self.truth().objects[*object]);
         let center = Point3::from(pose.translation.vector);
-        let seen = camera.is_none_or(|camera| self.sees(&camera, *object, &center));
-        Ok(seen.then(|| noise.perceived(&pose).into()))
+        let seen = camera.is_none_or(|camera| self.is_visible(&camera, *object, &center));
+        Ok(seen.then(|| noise.perceived_pose(&pose).into()))
     }
 }
 
 /// A trial about to begin.
 pub struct TrialSetup<'a> {
     /// Task of the trial.
-    pub task: &'a Task,
+    pub task: &'a TrialTask,
     /// Names of the objects with their nominal poses, `world_from_object`.
     pub objects: Vec<(&'a str, Isometry3<f64>)>,
 }
 
 /// Source of bodies that cannot be cloned.
-pub trait BodySource {
+pub trait BackendFactory {
     /// Opens a body for a trial. `scene` is the simulated robot in the trial's scene, for the bodies that use it.
-    fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>>;
+    fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBackend>>;
     /// Returns the file of the trial's session, if it is recorded, with configuration and calibration as far as known.
-    fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
-    /// Returns the packets of tapped links, if there are any. Called once after each [`BodySource::open`].
-    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<robot_session_log::Packet>> {
+    fn session(&self, task: &TrialTask) -> Result<Option<(PathBuf, SessionHeader)>>;
+    /// Returns the packets of tapped links, if there are any. Called once after each [`BackendFactory::open`].
+    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<robot_session_log::LinkPacket>> {
         None
     }
     /// True if an operator places the objects at their nominal poses, so that the trial's draw of poses does not apply.
@@ -161,34 +161,39 @@ pub trait BodySource {
     }
 }
 
-enum Wrapped {
-    Plain(Box<dyn TrialBody>),
-    Recorded(Box<Recorder<Box<dyn TrialBody>>>),
+enum TrialRobot {
+    Unrecorded(Box<dyn TrialBackend>),
+    Recorded(Box<SessionRecorder<Box<dyn TrialBackend>>>),
 }
 
 /// A body that cannot be cloned.
-pub struct SingleBody {
-    line: Option<Wrapped>,
+pub struct SingleUseBackend {
+    robot: Option<TrialRobot>,
     time: f64,
 }
 
 /// Body of a trial.
 #[derive(Clone)]
-pub enum Body {
+pub enum Backend {
     /// Simulated: a clone is another body in the same state.
     Simulated(Box<SimulatedRobot>),
     /// Any other: a clone is the same body.
-    Single(Rc<RefCell<SingleBody>>),
+    Single(Rc<RefCell<SingleUseBackend>>),
 }
 
-impl Body {
+impl Backend {
     /// Opens a body that cannot be cloned from `source`. Its session is recorded if the source names a file.
-    pub fn open(source: &mut dyn BodySource, setup: &TrialSetup, scene: SimulatedRobot, version: &str) -> Result<Self> {
+    pub fn open(
+        source: &mut dyn BackendFactory,
+        setup: &TrialSetup,
+        scene: SimulatedRobot,
+        version: &str,
+    ) -> Result<Self> {
         let mut body = source.open(setup, scene)?;
         let opened = source.session(setup.task).and_then(|session| {
             session
                 .map(|(path, session)| {
-                    let session = Session {
+                    let session = SessionHeader {
                         robot: setup.task.robot.clone(),
                         program: format!("ftac {version}"),
                         seed: setup.task.seed,
@@ -196,30 +201,30 @@ impl Body {
                         task: serde_json::to_vec(setup.task)?,
                         ..session
                     };
-                    Ok(Writer::create(&path, &session)?)
+                    Ok(SessionWriter::create(&path, &session)?)
                 })
                 .transpose()
         });
         let line = match opened {
             Err(error) => {
                 // The robot is armed and must not be left silently.
-                body.leave(Some(&format!("{error:#}")))?;
+                body.end_trial(Some(&format!("{error:#}")))?;
                 return Err(error);
             }
-            Ok(None) => Wrapped::Plain(body),
+            Ok(None) => TrialRobot::Unrecorded(body),
             Ok(Some(writer)) => {
-                let recorder = Recorder::new(body, writer);
-                Wrapped::Recorded(Box::new(match source.packets() {
+                let recorder = SessionRecorder::new(body, writer);
+                TrialRobot::Recorded(Box::new(match source.packets() {
                     Some(packets) => recorder.with_packets(packets),
                     None => recorder,
                 }))
             }
         };
-        Ok(Self::Single(Rc::new(RefCell::new(SingleBody { line: Some(line), time: 0.0 }))))
+        Ok(Self::Single(Rc::new(RefCell::new(SingleUseBackend { robot: Some(line), time: 0.0 }))))
     }
 
     /// True if a clone is a body of its own.
-    pub fn branches(&self) -> bool {
+    pub fn is_cloneable(&self) -> bool {
         matches!(self, Self::Simulated(_))
     }
 
@@ -231,30 +236,30 @@ impl Body {
         }
     }
 
-    /// See [`TrialBody::truth`].
-    pub fn truth(&self) -> Option<Truth> {
+    /// See [`TrialBackend::truth`].
+    pub fn truth(&self) -> Option<GroundTruth> {
         match self {
             Self::Simulated(robot) => Some(robot.truth()),
-            Self::Single(single) => single.borrow_mut().body().and_then(|body| body.truth()),
+            Self::Single(single) => single.borrow_mut().backend().and_then(|body| body.truth()),
         }
     }
 
-    /// Looks at an object, see [`TrialBody::look`], and records the result in the session.
-    pub fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
+    /// Looks at an object, see [`TrialBackend::detect`], and records the result in the session.
+    pub fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         match self {
-            Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
+            Self::Simulated(robot) => TrialBackend::detect(robot.as_mut(), glance),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let seen = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance);
-                if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
+                let seen = single.backend().ok_or_else(|| anyhow!("the trial is over"))?.detect(glance);
+                if let Some(TrialRobot::Recorded(recorder)) = &mut single.robot {
                     match &seen {
                         Ok(seen) => {
-                            let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
-                            recorder.seen(glance.object, seen.as_ref());
+                            let seen = seen.as_ref().map(|seen| (pose_numbers(&seen.pose), seen.sigma));
+                            recorder.detection(glance.object, seen.as_ref());
                         }
                         // A stop does not depend on what would have been seen.
-                        Err(error) if error.is::<Stopped>() => {}
-                        Err(error) => recorder.unseen(&format!("{error:#}")),
+                        Err(error) if error.is::<TrialStopped>() => {}
+                        Err(error) => recorder.detection_failed(&format!("{error:#}")),
                     }
                 }
                 seen
@@ -263,44 +268,44 @@ impl Body {
     }
 
     /// True if the session can still be written, or if there is none.
-    pub fn is_written(&self) -> bool {
+    pub fn is_session_writable(&self) -> bool {
         match self {
             Self::Simulated(_) => true,
-            Self::Single(single) => single.borrow().unwritten().is_none(),
+            Self::Single(single) => single.borrow().session_error().is_none(),
         }
     }
 
-    /// See [`TrialBody::stopped`].
-    pub fn stopped(&self) -> Option<String> {
+    /// See [`TrialBackend::stop_reason`].
+    pub fn stop_reason(&self) -> Option<String> {
         match self {
             Self::Simulated(_) => None,
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let unwritten = single.unwritten();
-                let body = single.body()?;
+                let unwritten = single.session_error();
+                let body = single.backend()?;
                 if let Some(error) = unwritten {
                     body.hold();
                     return Some(format!("hold: the session cannot be written any more ({error}); make room"));
                 }
-                body.stopped()
+                body.stop_reason()
             }
         }
     }
 
-    /// See [`TrialBody::pause`].
+    /// See [`TrialBackend::max_pause`].
     pub fn pause(&mut self) {
         if let Self::Single(single) = self
-            && let Some(body) = single.borrow_mut().body()
+            && let Some(body) = single.borrow_mut().backend()
         {
             body.pause();
         }
     }
 
-    /// See [`TrialBody::judge`].
+    /// See [`TrialBackend::judge`].
     pub fn judge(&mut self) -> Result<Option<Verdict>> {
         match self {
             Self::Simulated(_) => Ok(None),
-            Self::Single(single) => single.borrow_mut().body().map_or(Ok(None), |body| body.judge()),
+            Self::Single(single) => single.borrow_mut().backend().map_or(Ok(None), |body| body.judge()),
         }
     }
 
@@ -308,8 +313,8 @@ impl Body {
     /// releases the body.
     pub fn finish(&mut self, record: Option<&TrialRecord>, why: Option<&str>) -> Result<()> {
         let Self::Single(single) = self else { return Ok(()) };
-        let left = single.borrow_mut().body().map_or(Ok(()), |body| body.leave(why));
-        if let Some(Wrapped::Recorded(mut recorder)) = single.borrow_mut().line.take() {
+        let left = single.borrow_mut().backend().map_or(Ok(()), |body| body.end_trial(why));
+        if let Some(TrialRobot::Recorded(mut recorder)) = single.borrow_mut().robot.take() {
             if let Some(statistics) = recorder.robot().statistics() {
                 recorder.statistics(&serde_json::to_vec(&statistics)?);
             }
@@ -324,42 +329,42 @@ impl Body {
     }
 }
 
-impl SingleBody {
+impl SingleUseBackend {
     /// Returns the reason for which the session cannot be written any more.
-    fn unwritten(&self) -> Option<String> {
-        match &self.line {
-            Some(Wrapped::Recorded(recorder)) => recorder.error().map(ToString::to_string),
+    fn session_error(&self) -> Option<String> {
+        match &self.robot {
+            Some(TrialRobot::Recorded(recorder)) => recorder.error().map(ToString::to_string),
             _ => None,
         }
     }
 
-    fn body(&mut self) -> Option<&mut Box<dyn TrialBody>> {
-        self.line.as_mut().map(|line| match line {
-            Wrapped::Plain(body) => body,
-            Wrapped::Recorded(recorder) => recorder.robot(),
+    fn backend(&mut self) -> Option<&mut Box<dyn TrialBackend>> {
+        self.robot.as_mut().map(|line| match line {
+            TrialRobot::Unrecorded(body) => body,
+            TrialRobot::Recorded(recorder) => recorder.robot(),
         })
     }
 
     fn robot(&mut self) -> Option<&mut dyn RobotBackend> {
-        self.line.as_mut().map(|line| match line {
-            Wrapped::Plain(body) => body as &mut dyn RobotBackend,
-            Wrapped::Recorded(recorder) => recorder.as_mut() as &mut dyn RobotBackend,
+        self.robot.as_mut().map(|line| match line {
+            TrialRobot::Unrecorded(body) => body as &mut dyn RobotBackend,
+            TrialRobot::Recorded(recorder) => recorder.as_mut() as &mut dyn RobotBackend,
         })
     }
 }
 
-impl RobotBackend for Body {
+impl RobotBackend for Backend {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         match self {
             Self::Simulated(robot) => robot.observe(),
-            Self::Single(single) => single.borrow_mut().robot().ok_or_else(over)?.observe(),
+            Self::Single(single) => single.borrow_mut().robot().ok_or_else(trial_over_error)?.observe(),
         }
     }
 
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         match self {
             Self::Simulated(robot) => robot.send(command),
-            Self::Single(single) => single.borrow_mut().robot().ok_or_else(over)?.send(command),
+            Self::Single(single) => single.borrow_mut().robot().ok_or_else(trial_over_error)?.send(command),
         }
     }
 
@@ -384,18 +389,18 @@ impl RobotBackend for Body {
 }
 
 /// Returns the error of a body after the end of its trial.
-fn over() -> RobotError {
-    RobotError::Lost("the trial is over".to_owned())
+fn trial_over_error() -> RobotError {
+    RobotError::ConnectionLost("the trial is over".to_owned())
 }
 
 /// Returns a pose as seven numbers: x, y, z, i, j, k, w.
-pub fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
+pub fn pose_numbers(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
 }
 
 /// Returns the pose of seven numbers, exact to the bit.
-fn pose(numbers: &[f64; 7]) -> Isometry3<f64> {
+fn pose_from_numbers(numbers: &[f64; 7]) -> Isometry3<f64> {
     let [x, y, z, i, j, k, w] = *numbers;
     // Normalising again would change bits.
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)))
@@ -411,6 +416,9 @@ mod tests {
             Translation3::new(0.1, -0.2, 1e-17),
             UnitQuaternion::from_euler_angles(0.3, -1.1, 2.9),
         );
-        assert_eq!(numbers(&pose(&numbers(&original))).map(f64::to_bits), numbers(&original).map(f64::to_bits));
+        assert_eq!(
+            pose_numbers(&pose_from_numbers(&pose_numbers(&original))).map(f64::to_bits),
+            pose_numbers(&original).map(f64::to_bits)
+        );
     }
 }

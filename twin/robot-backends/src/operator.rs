@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// Interval between checks for an interrupt while an answer is awaited.
-const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+const POLL_INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// Operator who answers questions, one line each.
 pub struct Operator {
@@ -17,17 +17,17 @@ pub struct Operator {
 
 impl Operator {
     /// Takes the answers from this program's own input, typed or piped in.
-    pub fn at_the_terminal() -> io::Result<Self> {
+    pub fn from_stdin() -> io::Result<Self> {
         // Unbuffered: later readers of the input must find what is left.
-        Ok(Self::at(File::from(io::stdin().as_fd().try_clone_to_owned()?)))
+        Ok(Self::from_file(File::from(io::stdin().as_fd().try_clone_to_owned()?)))
     }
 
     /// Takes the answers from this file.
-    pub fn at(input: File) -> Self {
+    pub fn from_file(input: File) -> Self {
         Self { input }
     }
 
-    /// Returns the operator's answer without surrounding spaces, or none if `over` returned true first. `over` is
+    /// Returns the operator's answer without surrounding spaces, or none if `trial_over_error` returned true first. `trial_over_error` is
     /// called several times a second.
     pub fn ask_until(&self, question: &str, mut over: impl FnMut() -> Result<bool>) -> Result<Option<String>> {
         eprint!("{question} ");
@@ -38,7 +38,7 @@ impl Operator {
                 eprintln!();
                 return Ok(None);
             }
-            let ready = poll(&mut [PollFd::new(&self.input, PollFlags::IN)], Some(&LOOK));
+            let ready = poll(&mut [PollFd::new(&self.input, PollFlags::IN)], Some(&POLL_INTERVAL));
             match ready {
                 Ok(0) | Err(rustix::io::Errno::INTR) => continue,
                 Ok(_) => {}
@@ -63,7 +63,7 @@ impl Operator {
 
 /// Calls [`Operator::ask_until`] at the terminal.
 pub fn ask_until(question: &str, over: impl FnMut() -> Result<bool>) -> Result<Option<String>> {
-    Operator::at_the_terminal()?.ask_until(question, over)
+    Operator::from_stdin()?.ask_until(question, over)
 }
 
 /// Returns the operator's answer. Ctrl-C ends the program unless it is caught elsewhere.
@@ -72,13 +72,13 @@ pub fn ask(question: &str) -> Result<String> {
 }
 
 /// True only if the operator answers yes.
-pub fn agreed(question: &str) -> Result<bool> {
-    agreed_while(question, || Ok(()))
+pub fn operator_agrees(question: &str) -> Result<bool> {
+    operator_agrees_while(question, || Ok(()))
 }
 
-/// As [`agreed`], and calls `attend` several times a second so that devices are attended during the question. Its error
+/// As [`operator_agrees`], and calls `recheck` several times a second so that devices are attended during the question. Its error
 /// ends the question.
-pub fn agreed_while(question: &str, mut attend: impl FnMut() -> Result<()>) -> Result<bool> {
+pub fn operator_agrees_while(question: &str, mut attend: impl FnMut() -> Result<()>) -> Result<bool> {
     let answer = ask_until(&format!("{question} [yes/no]"), || attend().map(|()| false))?;
     Ok(answer.is_some_and(|answer| answer == "yes"))
 }

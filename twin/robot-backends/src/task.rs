@@ -1,18 +1,18 @@
 //! Definition of a trial, and the source of its robot's object and base poses.
 
 use anyhow::Result;
-use grasp_verification::simulated_world::World;
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::RobotSources;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
 
-use super::mount::{Plan, hidden_mount};
-use super::pose;
+use super::pose_from_numbers;
+use super::registration_plan::{RegistrationPlan, hidden_mount};
 
 /// Definition of a trial as stored in a session file: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Task {
-    /// Body: `sim`, `rounded`, `emulated` or `hardware`.
+pub struct TrialTask {
+    /// Body: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
     pub robot: String,
     /// Seed of all random draws.
     pub seed: u64,
@@ -44,10 +44,10 @@ pub struct Task {
     pub mirrored: bool,
     /// Source of the object and base poses.
     #[serde(flatten)]
-    pub places: Places,
+    pub places: PoseSources,
 }
 
-impl Task {
+impl TrialTask {
     /// Creates a trial of the built-in robot as drawn, without a scenario, with this many combinations drawn.
     pub fn new(robot: &str, seed: u64, [combination, trial, combos]: [usize; 3], condition: Condition) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl Task {
             pads: None,
             foresees: false,
             mirrored: false,
-            places: Places::default(),
+            places: PoseSources::default(),
         }
     }
 
@@ -76,7 +76,7 @@ impl Task {
 
 /// Source of the base and object poses, apart from the scenario.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Places {
+pub struct PoseSources {
     /// Registered pose of the arm's base, `world_from_base` as x, y, z, i, j, k, w; none for the nominal pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<[f64; 7]>,
@@ -88,14 +88,14 @@ pub struct Places {
     pub mount: Option<u64>,
 }
 
-impl Places {
+impl PoseSources {
     /// Gives the controller of `world` the registered base pose, and moves a simulated base to its hidden pose.
-    pub fn set_up(&self, world: &mut World) -> Result<()> {
+    pub fn apply_to(&self, world: &mut SimulatedWorld) -> Result<()> {
         if let Some(base) = &self.base {
-            world.cell.world_from_base = pose(base);
+            world.cell.world_from_base = pose_from_numbers(base);
         }
         if let Some(seed) = self.mount {
-            world.stands = hidden_mount(&Plan::standard()?, seed);
+            world.true_world_from_base = hidden_mount(&RegistrationPlan::standard()?, seed);
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use sensor_calibration::calibration::folds::{self, Fold};
-use tactile_optics::calibration::{Assumptions, Effort, PressFolder, press_checks};
+use tactile_optics::calibration::{Assumptions, FitEffort, PressFolder, press_checks};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -14,8 +14,8 @@ fn main() -> Result<()> {
     let numbers: Vec<f64> = numbers.iter().map(|number| number.parse()).collect::<Result<_, _>>().context("numbers")?;
     let [diameter, pixel] = numbers[..] else { anyhow::bail!("expected FOLDER BALL_DIAMETER_MM PIXEL_MM") };
     let mut all = PressFolder::read(&PathBuf::from(folder), 1e-3 * diameter, false)?;
-    let reasons = press_checks::out_of_line(&all);
-    all.leave_out(reasons);
+    let reasons = press_checks::inconsistent_presses(&all);
+    all.skip_presses(reasons);
     let (even, odd) = all.even_odd();
     println!("presses  method   normals deg  depth rms %  found/depth  height mm");
     let of = even.presses.len();
@@ -24,14 +24,14 @@ fn main() -> Result<()> {
         let (fitted, _) = even.split(|index, _| chosen.contains(&index));
         let folds = [Fold { fitted, held_out: odd.clone() }];
         let assumptions = Assumptions::full(Some(1e-3 * pixel));
-        let judged = match folds::judge(&folds, assumptions, &Effort::default(), 1, &|| ()) {
+        let judged = match folds::evaluate_folds(&folds, assumptions, &FitEffort::default(), 1, &|| ()) {
             Ok(judged) => judged,
             Err(error) => {
                 println!("{count:>7}  {error:#}");
                 continue;
             }
         };
-        let (_, accuracy) = folds::figures(judged);
+        let (_, accuracy) = folds::combine_folds(judged);
         for (method, found) in ["look-up", "network"].into_iter().zip(accuracy) {
             println!(
                 "{count:>7}  {method:<7}  {:>11.2}  {:>11.1}  {:>11.3}  {:>9.3}",

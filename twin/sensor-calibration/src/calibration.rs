@@ -4,7 +4,7 @@
 //! [`presses`] reads the presses and rejects outliers before anything is fitted; [`mod@misfits`] finds presses that the
 //! fitted model cannot explain. [`folds`] holds presses out in turn; their errors decide whether the calibration may be
 //! used, while the written files are learned from all presses. [`scale`] finds the size of a pixel, [`sheet`] shows the
-//! presses, and [`figures`] reports the results.
+//! presses, and [`combine_folds`] reports the results.
 
 pub mod figures;
 pub mod folds;
@@ -19,23 +19,25 @@ use anyhow::Result;
 use image::RgbImage;
 use tactile_optics::calibration::relocation;
 use tactile_optics::calibration::zhang::LensFit;
-use tactile_optics::calibration::{Assumptions, BallFit, Effort, HeldOut, PressFolder, SensorCalibration, Views};
+use tactile_optics::calibration::{
+    Assumptions, BallFit, FitEffort, HeldOutSimilarity, PressFolder, SensorCalibration, ViewSimilarity,
+};
 
-use self::folds::{Fold, Judged, sensor_of};
+use self::folds::{EvaluatedFold, Fold, sensor_of};
 use self::misfits::misfits;
 use self::presses::CheckedPresses;
 use self::scale::{PixelSize, PixelSource};
 use self::sheet::Tile;
-use super::reconstruction::{Method, Photometry};
+use super::reconstruction::{Photometry, SlopeMethod};
 
-pub use folds::Split;
+pub use folds::HoldOutSplit;
 
 /// Result of a fit that leaves out a part of the model.
 struct Ablation {
     model: &'static str,
     residual_grey: f64,
     /// Similarity of renders to the held-out presses.
-    similarity: Option<Views>,
+    similarity: Option<ViewSimilarity>,
 }
 
 /// A fitted sensor, with its quality in rendering and reconstructing presses that it has not seen.
@@ -44,12 +46,12 @@ pub struct CalibrationRun {
     fit: BallFit,
     photometry: Photometry,
     /// Quality of the renders of held-out presses.
-    held_out: Option<HeldOut>,
+    held_out: Option<HeldOutSimilarity>,
     /// The same rendered on the image's grid: the fit renders with round profiles, whereas the renderer of other
     /// objects works on the grid.
-    on_grid: Option<HeldOut>,
+    on_grid: Option<HeldOutSimilarity>,
     /// The same with a single frame of the untouched gel in place of the mean of several.
-    on_single_background: Option<HeldOut>,
+    on_single_background: Option<HeldOutSimilarity>,
     ablations: Vec<Ablation>,
     /// Source of the pixel size.
     source: PixelSource,
@@ -66,16 +68,16 @@ pub struct CalibrationRun {
 #[derive(Debug, Clone, Copy)]
 pub struct FitOptions {
     /// Choice of the held-out presses.
-    pub split: Split,
+    pub split: HoldOutSplit,
     /// True to fit again without each part of the model.
     pub ablation: bool,
 }
 
 /// Maximum number of rounds that reject misfits.
-const ROUNDS: usize = 3;
+const MAX_REJECTION_ROUNDS: usize = 3;
 /// Approximate number of pixels that a fit uses of all presses together: the more presses, the fewer pixels of each.
-const PIXELS: usize = 8400;
-const LEAST_PIXELS: usize = 150;
+const FIT_PIXELS: usize = 8400;
+const MIN_PIXELS_PER_PRESS: usize = 150;
 /// Steps of the fits to folds.
 const FOLD_STEPS: [usize; 2] = [8, 14];
 
@@ -89,34 +91,34 @@ impl CalibrationRun {
         let effort = effort_for(presses.count());
         let assumptions = Assumptions::full(Some(size));
         if presses.folder.presses.iter().any(|press| !press.labelled) {
-            let first = BallFit::new(&relocation::reliable(&presses.folder), assumptions, &effort, seed)?;
+            let first = BallFit::new(&relocation::reliable_presses(&presses.folder), assumptions, &effort, seed)?;
             presses.folder = first.relocated(&presses.folder);
             scale::leave_out_impossible(&mut presses.folder, size, true)?;
             scale::check_depth(&presses.folder, size, presses.shallow)?;
         }
         let mut fit = BallFit::new(&presses.folder, assumptions, &effort, seed)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_REJECTION_ROUNDS {
             let reasons = misfits(&fit, &presses.folder);
             if reasons.iter().all(Option::is_none) {
                 break;
             }
-            presses.folder.leave_out(reasons);
-            presses.enough()?;
+            presses.folder.skip_presses(reasons);
+            presses.check_count()?;
             fit = BallFit::new(&presses.folder, assumptions, &effort, seed)?;
         }
-        presses.enough()?;
+        presses.check_count()?;
         let CheckedPresses { folder, lens, checkerboards, source, .. } = presses;
         let tiles = tiles(&folder, &fit);
         fit.lens = lens;
         fit.pixel_interval = interval;
         fit.parameters.extend(checkerboards.iter().flat_map(|found| found.parameters.clone()));
         let folds = options.split.folds(&folder)?;
-        let quick = Effort { starts: 1, steps: FOLD_STEPS, ..effort_for(2 * folder.presses.len()) };
-        let judged = folds::judge(&folds, assumptions, &quick, seed, learned)?;
-        let (on_grid, on_single_background) = on_other_renders(&folds, &judged)?;
+        let quick = FitEffort { starts: 1, steps: FOLD_STEPS, ..effort_for(2 * folder.presses.len()) };
+        let judged = folds::evaluate_folds(&folds, assumptions, &quick, seed, learned)?;
+        let (on_grid, on_single_background) = evaluate_other_renders(&folds, &judged)?;
         let ablations = if options.ablation { ablations(&folds, &judged, size, &effort, seed) } else { Vec::new() };
         let held = folds.iter().map(|fold| fold.held_out.presses.len()).sum();
-        let (held_out, accuracy) = folds::figures(judged);
+        let (held_out, accuracy) = folds::combine_folds(judged);
         let photometry = Photometry::learn(&folder, &sensor_of(&fit)?, seed, learned)?.with_accuracy(accuracy);
         let unlabelled = folder.presses.iter().filter(|press| !press.labelled).count();
         Ok(Self {
@@ -126,7 +128,7 @@ impl CalibrationRun {
             ablations,
             presses: [folder.presses.len(), held, unlabelled],
             source,
-            left_out: folder.left_out.iter().map(|image| (image.name.clone(), image.reason.clone())).collect(),
+            left_out: folder.skipped.iter().map(|image| (image.name.clone(), image.reason.clone())).collect(),
             tiles,
             single_lamp_images: folder.lamps.len(),
             checkerboards,
@@ -144,7 +146,7 @@ impl CalibrationRun {
 
     /// Returns the reason why the calibration must not be used, if there is one: it is no better than doing nothing.
     pub fn shortfall(&self) -> Option<String> {
-        let Some(HeldOut { rendered, floor, .. }) = &self.held_out else {
+        let Some(HeldOutSimilarity { rendered, floor, .. }) = &self.held_out else {
             return Some("no press could be held out: there is no figure for the quality of the fit".to_owned());
         };
         let (found, least) = (rendered.crop.psnr, floor.crop.psnr);
@@ -156,7 +158,7 @@ impl CalibrationRun {
                 "the model renders the held-out presses no better than the background alone does: {found:.2} dB, {least:.2} dB"
             ));
         }
-        let [look_up, network] = Method::ALL.map(|method| self.photometry.accuracy(method).fault());
+        let [look_up, network] = SlopeMethod::ALL.map(|method| self.photometry.accuracy(method).fault());
         Some(format!("no surface can be told: by look-up, {}; by the network, {}", look_up?, network?))
     }
 
@@ -177,7 +179,7 @@ impl CalibrationRun {
                 1e3 * high
             ));
         }
-        for method in Method::ALL {
+        for method in SlopeMethod::ALL {
             let accuracy = self.photometry.accuracy(method);
             let (fault, doubt) = (accuracy.fault(), accuracy.doubt());
             warnings.extend(fault.map(|fault| format!("{} is of no use: {fault}", method.name())).or_else(|| {
@@ -191,38 +193,43 @@ impl CalibrationRun {
 }
 
 /// Returns the effort of a fit to this number of presses.
-fn effort_for(presses: usize) -> Effort {
-    let most = Effort::default().per_press;
-    Effort { per_press: (PIXELS / presses.max(1)).clamp(LEAST_PIXELS, most), ..Effort::default() }
+fn effort_for(presses: usize) -> FitEffort {
+    let most = FitEffort::default().per_press;
+    FitEffort { per_press: (FIT_PIXELS / presses.max(1)).clamp(MIN_PIXELS_PER_PRESS, most), ..FitEffort::default() }
 }
 
 fn tiles(folder: &PressFolder, fit: &BallFit) -> Vec<Tile> {
     let used = folder.presses.iter().zip(fit.press_errors(folder));
     let used =
         used.map(|(press, error)| Tile::press(press, format!("r {:.0} px, {error:.1} grey", press.radius), true));
-    let mut tiles: Vec<Tile> = used.chain(folder.left_out.iter().flat_map(Tile::left_out)).collect();
+    let mut tiles: Vec<Tile> = used.chain(folder.skipped.iter().flat_map(Tile::left_out)).collect();
     tiles.sort_by(|a, b| a.name.cmp(&b.name));
     tiles
 }
 
 /// Evaluates renders of the first fold's presses on the image's grid, and on a single frame of the untouched gel.
-fn on_other_renders(folds: &[Fold], judged: &[Judged]) -> Result<(Option<HeldOut>, Option<HeldOut>)> {
-    let (Some(fold), Some(Judged { fit, .. })) = (folds.first(), judged.first()) else { return Ok((None, None)) };
+fn evaluate_other_renders(
+    folds: &[Fold],
+    judged: &[EvaluatedFold],
+) -> Result<(Option<HeldOutSimilarity>, Option<HeldOutSimilarity>)> {
+    let (Some(fold), Some(EvaluatedFold { fit, .. })) = (folds.first(), judged.first()) else {
+        return Ok((None, None));
+    };
     let sensor = sensor_of(fit)?;
     let on_grid =
         fit.evaluate_with(&fold.held_out, |press| sensor.render_ball(press.center, press.radius, press.diameter));
     let single = fold.fitted.background.rgb.iter().map(|&value| f32::from(value)).collect();
-    Ok((on_grid, fit.on_background(single).evaluate(&fold.held_out)))
+    Ok((on_grid, fit.with_background(single).evaluate(&fold.held_out)))
 }
 
 /// Repeats the first fold's fit without each part of the model.
-fn ablations(folds: &[Fold], judged: &[Judged], size: f64, effort: &Effort, seed: u64) -> Vec<Ablation> {
-    let (Some(fold), Some(Judged { fit, .. })) = (folds.first(), judged.first()) else { return Vec::new() };
+fn ablations(folds: &[Fold], judged: &[EvaluatedFold], size: f64, effort: &FitEffort, seed: u64) -> Vec<Ablation> {
+    let (Some(fold), Some(EvaluatedFold { fit, .. })) = (folds.first(), judged.first()) else { return Vec::new() };
     let without = |(model, assumptions)| {
         let again = if assumptions == fit.assumptions {
             fit.clone()
         } else {
-            fit.again(&fold.fitted, assumptions, effort, seed)
+            fit.refit(&fold.fitted, assumptions, effort, seed)
         };
         let similarity = again.evaluate(&fold.held_out).map(|held| held.rendered);
         Ablation { model, residual_grey: again.residual, similarity }

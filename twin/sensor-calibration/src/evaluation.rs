@@ -7,11 +7,13 @@ use anyhow::{Context, Result, bail};
 use hand_model::Hand;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tactile_optics::Foundation;
-use tactile_optics::calibration::recovery::{Recovery, recover};
-use tactile_optics::calibration::{CalibratedSensor, Effort, LeftOut, SensorCalibration, Similarity, similarity};
+use tactile_optics::GelFoundation;
+use tactile_optics::calibration::recovery::{RecoveryErrors, recover};
+use tactile_optics::calibration::{
+    CalibratedSensor, FitEffort, SensorCalibration, Similarity, SkippedImage, similarity,
+};
 use tactile_optics::foundation::{
-    PROBE_RADIUS, ProbePoint, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity,
+    PAPER_WINKLER_MODULUS, PROBE_RADIUS, ProbePoint, Sensitivity, bonded_layer_force, response_to_force, sensitivity,
 };
 
 use super::calibration::presses;
@@ -38,21 +40,21 @@ pub struct GelResponse {
 /// Computes the response to the paper's probe for the paper's gel, for the hand's, and for the two gels that explain
 /// their difference.
 pub fn gel_responses(hand: &Hand) -> Vec<GelResponse> {
-    let winkler = Foundation::winkler(&hand.gel());
-    let stiff = Foundation { modulus: WINKLER_LIKE_PAPER, ..winkler };
+    let winkler = GelFoundation::winkler(&hand.gel());
+    let stiff = GelFoundation { modulus: PAPER_WINKLER_MODULUS, ..winkler };
     let (modulus, thickness) = (winkler.modulus, winkler.thickness);
     let on =
-        |gel: Foundation| -> Box<dyn Fn(f64) -> f64> { Box::new(move |depth| gel.ball_force(PROBE_RADIUS, depth)) };
+        |gel: GelFoundation| -> Box<dyn Fn(f64) -> f64> { Box::new(move |depth| gel.ball_force(PROBE_RADIUS, depth)) };
     let bonded = move |depth: f64| bonded_layer_force(modulus, thickness, PROBE_RADIUS, depth);
     let gels = [
-        ("paper's law", on(Foundation::paper(thickness))),
+        ("paper's law", on(GelFoundation::paper(thickness))),
         ("hand's Winkler gel", on(winkler)),
         ("same E, bonded layer", Box::new(bonded)),
         ("Winkler, 0.42 MPa", on(stiff)),
     ];
     gels.into_iter()
         .map(|(gel, force)| {
-            let points = response_to(thickness, force, 160.0, 161);
+            let points = response_to_force(thickness, force, 160.0, 161);
             GelResponse {
                 gel,
                 below_50_kpa: sensitivity(&points, 50.0),
@@ -87,8 +89,8 @@ pub fn response_table(rows: &[GelResponse]) -> String {
 }
 
 /// Fits to synthetic presses of a known sensor, without and with images of its single lamps.
-pub fn recoveries(seed: u64) -> Vec<Recovery> {
-    let effort = Effort { steps: [25, 25], ..Effort::default() };
+pub fn recoveries(seed: u64) -> Vec<RecoveryErrors> {
+    let effort = FitEffort { steps: [25, 25], ..FitEffort::default() };
     RECOVERY_ROWS
         .iter()
         .flat_map(|&presses| [(presses, false), (presses, true)])
@@ -97,7 +99,7 @@ pub fn recoveries(seed: u64) -> Vec<Recovery> {
 }
 
 /// Formats the errors of the fits, one line each.
-pub fn recovery_table(rows: &[Recovery]) -> String {
+pub fn recovery_table(rows: &[RecoveryErrors]) -> String {
     let mut text = "presses  single lamps  held-out grey  lamp deg  lamp mm  roughness  response  kernel\n".to_owned();
     for row in rows {
         text += &format!(
@@ -124,7 +126,7 @@ pub struct RenderedPresses {
     /// calibration.
     pub surfaces: Option<[Accuracy; 2]>,
     /// Unusable images.
-    pub left_out: Vec<LeftOut>,
+    pub left_out: Vec<SkippedImage>,
 }
 
 /// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) for presses whose
@@ -153,7 +155,7 @@ pub fn similarity_to_presses(
     let single = |rgb: &[u8]| rgb.iter().map(|&value| f32::from(value)).collect::<Vec<f32>>();
     let mut all = Vec::new();
     for press in &presses.presses {
-        let image = sensor.render(&sensor.ball(press.center, press.radius, press.diameter))?;
+        let image = sensor.render(&sensor.ball_penetration(press.center, press.radius, press.diameter))?;
         all.push(similarity::compare(&single(&image.rgb), &single(&press.photo.rgb), columns, 0..columns, 0..rows));
     }
     let similarity = Similarity::mean(&all).context("no presses")?;
@@ -163,7 +165,7 @@ pub fn similarity_to_presses(
     } else {
         None
     };
-    Ok(RenderedPresses { presses: all.len(), similarity, surfaces, left_out: presses.left_out })
+    Ok(RenderedPresses { presses: all.len(), similarity, surfaces, left_out: presses.skipped })
 }
 
 #[cfg(test)]

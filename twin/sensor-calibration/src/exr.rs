@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 
 /// Writes the channels (name and row-major values, one per pixel) of an image `width` pixels wide.
 pub fn write(path: &Path, width: usize, channels: &[(&str, Vec<f32>)]) -> Result<()> {
-    ftac_platform::file::write_whole(path, &encode(width, channels)).with_context(|| path.display().to_string())
+    ftac_platform::file::write_atomically(path, &encode(width, channels)).with_context(|| path.display().to_string())
 }
 
 fn encode(width: usize, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {

@@ -10,14 +10,14 @@ use hand_model::robot::TactileImage;
 
 /// Size of a photo that the pads' grid covers.
 #[derive(Debug, Clone, Copy)]
-pub struct Grid {
+pub struct PadGrid {
     /// Columns of the photo.
     pub width: usize,
     /// Rows of the photo.
     pub height: usize,
 }
 
-impl Grid {
+impl PadGrid {
     /// Converts the photo's pixel size to that of the pads' grid (dx, dy).
     pub fn pixel(self, pixel: f64) -> (f64, f64) {
         (pixel * self.width as f64 / N as f64, pixel * self.height as f64 / N as f64)
@@ -37,7 +37,7 @@ impl Grid {
 
     /// Averages over each pixel of the pads' grid, weighted by the area that each of the photo's pixels covers of it.
     pub fn averaged(self, values: &[f32], channels: usize) -> Vec<f32> {
-        let (columns, rows) = (shares(self.width), shares(self.height));
+        let (columns, rows) = (overlap_shares(self.width), overlap_shares(self.height));
         let mut sums = vec![0.0f32; self.height * N * channels];
         for row in 0..self.height {
             for (column, shares) in columns.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Grid {
 
     /// Interpolates values on the pads' grid at the photo's pixels. Beyond the outermost pixel centres the border
     /// values are kept.
-    pub fn spread(self, values: &[f32]) -> Vec<f32> {
+    pub fn interpolated(self, values: &[f32]) -> Vec<f32> {
         let at = |k: usize, size: usize| {
             let place = ((k as f64 + 0.5) * N as f64 / size as f64 - 0.5).clamp(0.0, (N - 1) as f64);
             let cell = (place as usize).min(N - 2);
@@ -83,7 +83,7 @@ impl Grid {
 }
 
 /// Returns for each column of the grid the covered ones of `size` columns, with the share of each.
-fn shares(size: usize) -> Vec<Vec<(usize, f32)>> {
+fn overlap_shares(size: usize) -> Vec<Vec<(usize, f32)>> {
     let step = size as f64 / N as f64;
     (0..N)
         .map(|n| {
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn averaging_keeps_means_and_places() {
-        let grid = Grid { width: 640, height: 480 };
+        let grid = PadGrid { width: 640, height: 480 };
         let ramp: Vec<f32> = (0..640 * 480).map(|i| (i % 640) as f32 + 10.0 * (i / 640) as f32).collect();
         let small = grid.averaged(&ramp, 1);
         for i in [0, 239, 1234, N * N - 1] {
@@ -110,7 +110,7 @@ mod tests {
             assert!((f64::from(small[i]) - column - 10.0 * row).abs() < 0.1, "{i}: {} {column} {row}", small[i]);
         }
         // After interpolation back, the ramp is unchanged except for the outermost pixels.
-        let back = grid.spread(&small);
+        let back = grid.interpolated(&small);
         for (column, row) in [(5, 7), (320, 240), (633, 471)] {
             let found = f64::from(back[row * 640 + column]);
             assert!((found - column as f64 - 10.0 * row as f64).abs() < 0.2, "{column} {row}: {found}");

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<()> {
     let mut bytes = header(shape);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    ftac_platform::file::write_whole(path, &bytes).with_context(|| path.display().to_string())
+    ftac_platform::file::write_atomically(path, &bytes).with_context(|| path.display().to_string())
 }
 
 /// Returns the header: magic, version, and a dictionary padded so that the data start at a multiple of 64.

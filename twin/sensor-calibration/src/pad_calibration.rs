@@ -9,7 +9,7 @@ use sim::tactile::TactileBoard;
 use tactile_perception::calibration::AngularError;
 use tactile_perception::{CalibrationPress, PhotometricCalibration};
 
-use crate::pressed_shapes::{Place, Relief, ball, press_into};
+use crate::pressed_shapes::{PressPlace, Relief, ball_height, press_into};
 
 /// Radii of the calibration balls, m.
 const BALL_RADII: [f64; 3] = [0.004, 0.010, 0.022];
@@ -25,8 +25,8 @@ pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) 
             let at =
                 [rng.random_range(-0.38..0.38) * camera.w, camera.center_y + rng.random_range(-0.38..0.38) * camera.h];
             let force = rng.random_range(0.5..4.0);
-            let relief: Relief = Box::new(move |x, y| ball(radius, x, y));
-            let place = Place { at, turn: 0.0 };
+            let relief: Relief = Box::new(move |x, y| ball_height(radius, x, y));
+            let place = PressPlace { at, turn: 0.0 };
             presses.push(press_into(hand, (index, sensor), (&relief, &place), force, &mut rng)?);
         }
     }

@@ -9,20 +9,20 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
+use sim::test_stand::{HandTestStand, Prop, tension_goals};
 use tactile_perception::{PhotometricCalibration, TouchPipeline};
-use world::Shape;
+use world::ObjectShape;
 
 /// Cable tensions of the grips, N.
 const TENSIONS: [f64; 4] = [6.0, 12.0, 25.0, 50.0];
 /// Opposition angle of the thumb, rad, and time to close, s.
-const OPPOSITION: f64 = 1.0;
-const CLOSE: f64 = 2.0;
+const OPPOSITION_ANGLE: f64 = 1.0;
+const CLOSING_TIME: f64 = 2.0;
 /// Serial number of the hand unit, as in trials.
-const UNIT: u64 = 7;
+const HAND_UNIT: u64 = 7;
 /// Minimum force, N. Smaller ones are left out, because the simulated board leaves such pads idle.
-const LEAST: f64 = 0.02;
+const MIN_FORCE: f64 = 0.02;
 
 /// Force on one pad in one grip.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -52,15 +52,15 @@ pub struct Agreement {
     pub correlation: f64,
 }
 
-struct Gripped {
+struct GrippedObject {
     name: &'static str,
-    shape: Shape,
+    shape: ObjectShape,
     /// Half of the object's height above the palm, m.
     half: f64,
 }
 
 /// Setup: the hand on the test stand, its simulated cameras, and the pipeline that reads them.
-struct Grips {
+struct GripSetup {
     hand: Arc<Hand>,
     board: TactileBoard,
     touch: TouchPipeline,
@@ -69,15 +69,23 @@ struct Grips {
 /// Grips every object at every tension, and estimates forces with `calibration`.
 pub fn grip_all(hand: &Arc<Hand>, calibration: PhotometricCalibration) -> Result<Vec<PadForce>> {
     let hand = hand.clone();
-    let board = TactileBoard::unit(&hand, UNIT);
+    let board = TactileBoard::unit(&hand, HAND_UNIT);
     let touch = TouchPipeline::new(&hand, calibration, board.backgrounds())?;
-    let grips = Grips { hand, board, touch };
-    let block = Shape::Cuboid { half: Vector3::new(0.02, 0.02, 0.05), radius: 0.002 };
+    let grips = GripSetup { hand, board, touch };
+    let block = ObjectShape::Cuboid { half: Vector3::new(0.02, 0.02, 0.05), radius: 0.002 };
     let objects = [
-        Gripped { name: "ball 50 mm", shape: Shape::Sphere { radius: 0.025 }, half: 0.025 },
-        Gripped { name: "rod 30 mm", shape: Shape::Cylinder { radius: 0.015, half_height: 0.06 }, half: 0.015 },
-        Gripped { name: "rod 50 mm", shape: Shape::Cylinder { radius: 0.025, half_height: 0.06 }, half: 0.025 },
-        Gripped { name: "box 40 mm", shape: block, half: 0.02 },
+        GrippedObject { name: "ball 50 mm", shape: ObjectShape::Sphere { radius: 0.025 }, half: 0.025 },
+        GrippedObject {
+            name: "rod 30 mm",
+            shape: ObjectShape::Cylinder { radius: 0.015, half_height: 0.06 },
+            half: 0.015,
+        },
+        GrippedObject {
+            name: "rod 50 mm",
+            shape: ObjectShape::Cylinder { radius: 0.025, half_height: 0.06 },
+            half: 0.025,
+        },
+        GrippedObject { name: "box 40 mm", shape: block, half: 0.02 },
     ];
     let mut rows = Vec::new();
     for object in &objects {
@@ -88,17 +96,17 @@ pub fn grip_all(hand: &Arc<Hand>, calibration: PhotometricCalibration) -> Result
     Ok(rows)
 }
 
-impl Grips {
-    fn grip(&self, object: &Gripped, tension: f64) -> Result<Vec<PadForce>> {
+impl GripSetup {
+    fn grip(&self, object: &GrippedObject, tension: f64) -> Result<Vec<PadForce>> {
         let hand = &self.hand;
-        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
         let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
         // Just clear of the palm, over the finger bases.
         let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
         let place = Isometry3::from_parts(Vector3::new(0.0, -0.008, skin - object.half - 0.0005).into(), across);
-        let prop = stand.put(Prop::new(object.name, object.shape.clone(), 0.3, 0.8), &place);
-        stand.run(&tension_goals(hand, &[0.0; 5], OPPOSITION), 0.5);
-        stand.run(&tension_goals(hand, &[tension; 5], OPPOSITION), CLOSE);
+        let prop = stand.add_prop(Prop::new(object.name, object.shape.clone(), 0.3, 0.8), &place);
+        stand.run(&tension_goals(hand, &[0.0; 5], OPPOSITION_ANGLE), 0.5);
+        stand.run(&tension_goals(hand, &[tension; 5], OPPOSITION_ANGLE), CLOSING_TIME);
         let links = stand.links();
         let pads: Vec<Isometry3<f64>> = hand
             .pads
@@ -107,10 +115,10 @@ impl Grips {
             .collect();
         let forces = pad_loads(hand, &stand, &pads);
         let frames =
-            self.board.clone().capture(hand, stand.time(), &pads, &forces, &[(&object.shape, stand.pose(prop))]);
+            self.board.clone().capture(hand, stand.time(), &pads, &forces, &[(&object.shape, stand.prop_pose(prop))]);
         let images: Vec<_> = frames.into_iter().map(|frame| frame.image).collect();
         let felt = self.touch.perceive(&images)?;
-        let loaded = felt.iter().filter(|felt| forces[felt.pad] >= LEAST);
+        let loaded = felt.iter().filter(|felt| forces[felt.pad] >= MIN_FORCE);
         Ok(loaded
             .map(|felt| PadForce {
                 object: object.name,
@@ -124,7 +132,7 @@ impl Grips {
 }
 
 /// Sums the engine's contact forces over each pad, N; `pads` are the pads' poses in the palm frame.
-fn pad_loads(hand: &Hand, stand: &HandStand, pads: &[Isometry3<f64>]) -> Vec<f64> {
+fn pad_loads(hand: &Hand, stand: &HandTestStand, pads: &[Isometry3<f64>]) -> Vec<f64> {
     let mut forces = vec![0.0; pads.len()];
     for contact in stand.contacts() {
         // As in the simulated robot: a contact counts if it is on the pad's surface and pushes from outside.

@@ -7,47 +7,47 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sim::tactile::TactileBoard;
-use tactile_optics::shapes::SHAPES;
+use tactile_optics::shapes::TEST_SHAPES;
 use tactile_optics::{Sensor, press};
 use tactile_perception::CalibrationPress;
 
 /// Shapes that are never trained on.
-pub const UNSEEN: [&str; 4] = ["dots", "moon", "prism", "wave1"];
+pub const HELD_OUT_SHAPES: [&str; 4] = ["dots", "moon", "prism", "wave1"];
 /// Radii of the balls pressed in addition to the shapes, m.
-const BALLS: [f64; 4] = [0.004, 0.008, 0.015, 0.025];
+const BALL_RADII: [f64; 4] = [0.004, 0.008, 0.015, 0.025];
 /// Range of normal forces, N.
-const FORCES: std::ops::Range<f64> = 0.4..5.0;
+const FORCE_RANGE: std::ops::Range<f64> = 0.4..5.0;
 
 /// Height map of an object's underside: height (m) of its lowest points above its own plane; `None` outside the object.
 pub type Relief = Box<dyn Fn(f64, f64) -> Option<f64> + Sync + Send>;
 
 /// Returns all shapes and balls that may be trained on.
-pub fn seen() -> Vec<Relief> {
-    let shapes = SHAPES.iter().filter(|(name, _)| !UNSEEN.contains(name));
+pub fn training_reliefs() -> Vec<Relief> {
+    let shapes = TEST_SHAPES.iter().filter(|(name, _)| !HELD_OUT_SHAPES.contains(name));
     let shapes = shapes.map(|(_, relief)| Box::new(relief) as Relief);
-    shapes.chain(BALLS.map(|radius| Box::new(move |x, y| ball(radius, x, y)) as Relief)).collect()
+    shapes.chain(BALL_RADII.map(|radius| Box::new(move |x, y| ball_height(radius, x, y)) as Relief)).collect()
 }
 
-/// Returns a shape by its name, those of [`UNSEEN`] included.
-pub fn named(name: &str) -> Option<Relief> {
-    SHAPES.iter().find(|(known, _)| *known == name).map(|(_, relief)| Box::new(relief) as Relief)
+/// Returns a shape by its name, those of [`HELD_OUT_SHAPES`] included.
+pub fn relief_by_name(name: &str) -> Option<Relief> {
+    TEST_SHAPES.iter().find(|(known, _)| *known == name).map(|(_, relief)| Box::new(relief) as Relief)
 }
 
 /// Returns the height of a ball's lower half above the plane it lies on, m; `None` outside the ball.
-pub fn ball(radius: f64, x: f64, y: f64) -> Option<f64> {
+pub fn ball_height(radius: f64, x: f64, y: f64) -> Option<f64> {
     let inside = radius * radius - x * x - y * y;
     (inside > 0.0).then(|| radius - inside.sqrt())
 }
 
 /// Position and rotation of a pressed object.
-pub struct Place {
+pub struct PressPlace {
     /// Position of the object's origin, m.
     pub at: [f64; 2],
     /// Rotation about the normal, rad.
     pub turn: f64,
 }
 
-impl Place {
+impl PressPlace {
     /// Draws a random place within 0.38 of a rectangle's sides (m) from its centre, with any rotation.
     pub fn draw(sides: [f64; 2], middle: [f64; 2], rng: &mut impl Rng) -> Self {
         let at = std::array::from_fn(|k| middle[k] + rng.random_range(-0.38..0.38) * sides[k]);
@@ -66,7 +66,7 @@ impl Place {
 pub fn press_into(
     hand: &Hand,
     (index, sensor): (usize, &Sensor),
-    (relief, place): (&Relief, &Place),
+    (relief, place): (&Relief, &PressPlace),
     force: f64,
     rng: &mut impl Rng,
 ) -> Result<CalibrationPress> {
@@ -88,7 +88,7 @@ pub fn press_into(
 }
 
 /// Makes press `n` of a random sequence: cameras in turn, boards in turn, with random relief, place and force.
-pub fn drawn_press(
+pub fn random_press(
     hand: &Hand,
     boards: &[TactileBoard],
     reliefs: &[Relief],
@@ -101,12 +101,12 @@ pub fn drawn_press(
     let board = boards.get(n / hand.cameras.len() % boards.len().max(1)).context("no boards")?;
     let camera = &hand.cameras[index];
     let relief = &reliefs[rng.random_range(0..reliefs.len())];
-    let place = Place::draw([camera.w, camera.h], [0.0, camera.center_y], &mut rng);
-    let force = rng.random_range(FORCES);
+    let place = PressPlace::draw([camera.w, camera.h], [0.0, camera.center_y], &mut rng);
+    let force = rng.random_range(FORCE_RANGE);
     press_into(hand, (index, &board.sensors()[index]), (relief, &place), force, &mut rng)
 }
 
 /// Runs `make` for each of `count` presses in parallel. The results are in order, whatever the number of threads.
-pub fn each<T: Send>(count: usize, make: impl Fn(usize) -> Result<T> + Sync + Send) -> Result<Vec<T>> {
+pub fn make_each<T: Send>(count: usize, make: impl Fn(usize) -> Result<T> + Sync + Send) -> Result<Vec<T>> {
     (0..count).into_par_iter().map(make).collect()
 }

@@ -11,17 +11,17 @@ use rand_distr::StandardNormal;
 use tactile_optics::calibration::{CalibratedSensor, PressFolder};
 use tactile_perception::CalibrationPress;
 
-use crate::grid::Grid;
-use crate::pressed_shapes::{Place, Relief};
+use crate::grid::PadGrid;
+use crate::pressed_shapes::{PressPlace, Relief};
 use crate::reconstruction::known_ball::KnownBall;
 
 /// Placeholder for "the only sensor there is" where a pad's configuration is expected.
 pub const CONFIGURATION: char = 'a';
 /// Range of penetration depths into a simulated sensor, m.
-const DEPTHS: std::ops::Range<f64> = 0.15e-3..1.1e-3;
+const DEPTH_RANGE: std::ops::Range<f64> = 0.15e-3..1.1e-3;
 
 /// Minimum indentation, m; below it the gel counts as level.
-const LEAST_DEPTH: f32 = 2e-6;
+const MIN_DEPTH: f32 = 2e-6;
 
 /// Presses with the size of a pixel (dx, dy; m).
 pub struct RealPresses {
@@ -35,11 +35,11 @@ impl RealPresses {
     /// Reads a folder as `optics calibrate` does. `diameter` is the ball's, `pixel` the size of the photos' pixels, m.
     pub fn read(folder: &Path, diameter: f64, pixel: f64) -> Result<Self> {
         let folder = PressFolder::read(folder, diameter, false)?;
-        if let Some(image) = folder.left_out.first() {
+        if let Some(image) = folder.skipped.first() {
             bail!("{}: {}", image.name, image.reason);
         }
         let (width, height) = (folder.background.width, folder.background.height);
-        let grid = Grid { width, height };
+        let grid = PadGrid { width, height };
         let background = grid.image(&folder.background.rgb);
         let press = |press: &tactile_optics::calibration::BallPress| {
             let radius = 0.5 * press.diameter;
@@ -65,7 +65,7 @@ impl RealPresses {
 }
 
 /// Simulated counterpart of a calibrated sensor, into which anything can be pressed.
-pub struct Likeness {
+pub struct SimulatedSensor {
     sensor: CalibratedSensor,
     background: Arc<TactileImage>,
     photo: Vec<f32>,
@@ -73,16 +73,16 @@ pub struct Likeness {
     pub pixel: (f64, f64),
 }
 
-impl Likeness {
+impl SimulatedSensor {
     /// Reads the file that `optics calibrate` wrote.
     pub fn read(file: &Path) -> Result<Self> {
-        Ok(Self::of(CalibratedSensor::read(file)?))
+        Ok(Self::from_sensor(CalibratedSensor::read(file)?))
     }
 
     /// Creates the counterpart of a sensor.
-    pub fn of(sensor: CalibratedSensor) -> Self {
+    pub fn from_sensor(sensor: CalibratedSensor) -> Self {
         let (width, height) = sensor.size();
-        let grid = Grid { width, height };
+        let grid = PadGrid { width, height };
         let photo = sensor.background().to_vec();
         let bytes: Vec<u8> = photo.iter().map(|grey| grey.round().clamp(0.0, 255.0) as u8).collect();
         let pixel = grid.pixel(1e-3 * sensor.calibration().pixel_mm);
@@ -94,18 +94,18 @@ impl Likeness {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(n as u64);
         let (width, height) = self.sensor.size();
-        let grid = Grid { width, height };
+        let grid = PadGrid { width, height };
         let (right, top) = self.sensor.pixel_center(width as f64 - 1.0, 0.0);
-        let place = Place::draw([2.0 * right, 2.0 * top], [0.0; 2], &mut rng);
+        let place = PressPlace::draw([2.0 * right, 2.0 * top], [0.0; 2], &mut rng);
         let relief = reliefs.get(rng.random_range(0..reliefs.len().max(1))).context("no shapes")?;
-        let depth = rng.random_range(DEPTHS);
+        let depth = rng.random_range(DEPTH_RANGE);
         let penetration: Vec<f32> = (0..width * height)
             .map(|i| {
                 let (x, y) = self.sensor.pixel_center((i % width) as f64, (i / width) as f64);
                 place.height(relief, x, y).map_or(f32::NEG_INFINITY, |z| (depth - z) as f32)
             })
             .collect();
-        let gel = self.sensor.gel(&penetration)?;
+        let gel = self.sensor.gel_depth(&penetration)?;
         let mut photo = self.sensor.render(&penetration)?;
         if photo.rgb.len() != self.photo.len() {
             bail!("a rendered image has {} values, expected {}", photo.rgb.len(), self.photo.len());
@@ -117,7 +117,7 @@ impl Likeness {
             camera: 0,
             image: grid.image(&photo.rgb),
             background: self.background.clone(),
-            indentation: grid.averaged(&gel, 1).into_iter().map(|h| if h > LEAST_DEPTH { h } else { 0.0 }).collect(),
+            indentation: grid.averaged(&gel, 1).into_iter().map(|h| if h > MIN_DEPTH { h } else { 0.0 }).collect(),
         })
     }
 }

@@ -5,7 +5,7 @@
 //! the mapping from colours to slopes, by look-up and by a network; its file beside the calibration also holds the
 //! [`range`] of colours and slopes in the presses. `fitting` learns it from such presses, with presses
 //! [imagined](imagined) by the sensor's fitted model as the prior. [`surface`] applies it where an image is
-//! [`touched`]. [`errors`] compares surfaces with balls that were held out, [`accuracy`] summarizes these errors, and
+//! [`touched_pixels`]. [`errors`] compares surfaces with balls that were held out, [`accuracy`] summarizes these errors, and
 //! [`verdict`] decides whether surfaces are of use. [`folder`] reads images as they arrive, and [`output`] writes the
 //! results.
 
@@ -13,7 +13,6 @@ pub mod accuracy;
 pub mod errors;
 mod fitting;
 pub mod folder;
-pub mod imagined;
 pub mod known_ball;
 mod learning;
 pub mod output;
@@ -21,9 +20,10 @@ pub mod photometry;
 pub mod ply;
 pub mod range;
 pub mod surface;
+pub mod synthetic;
 pub mod touched;
 pub mod verdict;
 
 pub use accuracy::Accuracy;
-pub use photometry::{Method, Photometry};
-pub use surface::{Reconstructor, Surface};
+pub use photometry::{Photometry, SlopeMethod};
+pub use surface::{ReconstructedSurface, Reconstructor};

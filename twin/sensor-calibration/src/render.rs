@@ -9,14 +9,14 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use hand_model::Hand;
-use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::pads::{IMAGE_SIZE, Pad, PadCamera};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tactile_optics::pads::PadOptics;
-use tactile_optics::{Cover, CurvedSensor, Foundation, IndentationMap, SensorModel};
+use tactile_optics::{CurvedSensor, GelFoundation, IndentationMap, PadCover, SensorModel};
 use world::geometry::Mesh;
 
 use self::views::{Views, normals};
@@ -79,8 +79,8 @@ pub enum SensorSource<'a> {
 pub struct PadView<'a> {
     hand: &'a Hand,
     pad: &'a Pad,
-    cameras: Vec<&'a Camera>,
-    cover: Cover,
+    cameras: Vec<&'a PadCamera>,
+    cover: PadCover,
     sensors: Vec<CurvedSensor>,
 }
 
@@ -95,12 +95,12 @@ pub struct PressedMesh {
 
 impl<'a> PadView<'a> {
     /// Creates the view of pad number `pad` with this cover. `seed` draws the dust of sensors from a file.
-    pub fn new(hand: &'a Hand, pad: usize, cover: Cover, source: &SensorSource, seed: u64) -> Result<Self> {
+    pub fn new(hand: &'a Hand, pad: usize, cover: PadCover, source: &SensorSource, seed: u64) -> Result<Self> {
         let pad = &hand.pads[pad];
-        let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
+        let cameras: Vec<&PadCamera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
         let sensors = match source {
             SensorSource::Hand(unit) => {
-                let sensor = |camera: &&Camera| {
+                let sensor = |camera: &&PadCamera| {
                     let serial = sensor_serial(hand, *unit, camera);
                     CurvedSensor::new(pad, camera, SensorModel::unit(pad, camera, serial), cover, serial)
                 };
@@ -124,7 +124,7 @@ impl<'a> PadView<'a> {
         let lowest = |x: f64, y: f64| {
             mesh.ray(&(mesh_from_pad * Point3::new(x, y, -RAY_START)), &up).map(|distance| distance - RAY_START)
         };
-        let gel = Foundation::winkler(&self.hand.gel());
+        let gel = GelFoundation::winkler(&self.hand.gel());
         let pressed = self.cover.press(self.pad, &self.cameras, &gel, force, lowest)?;
         if pressed.maps.iter().all(|map| map.contact().is_none()) {
             bail!("--pose: nothing touches pad `{}`; expected the mesh over it and a force above 0", self.pad.name);
@@ -144,16 +144,16 @@ impl<'a> PadView<'a> {
             let render_ms = 1e3 * started.elapsed().as_secs_f64();
             let depths = sensor.gel(map);
             let size = [IMAGE_SIZE, IMAGE_SIZE];
-            let normals = normals(&sensor.relief(&depths), size, sensor.flat().camera().pixel_size());
+            let normals = normals(&sensor.relief(&depths), size, sensor.flat_sensor().camera().pixel_size());
             let views = Views { size, image, depths, normals };
             views.write(self.hand.gel().thickness as f32, &out)?;
-            let gel = self.sensors[n].flat().model().elastomer.deform(camera, map);
+            let gel = self.sensors[n].flat_sensor().model().elastomer.deform(camera, map);
             let rectangle = gel.map(|gel| gel.rectangle).map(|r| [r.left, r.top, r.right, r.bottom]);
             rows.push(CameraRender {
                 camera: camera.name.clone(),
                 image: out,
                 contact_pixels: map.contact_pixels(),
-                deepest_mm: 1e3 * f64::from(map.deepest()),
+                deepest_mm: 1e3 * f64::from(map.max_depth()),
                 rectangle,
                 render_ms,
             });

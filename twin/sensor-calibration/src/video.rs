@@ -16,15 +16,15 @@ use tactile_optics::calibration::image_files::is_hidden;
 pub use presses::read_presses;
 
 /// File extensions of videos.
-const ENDINGS: [&str; 6] = ["avi", "mp4", "m4v", "mov", "mkv", "webm"];
+const VIDEO_EXTENSIONS: [&str; 6] = ["avi", "mp4", "m4v", "mov", "mkv", "webm"];
 
 /// Callback for a frame and its number, counted from 0; returning `false` ends the reading.
-type Take<'a> = &'a mut dyn FnMut(usize, Photo) -> Result<bool>;
+type FrameCallback<'a> = &'a mut dyn FnMut(usize, Photo) -> Result<bool>;
 
 /// True if a file's name is that of a video and the file is not hidden.
 pub fn is_video(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-    !is_hidden(path) && ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known))
+    !is_hidden(path) && ending.is_some_and(|ending| VIDEO_EXTENSIONS.iter().any(|known| ending == *known))
 }
 
 /// Passes the frames of a video to `take`, one at a time. Returns an error for a video without a frame.

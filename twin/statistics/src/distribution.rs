@@ -14,7 +14,7 @@ pub struct MeanSd {
 
 impl MeanSd {
     /// Computes mean and standard deviation of a sample.
-    pub fn of(values: &[f64]) -> Self {
+    pub fn from_values(values: &[f64]) -> Self {
         let n = values.len() as f64;
         let mean = (!values.is_empty()).then(|| values.iter().sum::<f64>() / n);
         let sd = mean
@@ -76,7 +76,7 @@ pub fn box_plot(values: &[f64]) -> Option<BoxPlot> {
 /// constant samples need.
 pub fn silverman_bandwidth(values: &[f64], floor: f64) -> f64 {
     let sorted = sorted(values);
-    let sd = MeanSd::of(&sorted).sd.unwrap_or(0.0);
+    let sd = MeanSd::from_values(&sorted).sd.unwrap_or(0.0);
     let quartile = |percent: f64| percentile_of_sorted(&sorted, percent).unwrap_or(0.0);
     let range = (quartile(75.0) - quartile(25.0)) / 1.34;
     let spread = if range > 0.0 { sd.min(range) } else { sd };

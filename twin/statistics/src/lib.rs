@@ -3,7 +3,7 @@
 //! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect sizes, power
 //! and tests. [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC curve, calibration.
 //!
-//! With fewer than [`FEWEST_SAMPLES`] samples, there is no test and no interval.
+//! With fewer than [`MIN_SAMPLES`] samples, there is no test and no interval.
 
 pub mod distribution;
 pub mod mixed;
@@ -11,9 +11,12 @@ pub mod paired;
 pub mod prediction;
 
 pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
-pub use mixed::Mixed;
-pub use paired::{Difference, FEWEST_SAMPLES, Interval, McNemar, SPREAD_TOLERANCE, TTest, Untested, paired_t_test};
-pub use prediction::{Group, Prediction, Rate, roc_area};
+pub use mixed::MixedEffects;
+pub use paired::{
+    CONSTANT_SD_TOLERANCE, ConfidenceInterval, MIN_SAMPLES, McNemar, NoTestReason, PairedDifference, TTest,
+    paired_t_test,
+};
+pub use prediction::{CalibrationGroup, PredictionQuality, SuccessRate, roc_area};
 
 #[cfg(test)]
 mod tests;

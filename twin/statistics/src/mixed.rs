@@ -11,16 +11,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::paired::{FEWEST_SAMPLES, Interval};
+use crate::paired::{ConfidenceInterval, MIN_SAMPLES};
 
 /// Variation of a difference between two conditions, between combinations and between the trials of one.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Mixed {
+pub struct MixedEffects {
     /// Number of pairs of trials.
     pub trials: usize,
     /// Mean `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations, within the
-    /// possible range of -1 to 1. There is no interval with fewer than [`FEWEST_SAMPLES`] combinations.
-    pub difference: Interval,
+    /// possible range of -1 to 1. There is no interval with fewer than [`MIN_SAMPLES`] combinations.
+    pub difference: ConfidenceInterval,
     /// Standard deviation of `b_i`; none unless there are two combinations, and one of them has two trials.
     pub between_sd: Option<f64>,
     /// Standard deviation of `e_ij`.
@@ -29,18 +29,18 @@ pub struct Mixed {
     pub intraclass: Option<f64>,
 }
 
-impl Mixed {
+impl MixedEffects {
     /// Fits pairs (cluster, outcome of the first, outcome of the second); the difference is the first less the second.
-    pub fn of(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
+    pub fn from_pairs(pairs: impl IntoIterator<Item = (usize, bool, bool)>) -> Self {
         let mut groups: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (cluster, first, second) in pairs {
             groups.entry(cluster).or_default().push(f64::from(u8::from(first)) - f64::from(u8::from(second)));
         }
-        Self::of_groups(&groups.into_values().collect::<Vec<_>>())
+        Self::from_groups(&groups.into_values().collect::<Vec<_>>())
     }
 
     /// Fits differences, one group per cluster; no group may be empty.
-    fn of_groups(groups: &[Vec<f64>]) -> Self {
+    fn from_groups(groups: &[Vec<f64>]) -> Self {
         let trials: usize = groups.iter().map(Vec::len).sum();
         let (n, k) = (trials as f64, groups.len() as f64);
         if groups.len() < 2 || trials == groups.len() {
@@ -66,15 +66,15 @@ impl Mixed {
             ..Self::default()
         };
         if total <= 0.0 {
-            return Self { difference: Interval { value: Some(grand), low: None, high: None }, ..variances };
+            return Self { difference: ConfidenceInterval { value: Some(grand), low: None, high: None }, ..variances };
         }
         let weights: Vec<f64> = groups.iter().map(|group| 1.0 / (between + within / group.len() as f64)).collect();
         let sum: f64 = weights.iter().sum();
         let mu = weights.iter().zip(&means).map(|(weight, mean)| weight * mean).sum::<f64>() / sum;
-        let students = StudentsT::new(0.0, 1.0, k - 1.0).ok().filter(|_| groups.len() >= FEWEST_SAMPLES);
+        let students = StudentsT::new(0.0, 1.0, k - 1.0).ok().filter(|_| groups.len() >= MIN_SAMPLES);
         let reach = students.map(|students| students.inverse_cdf(0.975) / sum.sqrt());
         let [low, high] = [-1.0, 1.0].map(|side| reach.map(|reach| (mu + side * reach).clamp(-1.0, 1.0)));
-        let difference = Interval { value: Some(mu), low, high };
+        let difference = ConfidenceInterval { value: Some(mu), low, high };
         Self { difference, ..variances }
     }
 }
@@ -87,15 +87,19 @@ mod tests {
     #[test]
     fn a_balanced_table_by_hand() {
         let groups = [vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]];
-        let mixed = Mixed::of_groups(&groups);
+        let mixed = MixedEffects::from_groups(&groups);
         // Within: (4 x 1/4 + 2) / 6 = 1/2. Between: 4 x 2 x 1/16 / 1 = 1/2.
         assert!((mixed.within_sd.unwrap() - 0.5f64.sqrt()).abs() < 1e-12);
         assert_eq!(mixed.between_sd, Some(0.0));
         assert_eq!(mixed.intraclass, Some(0.0));
-        assert_eq!(mixed.difference, Interval { value: Some(0.25), low: None, high: None }, "of two combinations");
+        assert_eq!(
+            mixed.difference,
+            ConfidenceInterval { value: Some(0.25), low: None, high: None },
+            "of two combinations"
+        );
         // Six of them: between 4 x 6 x 1/16 / 5 = 0.3, less than within, so that the standard error is that of 24
         // independent trials; t(5) is 2.571.
-        let six = Mixed::of_groups(&[&groups[..], &groups, &groups].concat());
+        let six = MixedEffects::from_groups(&[&groups[..], &groups, &groups].concat());
         assert!((six.difference.high.unwrap() - 0.25 - 2.571 * (0.5f64 / 24.0).sqrt()).abs() < 1e-3);
     }
 
@@ -103,17 +107,17 @@ mod tests {
     #[test]
     fn an_interval_stays_in_the_possible_range() {
         let groups: Vec<Vec<f64>> = (0..5).map(|group| vec![1.0, if group == 0 { 0.0 } else { 1.0 }]).collect();
-        let found = Mixed::of_groups(&groups).difference;
+        let found = MixedEffects::from_groups(&groups).difference;
         assert!(found.low.unwrap() < found.value.unwrap() && found.high == Some(1.0), "{found:?}");
         let lost: Vec<Vec<f64>> = groups.iter().map(|group| group.iter().map(|value| -value).collect()).collect();
-        assert_eq!(Mixed::of_groups(&lost).difference.low, Some(-1.0));
+        assert_eq!(MixedEffects::from_groups(&lost).difference.low, Some(-1.0));
     }
 
     /// If the trials of a combination agree, only combinations count: the interval is that of their means.
     #[test]
     fn trials_that_agree_add_nothing() {
         let groups: Vec<Vec<f64>> = (0..10).map(|group| vec![f64::from(group % 2); 5]).collect();
-        let mixed = Mixed::of_groups(&groups);
+        let mixed = MixedEffects::from_groups(&groups);
         assert_eq!(mixed.within_sd, Some(0.0));
         assert_eq!(mixed.intraclass, Some(1.0));
         let sd = (10.0f64 * 0.25 / 9.0).sqrt();
@@ -124,9 +128,9 @@ mod tests {
     #[test]
     fn outcomes_are_grouped_by_their_cluster() {
         let pairs = [(0, true, true), (0, true, false), (1, true, false), (1, true, false)];
-        let mixed = Mixed::of(pairs);
+        let mixed = MixedEffects::from_pairs(pairs);
         assert_eq!((mixed.trials, mixed.difference.value), (4, Some(0.75)));
-        let single = Mixed::of([pairs[0]]);
+        let single = MixedEffects::from_pairs([pairs[0]]);
         assert_eq!((single.trials, single.difference.value), (1, None));
     }
 }

@@ -3,16 +3,16 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::paired::FEWEST_SAMPLES;
+use crate::paired::MIN_SAMPLES;
 
 /// Standard normal quantile of a two-sided 95 % interval.
-const Z: f64 = 1.959_963_984_540_054;
+const Z_95: f64 = 1.959_963_984_540_054;
 /// Number of groups of a calibration curve.
-const GROUPS: usize = 6;
+const GROUP_COUNT: usize = 6;
 
 /// A rate with its Wilson 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Rate {
+pub struct SuccessRate {
     /// Number of successes.
     pub count: u64,
     /// Number of trials.
@@ -25,16 +25,16 @@ pub struct Rate {
     pub high: f64,
 }
 
-impl Rate {
-    /// Computes the rate of `count` successes in `of` trials.
+impl SuccessRate {
+    /// Computes the rate of `count` successes in `from_scored` trials.
     pub fn new(count: u64, of: u64) -> Self {
         if of == 0 {
             return Self { count, of, rate: None, low: 0.0, high: 1.0 };
         }
         let (n, p) = (of as f64, count as f64 / of as f64);
-        let scale = 1.0 / (1.0 + Z * Z / n);
-        let center = scale * (p + Z * Z / (2.0 * n));
-        let half = scale * Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        let scale = 1.0 / (1.0 + Z_95 * Z_95 / n);
+        let center = scale * (p + Z_95 * Z_95 / (2.0 * n));
+        let half = scale * Z_95 * (p * (1.0 - p) / n + Z_95 * Z_95 / (4.0 * n * n)).sqrt();
         Self { count, of, rate: Some(p), low: (center - half).max(0.0), high: (center + half).min(1.0) }
     }
 }
@@ -68,41 +68,41 @@ pub fn roc(scored: &[(f64, bool)]) -> Option<Vec<[f64; 2]>> {
 
 /// Group of similar predictions, with their outcomes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Group {
+pub struct CalibrationGroup {
     /// Mean of the predictions.
     pub predicted: f64,
-    pub observed: Rate,
+    pub observed: SuccessRate,
 }
 
 /// Quality of a set of predictions.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Prediction {
+pub struct PredictionQuality {
     /// Each prediction, paired with whether the event happened.
     pub scored: Vec<(f64, bool)>,
     /// ROC curve, see [`roc`].
     pub roc: Vec<[f64; 2]>,
     /// Area under it, see [`roc_area`].
     pub area: f64,
-    /// 95 % interval of the area; none with fewer than [`FEWEST_SAMPLES`] of either outcome, or if all scores of one
+    /// 95 % interval of the area; none with fewer than [`MIN_SAMPLES`] of either outcome, or if all scores of one
     /// outcome are higher than all of the other.
     pub interval: Option<[f64; 2]>,
     /// Calibration curve: groups as equal in number as ties allow, the lowest predictions first.
-    pub groups: Vec<Group>,
+    pub groups: Vec<CalibrationGroup>,
 }
 
-impl Prediction {
+impl PredictionQuality {
     /// Evaluates predictions, each paired with whether it came true; none unless both outcomes occur. The interval is
     /// Hanley and McNeil's (Radiology 143, 1982).
-    pub fn of(mut scored: Vec<(f64, bool)>) -> Option<Self> {
+    pub fn from_scored(mut scored: Vec<(f64, bool)>) -> Option<Self> {
         scored.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (roc, area) = (roc(&scored)?, roc_area(&scored)?);
         let happened = scored.iter().filter(|(_, happened)| *happened).count() as f64;
         let not = scored.len() as f64 - happened;
         let (one, two) = (area / (2.0 - area), 2.0 * area * area / (1.0 + area));
         let variance = area * (1.0 - area) + (happened - 1.0) * (one - area * area) + (not - 1.0) * (two - area * area);
-        let enough = happened.min(not) >= FEWEST_SAMPLES as f64;
-        let half = Z * (variance.max(0.0) / (happened * not)).sqrt();
-        let least = scored.len().div_ceil(GROUPS);
+        let enough = happened.min(not) >= MIN_SAMPLES as f64;
+        let half = Z_95 * (variance.max(0.0) / (happened * not)).sqrt();
+        let least = scored.len().div_ceil(GROUP_COUNT);
         let mut groups: Vec<Vec<(f64, bool)>> = Vec::new();
         for equal in scored.chunk_by(|a, b| a.0 == b.0) {
             match groups.last_mut().filter(|last| last.len() < least) {
@@ -110,9 +110,12 @@ impl Prediction {
                 None => groups.push(equal.to_vec()),
             }
         }
-        let groups = groups.iter().map(|group| Group {
+        let groups = groups.iter().map(|group| CalibrationGroup {
             predicted: group.iter().map(|(predicted, _)| predicted).sum::<f64>() / group.len() as f64,
-            observed: Rate::new(group.iter().filter(|(_, happened)| *happened).count() as u64, group.len() as u64),
+            observed: SuccessRate::new(
+                group.iter().filter(|(_, happened)| *happened).count() as u64,
+                group.len() as u64,
+            ),
         });
         Some(Self {
             groups: groups.collect(),
@@ -134,10 +137,10 @@ mod tests {
     #[test]
     fn wilson_intervals() {
         for (count, of, low, high) in [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (287, 512, 0.5173, 0.6029)] {
-            let rate = Rate::new(count, of);
+            let rate = SuccessRate::new(count, of);
             assert!((rate.low - low).abs() < 5e-4 && (rate.high - high).abs() < 5e-4, "{rate:?}");
         }
-        assert_eq!(Rate::new(0, 0).rate, None);
+        assert_eq!(SuccessRate::new(0, 0).rate, None);
     }
 
     #[test]
@@ -158,9 +161,12 @@ mod tests {
         let counts = [(1, 33, 3), (2, 6, 2), (3, 6, 2), (4, 11, 11), (5, 2, 33)];
         let scored =
             counts.into_iter().flat_map(|(rating, normal, abnormal)| rated(rating, normal, abnormal)).collect();
-        let prediction = Prediction::of(scored).expect("both outcomes");
+        let prediction = PredictionQuality::from_scored(scored).expect("both outcomes");
         let (area, [low, high]) = (prediction.area, prediction.interval.expect("enough of both"));
-        assert!((area - 0.893).abs() < 5e-4 && ((high - low) / (2.0 * Z) - 0.032).abs() < 1e-3, "{area} {low} {high}");
+        assert!(
+            (area - 0.893).abs() < 5e-4 && ((high - low) / (2.0 * Z_95) - 0.032).abs() < 1e-3,
+            "{area} {low} {high}"
+        );
     }
 
     /// Regression: two of each outcome, and twenty of each that are perfectly separated, once had an area of 1 with an
@@ -169,7 +175,7 @@ mod tests {
     fn no_certainty_about_the_area_comes_out_of_nothing() {
         let apart = |n: usize| (0..n).flat_map(|_| [(0.1, false), (0.9, true)]).collect::<Vec<_>>();
         for scored in [apart(20), vec![(0.1, false), (0.4, true), (0.3, false), (0.2, true)]] {
-            let prediction = Prediction::of(scored).expect("both outcomes");
+            let prediction = PredictionQuality::from_scored(scored).expect("both outcomes");
             assert_eq!(prediction.interval, None, "{}", prediction.area);
         }
     }
@@ -183,13 +189,13 @@ mod tests {
             let with = |wanted: bool| scored.iter().filter(move |(_, happened)| *happened == wanted).map(|(score, _)| *score);
             let pairs = (with(true).count() * with(false).count()) as f64;
             let sum: f64 = with(true).flat_map(|a| with(false).map(move |b| wins(a, b))).sum();
-            let Some(prediction) = Prediction::of(scored.clone()) else {
+            let Some(prediction) = PredictionQuality::from_scored(scored.clone()) else {
                 prop_assert_eq!(pairs, 0.0);
                 return Ok(());
             };
             prop_assert!((prediction.area - sum / pairs).abs() < 1e-12);
             prop_assert_eq!(prediction.groups.iter().map(|group| group.observed.of).sum::<u64>(), scored.len() as u64);
-            prop_assert!(prediction.groups.len() <= GROUPS);
+            prop_assert!(prediction.groups.len() <= GROUP_COUNT);
             prop_assert!(prediction.groups.windows(2).all(|pair| pair[0].predicted < pair[1].predicted));
         }
     }

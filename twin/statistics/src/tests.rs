@@ -24,7 +24,7 @@ fn the_papers_own_figures_come_out() {
     let half = 0.306 * (59.0_f64 / 60.0).sqrt();
     let pairs: Vec<(f64, f64)> = (0..60).map(|n| (0.465 + if n % 2 == 0 { half } else { -half }, 0.0)).collect();
     let firsts: Vec<f64> = pairs.iter().map(|pair| pair.0).collect();
-    close(MeanSd::of(&firsts).sd.unwrap(), 0.306, 1e-12);
+    close(MeanSd::from_values(&firsts).sd.unwrap(), 0.306, 1e-12);
     let test = paired_t_test(&pairs);
     assert_eq!((test.df, (test.t.unwrap() * 10.0).round()), (59, 118.0));
     let p = test.p.unwrap();
@@ -41,12 +41,12 @@ fn no_significance_comes_out_of_nothing() {
         assert_eq!(test.df, pairs.len().saturating_sub(1));
         (test.untested.unwrap(), test.reason().unwrap())
     };
-    assert_eq!(untested(&[(1.0, 0.0); 2]), (Untested::TooFew, "2 of at least 5 combinations".to_owned()));
-    assert_eq!(untested(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0)]).0, Untested::TooFew);
+    assert_eq!(untested(&[(1.0, 0.0); 2]), (NoTestReason::TooFew, "2 of at least 5 combinations".to_owned()));
+    assert_eq!(untested(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0)]).0, NoTestReason::TooFew);
     for equal in [(1.0, 0.0), (0.0, 1.0), (0.3, 0.3)] {
-        assert_eq!(untested(&[equal; 60]).0, Untested::NoSpread);
+        assert_eq!(untested(&[equal; 60]).0, NoTestReason::NoSpread);
     }
-    assert_eq!(untested(&[]), (Untested::NotPlayed, "not played".to_owned()));
+    assert_eq!(untested(&[]), (NoTestReason::NotPlayed, "not played".to_owned()));
     let tested = paired_t_test(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0), (0.8, 0.0)]);
     assert!(tested.p.is_some_and(|p| p < 0.05) && tested.reason().is_none());
 }

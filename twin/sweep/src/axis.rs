@@ -6,28 +6,28 @@ use std::path::{Path, PathBuf};
 use bench::journal::RunRequest;
 use control::uncertainty::Uncertainty;
 use ftac_platform::data::{DataError, read_text};
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use hand_model::{RobotModel, RobotSources};
 use scenarios::effects::Effect;
 use scenarios::{Ablation, Condition, Scenario};
 use toml::{Table, Value};
 
-use crate::near::near;
+use crate::near::nearest_names;
 
 /// Names of the axes that do not vary a field of the scenario.
-const FIELDS: [&str; 9] =
+const FIELD_NAMES: [&str; 9] =
     ["seed", "policy", "ablation", "robot", "robot_model", "scenario", "noise_scale", "without", "uncertainty"];
 /// Prefix of the name of an axis over a field of the scenario.
-const SCENARIO: &str = "scenario.";
+const SCENARIO_PREFIX: &str = "scenario.";
 /// Bodies on which a sweep can be played: those that need no operator.
-const ROBOTS: [&str; 3] = ["sim", "emulated", "rounded"];
+const ROBOT_BACKENDS: [&str; 3] = ["sim", "emulated", "rounded"];
 
 /// Name of the robot that comes with the program.
-const BUILTIN: &str = "builtin";
+const BUILTIN_ROBOT: &str = "builtin";
 
 /// Quantity that an axis varies.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Field {
+pub enum AxisField {
     Seed,
     /// Conditions of a trial: they are played with the same errors and are compared trial by trial.
     Policy,
@@ -48,8 +48,8 @@ pub enum Field {
     OfScenario(String),
 }
 
-impl Field {
-    /// Parses the name of an axis; `path` is used in errors.
+impl AxisField {
+    /// Parses the name of an axis; `point_path` is used in errors.
     pub fn parse(name: &str, path: &Path) -> Result<Self, DataError> {
         Ok(match name {
             "seed" => Self::Seed,
@@ -61,15 +61,16 @@ impl Field {
             "noise_scale" => Self::NoiseScale,
             "without" => Self::Without,
             "uncertainty" => Self::Uncertainty,
-            _ => match name.strip_prefix(SCENARIO) {
+            _ => match name.strip_prefix(SCENARIO_PREFIX) {
                 Some(field) if !field.is_empty() => Self::OfScenario(field.to_owned()),
                 _ => {
                     let fields = scenario_fields(&Scenario::benchmark());
-                    let prefixed: Vec<String> = fields.iter().map(|field| format!("{SCENARIO}{field}")).collect();
-                    let near = near(name, FIELDS.into_iter().chain(prefixed.iter().map(String::as_str)));
+                    let prefixed: Vec<String> =
+                        fields.iter().map(|field| format!("{SCENARIO_PREFIX}{field}")).collect();
+                    let near = nearest_names(name, FIELD_NAMES.into_iter().chain(prefixed.iter().map(String::as_str)));
                     let expected = format!(
                         "one of {}, or a field of the scenario such as scenario.noise.perception.xy_sigma; near it: {}",
-                        FIELDS.join(", "),
+                        FIELD_NAMES.join(", "),
                         near.join(", ")
                     );
                     return Err(DataError::field(path, format!("axes.{name}"), "a name of no field", expected));
@@ -82,7 +83,7 @@ impl Field {
 /// A value of an axis.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(untagged)]
-pub enum Level {
+pub enum AxisLevel {
     Whole(i64),
     Number(f64),
     Flag(bool),
@@ -91,9 +92,9 @@ pub enum Level {
     List(Vec<Value>),
 }
 
-impl Level {
+impl AxisLevel {
     /// Converts a value in a file; none for a table or a date.
-    pub fn of(value: &Value) -> Option<Self> {
+    pub fn from_value(value: &Value) -> Option<Self> {
         Some(match value {
             Value::Integer(whole) => Self::Whole(*whole),
             Value::Float(number) => Self::Number(*number),
@@ -124,7 +125,7 @@ impl Level {
     }
 }
 
-impl std::fmt::Display for Level {
+impl std::fmt::Display for AxisLevel {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Whole(whole) => write!(formatter, "{whole}"),
@@ -138,102 +139,108 @@ impl std::fmt::Display for Level {
 
 /// A run under construction, to which one axis after the other is applied.
 #[derive(Debug, Clone)]
-pub struct Draft {
+pub struct RunDraft {
     /// Path of the sweep's file; files that it names are relative to it.
     pub file: PathBuf,
     pub request: RunRequest,
     /// Fields of the scenario that are set at the end: path and value.
-    pub set: Vec<(String, Level)>,
+    pub scenario_settings: Vec<(String, AxisLevel)>,
 }
 
-impl Draft {
-    /// Creates an error about a value of axis `name`.
-    fn wrong(&self, name: &str, found: impl ToString, expected: impl Into<String>) -> DataError {
+impl RunDraft {
+    /// Creates an error about a value of axis `unit_name`.
+    fn value_error(&self, name: &str, found: impl ToString, expected: impl Into<String>) -> DataError {
         DataError::field(&self.file, format!("axes.{name}"), found, expected)
     }
 
     /// Resolves a file that the sweep's file names: it must lie below the folder of that.
-    fn beside(&self, axis: &str, name: &str) -> Result<PathBuf, DataError> {
-        Reach::beside(&self.file).resolve(&self.file, &format!("axes.{axis}"), Path::new(name))
+    fn resolve_file(&self, axis: &str, name: &str) -> Result<PathBuf, DataError> {
+        FileAccess::in_folder_of(&self.file).resolve(&self.file, &format!("axes.{axis}"), Path::new(name))
     }
 
     /// Returns the draft with `field` set to `level`.
-    pub fn with(mut self, field: &Field, level: &Level) -> Result<Self, DataError> {
+    pub fn with(mut self, field: &AxisField, level: &AxisLevel) -> Result<Self, DataError> {
         match (field, level) {
-            (Field::Seed, Level::Whole(seed)) if *seed >= 0 => self.request.seed = seed.unsigned_abs(),
-            (Field::Seed, other) => return Err(self.wrong("seed", other, "whole numbers from 0 on")),
-            (Field::Robot, Level::Text(robot)) if ROBOTS.contains(&robot.as_str()) => {
+            (AxisField::Seed, AxisLevel::Whole(seed)) if *seed >= 0 => self.request.seed = seed.unsigned_abs(),
+            (AxisField::Seed, other) => return Err(self.value_error("seed", other, "whole numbers from 0 on")),
+            (AxisField::Robot, AxisLevel::Text(robot)) if ROBOT_BACKENDS.contains(&robot.as_str()) => {
                 self.request.robot = robot.clone()
             }
-            (Field::Robot, other) => return Err(self.wrong("robot", other, format!("one of {}", ROBOTS.join(", ")))),
-            (Field::RobotModel, Level::Text(name)) => {
+            (AxisField::Robot, other) => {
+                return Err(self.value_error("robot", other, format!("one of {}", ROBOT_BACKENDS.join(", "))));
+            }
+            (AxisField::RobotModel, AxisLevel::Text(name)) => {
                 self.request.robot_model = match name.as_str() {
-                    BUILTIN => None,
+                    BUILTIN_ROBOT => None,
                     file => {
-                        let path = self.beside("robot_model", file)?;
-                        let sources = RobotSources::read(&path, Reach::beside(&self.file))?;
+                        let path = self.resolve_file("robot_model", file)?;
+                        let sources = RobotSources::read(&path, FileAccess::in_folder_of(&self.file))?;
                         RobotModel::parse(&sources, &path)?;
                         Some(sources)
                     }
                 };
             }
-            (Field::RobotModel, other) => {
-                return Err(self.wrong("robot_model", other, format!("names of robot files, or \"{BUILTIN}\"")));
+            (AxisField::RobotModel, other) => {
+                return Err(self.value_error(
+                    "robot_model",
+                    other,
+                    format!("names of robot files, or \"{BUILTIN_ROBOT}\""),
+                ));
             }
-            (Field::NoiseScale, level) => match level.number() {
+            (AxisField::NoiseScale, level) => match level.number() {
                 Some(scale) if (0.0..=10.0).contains(&scale) => self.request.noise_scale = scale,
-                _ => return Err(self.wrong("noise_scale", level, "numbers from 0 to 10")),
+                _ => return Err(self.value_error("noise_scale", level, "numbers from 0 to 10")),
             },
-            (Field::Without, Level::Text(names)) => {
+            (AxisField::Without, AxisLevel::Text(names)) => {
                 let names: Vec<&str> = names.split(',').map(str::trim).filter(|name| !name.is_empty()).collect();
                 self.request.without = match names[..] {
                     ["all"] => Effect::ALL.to_vec(),
                     _ => names
                         .iter()
                         .map(|name| {
-                            name.parse::<Effect>().map_err(|error| self.wrong("without", name, error.to_string()))
+                            name.parse::<Effect>().map_err(|error| self.value_error("without", name, error.to_string()))
                         })
                         .collect::<Result<_, _>>()?,
                 };
             }
-            (Field::Without, other) => {
-                return Err(self.wrong("without", other, "texts with names of effects, such as \"eyes,arm\""));
+            (AxisField::Without, other) => {
+                return Err(self.value_error("without", other, "texts with names of effects, such as \"eyes,arm\""));
             }
-            (Field::Uncertainty, Level::Text(file)) => {
-                let path = self.beside("uncertainty", file)?;
+            (AxisField::Uncertainty, AxisLevel::Text(file)) => {
+                let path = self.resolve_file("uncertainty", file)?;
                 let text = read_text(&path)?;
                 Uncertainty::parse(&text, &path)?;
                 self.request.uncertainty = Some(text);
             }
-            (Field::Uncertainty, other) => return Err(self.wrong("uncertainty", other, "names of files")),
-            (Field::Scenario, Level::Text(name)) => {
+            (AxisField::Uncertainty, other) => return Err(self.value_error("uncertainty", other, "names of files")),
+            (AxisField::Scenario, AxisLevel::Text(name)) => {
                 self.request.scenario = match name.as_str() {
-                    "benchmark" => scenarios::scenario::BENCHMARK.to_owned(),
+                    "benchmark" => scenarios::scenario::BENCHMARK_TOML.to_owned(),
                     file => {
-                        let path = self.beside("scenario", file)?;
-                        Scenario::self_contained(&read_text(&path)?, &path, Reach::beside(&self.file))?
+                        let path = self.resolve_file("scenario", file)?;
+                        Scenario::self_contained(&read_text(&path)?, &path, FileAccess::in_folder_of(&self.file))?
                     }
                 };
             }
-            (Field::Scenario, other) => {
-                return Err(self.wrong("scenario", other, "names of scenario files, or \"benchmark\""));
+            (AxisField::Scenario, other) => {
+                return Err(self.value_error("scenario", other, "names of scenario files, or \"benchmark\""));
             }
-            (Field::OfScenario(field), level) => self.set.push((field.clone(), level.clone())),
+            (AxisField::OfScenario(field), level) => self.scenario_settings.push((field.clone(), level.clone())),
             // All of these are played within one run.
-            (Field::Policy | Field::Ablation, _) => {}
+            (AxisField::Policy | AxisField::Ablation, _) => {}
         }
         Ok(self)
     }
 
     /// Checks the run and returns its request.
     pub fn finish(mut self) -> Result<RunRequest, DataError> {
-        if !self.set.is_empty() {
+        if !self.scenario_settings.is_empty() {
             self.request.scenario = self.scenario_text()?;
         }
         let scenario = Scenario::parse(&self.request.scenario, &self.file)?;
         let request = &self.request;
-        if request.combos > scenario.combinations() {
-            let expected = format!("at most the scenario's {} pairs", scenario.combinations());
+        if request.combos > scenario.combination_count() {
+            let expected = format!("at most the scenario's {} pairs", scenario.combination_count());
             return Err(DataError::field(&self.file, "combos", request.combos, expected));
         }
         if request.robot != "sim" {
@@ -244,11 +251,11 @@ impl Draft {
             ];
             if let Some((_, what)) = other.iter().find(|(is, _)| *is) {
                 let found = format!("{} with {what}", request.robot);
-                return Err(self.wrong("robot", found, "sim, the only body that it can be done with"));
+                return Err(self.value_error("robot", found, "sim, the only body that it can be done with"));
             }
         }
         if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
-            return Err(self.wrong("ablation", "a scenario with disabled_digits", "one of them"));
+            return Err(self.value_error("ablation", "a scenario with disabled_digits", "one of them"));
         }
         Ok(self.request)
     }
@@ -261,47 +268,50 @@ impl Draft {
                 .map_err(|error| DataError::field(&self.file, "scenario", error, "what TOML holds"))
         };
         let mut edited = table(&scenario)?;
-        for (field, level) in &self.set {
-            if place(&mut edited, field, level.value()).is_none() {
-                return Err(self.no_field(&scenario, field));
+        for (field, level) in &self.scenario_settings {
+            if set_value(&mut edited, field, level.value()).is_none() {
+                return Err(self.unknown_field_error(&scenario, field));
             }
         }
         let text = edited.to_string();
-        let names: Vec<String> = self.set.iter().map(|(field, _)| format!("axes.{SCENARIO}{field}")).collect();
+        let names: Vec<String> =
+            self.scenario_settings.iter().map(|(field, _)| format!("axes.{SCENARIO_PREFIX}{field}")).collect();
         let parsed = Scenario::parse(&text, Path::new("scenario")).map_err(|error| {
             let unknown = error.to_string().contains("unknown field");
-            match self.set.iter().find(|(field, _)| unknown && !has(&scenario, field)) {
-                Some((field, _)) => self.no_field(&scenario, field),
+            match self.scenario_settings.iter().find(|(field, _)| unknown && !has_field(&scenario, field)) {
+                Some((field, _)) => self.unknown_field_error(&scenario, field),
                 None => DataError::field(&self.file, names.join(", "), error, "values that the scenario takes"),
             }
         })?;
         // A field that the scenario does not know would be swept without effect.
         let mut read_back = table(&parsed)?;
-        for (field, level) in &self.set {
-            let found = place(&mut read_back, field, level.value());
+        for (field, level) in &self.scenario_settings {
+            let found = set_value(&mut read_back, field, level.value());
             let same = found.is_some_and(|found| match (&found, level.number()) {
                 (Some(Value::Float(found)), Some(number)) => *found == number,
                 (Some(found), _) => *found == level.value(),
                 (None, _) => false,
             });
             if !same {
-                return Err(self.no_field(&scenario, field));
+                return Err(self.unknown_field_error(&scenario, field));
             }
         }
         Ok(text)
     }
 
-    fn no_field(&self, scenario: &Scenario, field: &str) -> DataError {
+    fn unknown_field_error(&self, scenario: &Scenario, field: &str) -> DataError {
         let fields = scenario_fields(scenario);
-        let expected =
-            format!("a field of the scenario; near it: {}", near(field, fields.iter().map(String::as_str)).join(", "));
-        DataError::field(&self.file, format!("axes.{SCENARIO}{field}"), "a name of no field", expected)
+        let expected = format!(
+            "a field of the scenario; near it: {}",
+            nearest_names(field, fields.iter().map(String::as_str)).join(", ")
+        );
+        DataError::field(&self.file, format!("axes.{SCENARIO_PREFIX}{field}"), "a name of no field", expected)
     }
 }
 
-/// Sets `value` at `path` and returns the previous value. The outer option is none if the path leads through anything
+/// Sets `value` at `point_path` and returns the previous value. The outer option is none if the path leads through anything
 /// but tables and lists.
-fn place(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
+fn set_value(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
     match path.split_once('.') {
         None => Some(match (table.get(path), value) {
             // An integer is accepted for a float.
@@ -309,7 +319,7 @@ fn place(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
             (_, value) => table.insert(path.to_owned(), value),
         }),
         Some((first, rest)) => match table.entry(first.to_owned()).or_insert_with(|| Value::Table(Table::new())) {
-            Value::Table(inner) => place(inner, rest, value),
+            Value::Table(inner) => set_value(inner, rest, value),
             Value::Array(list) => {
                 let slot = list.get_mut(rest.parse::<usize>().ok()?)?;
                 Some(Some(std::mem::replace(slot, value)))
@@ -319,7 +329,7 @@ fn place(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
     }
 }
 
-fn has(scenario: &Scenario, field: &str) -> bool {
+fn has_field(scenario: &Scenario, field: &str) -> bool {
     scenario_fields(scenario).iter().any(|known| known == field)
 }
 
@@ -342,15 +352,19 @@ fn scenario_fields(scenario: &Scenario) -> Vec<String> {
 }
 
 /// Parses the names of an axis over policies or ablations, and sorts them in the order of the benchmark.
-pub fn names<T: std::str::FromStr + Ord>(name: &str, levels: &[Level], file: &Path) -> Result<Vec<T>, DataError>
+pub fn parse_names<T: std::str::FromStr + Ord>(
+    name: &str,
+    levels: &[AxisLevel],
+    file: &Path,
+) -> Result<Vec<T>, DataError>
 where
     T::Err: std::fmt::Display,
 {
-    let wrong = |found: &Level, expected: String| DataError::field(file, format!("axes.{name}"), found, expected);
+    let wrong = |found: &AxisLevel, expected: String| DataError::field(file, format!("axes.{name}"), found, expected);
     let mut found = levels
         .iter()
         .map(|level| match level {
-            Level::Text(text) => text.parse::<T>().map_err(|error| wrong(level, error.to_string())),
+            AxisLevel::Text(text) => text.parse::<T>().map_err(|error| wrong(level, error.to_string())),
             other => Err(wrong(other, "texts".to_owned())),
         })
         .collect::<Result<Vec<T>, _>>()?;
@@ -359,9 +373,9 @@ where
     Ok(found)
 }
 
-/// Parses [`names`] of built-in conditions: a sweep has no file of a user's own policy.
-pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataError> {
-    let policies = names("policy", levels, file)?;
+/// Parses [`parse_names`] of built-in conditions: a sweep has no file of a user's own policy.
+pub fn policies(levels: &[AxisLevel], file: &Path) -> Result<Vec<Condition>, DataError> {
+    let policies = parse_names("policy", levels, file)?;
     if policies.contains(&Condition::Own) {
         let expected = Condition::BUILT_IN.map(Condition::name).join(", ");
         return Err(DataError::field(file, "axes.policy", "own", format!("one of {expected}")));
@@ -369,9 +383,9 @@ pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataErr
     Ok(policies)
 }
 
-/// Parses [`names`] of ablations.
-pub fn ablations(levels: &[Level], file: &Path) -> Result<Vec<Ablation>, DataError> {
-    names("ablation", levels, file)
+/// Parses [`parse_names`] of ablations.
+pub fn ablations(levels: &[AxisLevel], file: &Path) -> Result<Vec<Ablation>, DataError> {
+    parse_names("ablation", levels, file)
 }
 
 /// An axis of the plan: its name and values.
@@ -381,5 +395,5 @@ pub struct PlannedAxis {
     pub name: String,
     /// Name of the column that holds its value.
     pub column: String,
-    pub levels: Vec<Level>,
+    pub levels: Vec<AxisLevel>,
 }

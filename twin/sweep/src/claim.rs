@@ -12,21 +12,21 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use ftac_platform::journal::locked;
+use ftac_platform::journal::try_lock;
 use serde::{Deserialize, Serialize};
 
 /// Holder of a claim.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Holder {
+pub struct ClaimHolder {
     pub host: String,
     pub process: u32,
     /// Slurm job, or task of an array, of the holder.
     pub job: Option<String>,
 }
 
-impl Holder {
+impl ClaimHolder {
     /// Returns this process as a holder.
-    pub fn this() -> Self {
+    pub fn current_process() -> Self {
         let variable = |name: &str| std::env::var(name).ok();
         let task = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID"));
         let job = task.map(|(job, task)| format!("{job}_{task}")).or_else(|| variable("SLURM_JOB_ID"));
@@ -34,7 +34,7 @@ impl Holder {
     }
 }
 
-impl std::fmt::Display for Holder {
+impl std::fmt::Display for ClaimHolder {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(formatter, "{} process {}", self.host, self.process)?;
         self.job.iter().try_for_each(|job| write!(formatter, " (job {job})"))
@@ -49,7 +49,7 @@ fn machine() -> String {
 /// The claims of one process.
 pub struct Claims {
     folder: PathBuf,
-    me: Holder,
+    holder: ClaimHolder,
 }
 
 /// An exclusive claim of a unit, held as long as this value lives.
@@ -63,27 +63,27 @@ impl Claims {
     pub fn new(sweep: &Path) -> Result<Self> {
         let folder = sweep.join("claims");
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        Ok(Self { folder, me: Holder::this() })
+        Ok(Self { folder, holder: ClaimHolder::current_process() })
     }
 
     /// Returns the holder: this process.
-    pub fn holder(&self) -> &Holder {
-        &self.me
+    pub fn holder(&self) -> &ClaimHolder {
+        &self.holder
     }
 
     /// Claims a unit. Returns none if another worker holds it.
-    pub fn take(&self, id: &str) -> Result<Option<Claim>> {
+    pub fn try_claim(&self, id: &str) -> Result<Option<Claim>> {
         let path = self.folder.join(id);
         let take = || -> std::io::Result<Option<File>> {
             let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
-            let Some(mut file) = locked(open)? else { return Ok(None) };
+            let Some(mut file) = try_lock(open)? else { return Ok(None) };
             // A holder that ended in between has removed the file that is locked here. The next claimant creates
             // another one.
             if fs::metadata(&path).map_or(0, |data| data.ino()) != file.metadata()?.ino() {
                 return Ok(None);
             }
             file.set_len(0)?;
-            file.write_all(&serde_json::to_vec(&self.me)?)?;
+            file.write_all(&serde_json::to_vec(&self.holder)?)?;
             Ok(Some(file))
         };
         let lock = take().with_context(|| path.display().to_string())?;
@@ -91,7 +91,7 @@ impl Claims {
     }
 
     /// Returns all claims that are held now: unit and holder.
-    pub fn all(sweep: &Path) -> Result<Vec<(String, Holder)>> {
+    pub fn all(sweep: &Path) -> Result<Vec<(String, ClaimHolder)>> {
         let folder = sweep.join("claims");
         let mut found = Vec::new();
         for entry in fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
@@ -123,12 +123,12 @@ mod tests {
     fn a_unit_is_claimed_once() {
         let folder = tempfile::tempdir().expect("a folder");
         let (one, other) = (Claims::new(folder.path()).expect("one"), Claims::new(folder.path()).expect("other"));
-        let claim = one.take("unit").expect("works").expect("free");
-        assert!(other.take("unit").expect("works").is_none());
-        assert!(other.take("another").expect("works").is_some());
+        let claim = one.try_claim("unit").expect("works").expect("free");
+        assert!(other.try_claim("unit").expect("works").is_none());
+        assert!(other.try_claim("another").expect("works").is_some());
         assert_eq!(Claims::all(folder.path()).expect("read"), [("unit".to_owned(), one.holder().clone())]);
         drop(claim);
-        assert!(other.take("unit").expect("works").is_some());
+        assert!(other.try_claim("unit").expect("works").is_some());
         assert_eq!(fs::read_dir(folder.path().join("claims")).expect("read").count(), 0);
     }
 
@@ -137,7 +137,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let claims = Claims::new(folder.path()).expect("claims");
         let won = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..8).map(|_| scope.spawn(|| claims.take("unit").expect("works"))).collect();
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(|| claims.try_claim("unit").expect("works"))).collect();
             // All are kept until the last one has tried: a dropped claim is free again.
             threads.into_iter().filter_map(|thread| thread.join().expect("ends")).collect::<Vec<_>>()
         });
@@ -149,11 +149,11 @@ mod tests {
     fn claims_of_the_dead_are_taken_over() {
         let folder = tempfile::tempdir().expect("a folder");
         let claims = Claims::new(folder.path()).expect("claims");
-        let gone = Holder { host: "elsewhere".into(), process: 1, job: None };
+        let gone = ClaimHolder { host: "elsewhere".into(), process: 1, job: None };
         let path = folder.path().join("claims/unit");
         fs::write(&path, serde_json::to_vec(&gone).expect("text")).expect("written");
         assert_eq!(Claims::all(folder.path()).expect("read"), []);
-        let _claim = claims.take("unit").expect("works").expect("free");
+        let _claim = claims.try_claim("unit").expect("works").expect("free");
         assert_eq!(Claims::all(folder.path()).expect("read"), [("unit".to_owned(), claims.holder().clone())]);
     }
 }

@@ -2,16 +2,16 @@
 //!
 //! A file has these columns in this order, with one `axis_...` column per axis behind `seed`. All columns are optional
 //! (null) in the schema; those not described as sometimes empty never are. The file's metadata name the version
-//! (`ftac.schema`), the unit (`ftac.unit`) and the program.
+//! (`ftac.schema`), the unit (`ftac.unit_path`) and the program.
 
-use crate::axis::{Level, PlannedAxis};
+use crate::axis::{AxisLevel, PlannedAxis};
 
 /// Version of the tables. It changes when a column is added, renamed or changes its meaning.
 pub const VERSION: u32 = 2;
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnKind {
     /// INT64.
     Whole,
     /// DOUBLE.
@@ -24,23 +24,23 @@ pub enum Kind {
 
 /// A column.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
+pub struct TableColumn {
     pub name: String,
-    pub kind: Kind,
+    pub kind: ColumnKind,
     /// Meaning of the column; units SI unless its name says otherwise.
-    pub about: &'static str,
+    pub description: &'static str,
 }
 
 /// Selects a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Which {
+pub enum TableKind {
     /// One row per trial and condition.
     Trials,
     /// One row per try.
     Tries,
 }
 
-impl Which {
+impl TableKind {
     pub const ALL: [Self; 2] = [Self::Trials, Self::Tries];
 
     /// Returns the name of the table's folder.
@@ -52,53 +52,56 @@ impl Which {
     }
 
     /// Returns the table's columns in a sweep with `axes`.
-    pub fn columns(self, axes: &[PlannedAxis]) -> Vec<Column> {
-        let fixed =
-            |&(name, kind, about): &(&'static str, Kind, &'static str)| Column { name: name.into(), kind, about };
+    pub fn columns(self, axes: &[PlannedAxis]) -> Vec<TableColumn> {
+        let fixed = |&(name, kind, about): &(&'static str, ColumnKind, &'static str)| TableColumn {
+            name: name.into(),
+            kind,
+            description: about,
+        };
         let axis = |axis: &PlannedAxis| {
             let numbers = axis.levels.iter().all(|level| level.number().is_some());
-            let flags = axis.levels.iter().all(|level| matches!(level, Level::Flag(_)));
+            let flags = axis.levels.iter().all(|level| matches!(level, AxisLevel::Flag(_)));
             let kind = if numbers {
-                Kind::Number
+                ColumnKind::Number
             } else if flags {
-                Kind::Flag
+                ColumnKind::Flag
             } else {
-                Kind::Text
+                ColumnKind::Text
             };
-            Column { name: axis.column.clone(), kind, about: "value of the axis" }
+            TableColumn { name: axis.column.clone(), kind, description: "value of the axis" }
         };
-        let own: Vec<Column> = match self {
-            Self::Trials => TRIALS.iter().map(fixed).collect(),
-            Self::Tries => TRIES.iter().map(fixed).chain(covariance()).collect(),
+        let own: Vec<TableColumn> = match self {
+            Self::Trials => TRIAL_COLUMNS.iter().map(fixed).collect(),
+            Self::Tries => TRY_COLUMNS.iter().map(fixed).chain(covariance()).collect(),
         };
-        PLACE.iter().map(fixed).chain(axes.iter().map(axis)).chain(own).collect()
+        PLACE_COLUMNS.iter().map(fixed).chain(axes.iter().map(axis)).chain(own).collect()
     }
 }
 
-use Kind::{Flag, Number, Text, Whole};
+use ColumnKind::{Flag, Number, Text, Whole};
 
 /// Columns of wall time: they differ from run to run and are excluded from a result's digest.
-pub const WALL: [&str; 1] = ["decision_ms"];
+pub const WALL_TIME_COLUMNS: [&str; 1] = ["decision_ms"];
 
 /// Columns that locate a row in the sweep.
-pub const PLACE: [(&str, Kind, &str); 4] = [
+pub const PLACE_COLUMNS: [(&str, ColumnKind, &str); 4] = [
     ("point", Whole, "number of the point, from 0: one value of each axis but seed, policy and ablation"),
     ("unit", Text, "the unit of work that played it"),
     ("robot", Text, "body: sim, emulated or rounded"),
     ("seed", Whole, "seed of everything random"),
 ];
 
-const ID: [(&str, Kind, &str); 3] = [
+const ID_COLUMNS: [(&str, ColumnKind, &str); 3] = [
     ("combination", Whole, "pair of objects, from 0"),
     ("trial", Whole, "number of the trial within its combination, from 0; 0 under ideal"),
     ("policy", Text, "condition: ideal, blind, reflex or touch"),
 ];
 
 /// Columns of a trial, as in `trials.csv`.
-const TRIALS: [(&str, Kind, &str); 25] = [
-    ID[0],
-    ID[1],
-    ID[2],
+const TRIAL_COLUMNS: [(&str, ColumnKind, &str); 25] = [
+    ID_COLUMNS[0],
+    ID_COLUMNS[1],
+    ID_COLUMNS[2],
     ("ablation", Text, "what was taken from touch; empty where nothing was"),
     ("first", Text, "first object"),
     ("second", Text, "second object"),
@@ -128,10 +131,10 @@ const TRIALS: [(&str, Kind, &str); 25] = [
 ];
 
 /// Columns of a try, as in `tries.csv`, with lists split into columns. The covariance follows.
-const TRIES: [(&str, Kind, &str); 26] = [
-    ID[0],
-    ID[1],
-    ID[2],
+const TRY_COLUMNS: [(&str, ColumnKind, &str); 26] = [
+    ID_COLUMNS[0],
+    ID_COLUMNS[1],
+    ID_COLUMNS[2],
     ("try", Whole, "number within its trial, from 0"),
     ("object", Text, "first or second"),
     ("grasp", Whole, "number of the grasp"),
@@ -158,15 +161,15 @@ const TRIES: [(&str, Kind, &str); 26] = [
 ];
 
 /// Names of the felt pose's six coordinates.
-pub const POSE: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+pub const POSE_COORDINATES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 /// Returns the columns of the upper triangle of the felt pose's covariance, row by row.
-fn covariance() -> impl Iterator<Item = Column> {
-    let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (POSE[row], POSE[column])));
-    pairs.map(|(row, column)| Column {
+fn covariance() -> impl Iterator<Item = TableColumn> {
+    let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (POSE_COORDINATES[row], POSE_COORDINATES[column])));
+    pairs.map(|(row, column)| TableColumn {
         name: format!("cov_{row}_{column}"),
-        kind: Kind::Number,
-        about: "covariance of the felt pose, m and rad",
+        kind: ColumnKind::Number,
+        description: "covariance of the felt pose, m and rad",
     })
 }
 
@@ -179,18 +182,18 @@ mod tests {
     /// The tables keep every column of `trials.csv`.
     #[test]
     fn no_column_of_a_trial_is_left_out() {
-        let own: BTreeSet<String> = Which::Trials.columns(&[]).into_iter().map(|column| column.name).collect();
+        let own: BTreeSet<String> = TableKind::Trials.columns(&[]).into_iter().map(|column| column.name).collect();
         for name in scenarios::record::COLUMNS {
             // The sweep's name of the benchmark's conditions.
             let name = if name == "condition" { "policy" } else { name };
             assert!(own.contains(name), "{name}");
         }
-        assert_eq!(own.len(), scenarios::record::COLUMNS.len() + PLACE.len() + 1);
+        assert_eq!(own.len(), scenarios::record::COLUMNS.len() + PLACE_COLUMNS.len() + 1);
     }
 
     #[test]
     fn names_are_there_once() {
-        for which in Which::ALL {
+        for which in TableKind::ALL {
             let columns = which.columns(&[]);
             let names: BTreeSet<&str> = columns.iter().map(|column| column.name.as_str()).collect();
             assert_eq!(names.len(), columns.len());

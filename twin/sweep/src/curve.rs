@@ -3,16 +3,16 @@
 //! Trials of one pair of objects are correlated, so the pair is the unit of sampling. A rate is the mean over pairs of
 //! each pair's share of trials. A contrast is the mean over pairs of each pair's mean difference between trials with
 //! the same errors. The 95 % intervals are Student's t over pairs, clipped to the possible range. There is none for
-//! fewer than [`FEWEST_SAMPLES`] pairs, or if all pairs are alike.
+//! fewer than [`MIN_SAMPLES`] pairs, or if all pairs are alike.
 
-use statistics::{FEWEST_SAMPLES, MeanSd, SPREAD_TOLERANCE};
+use statistics::{CONSTANT_SD_TOLERANCE, MIN_SAMPLES, MeanSd};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
-use crate::outcomes::{Outcome, Outcomes, Place};
+use crate::outcomes::{Outcomes, ReportedOutcome, TrialPlace};
 
 /// A mean over pairs of objects and its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
-pub struct Estimate {
+pub struct RateEstimate {
     /// Mean over pairs of objects.
     pub value: f64,
     /// Lower end of the 95 % interval.
@@ -24,21 +24,21 @@ pub struct Estimate {
 }
 
 /// Estimates the mean from each pair's sum and count; the possible values are those in `range`. None without a trial.
-fn estimate(by_pair: impl Iterator<Item = (f64, usize)>, range: [f64; 2]) -> Option<Estimate> {
+fn estimate(by_pair: impl Iterator<Item = (f64, usize)>, range: [f64; 2]) -> Option<RateEstimate> {
     let (mut means, mut n) = (Vec::new(), 0);
     for (sum, count) in by_pair.filter(|(_, count)| *count > 0) {
         means.push(sum / count as f64);
         n += count;
     }
     let k = means.len() as f64;
-    let all = MeanSd::of(&means);
+    let all = MeanSd::from_values(&means);
     let value = all.mean?;
-    let sd = all.sd.filter(|sd| means.len() >= FEWEST_SAMPLES && *sd > SPREAD_TOLERANCE);
+    let sd = all.sd.filter(|sd| means.len() >= MIN_SAMPLES && *sd > CONSTANT_SD_TOLERANCE);
     let reach = sd.and_then(|sd| {
         StudentsT::new(0.0, 1.0, k - 1.0).ok().map(|students| students.inverse_cdf(0.975) * sd / k.sqrt())
     });
     let [low, high] = [-1.0, 1.0].map(|side| reach.map(|reach| (value + side * reach).clamp(range[0], range[1])));
-    Some(Estimate { value, low, high, n })
+    Some(RateEstimate { value, low, high, n })
 }
 
 /// Returns the points with a given level of an axis, or all points.
@@ -48,7 +48,12 @@ fn points(outcomes: &Outcomes, of: Option<(usize, usize)>) -> Vec<usize> {
 }
 
 /// Estimates the rate of an outcome for an arm, over all points or those with a given level of an axis.
-pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome: Outcome) -> Option<Estimate> {
+pub fn rate(
+    outcomes: &Outcomes,
+    of: Option<(usize, usize)>,
+    arm: usize,
+    outcome: ReportedOutcome,
+) -> Option<RateEstimate> {
     let points = points(outcomes, of);
     let shares = (0..outcomes.combos).map(|pair| {
         let (mut hits, mut count) = (0_usize, 0);
@@ -69,8 +74,8 @@ pub fn rate(outcomes: &Outcomes, of: Option<(usize, usize)>, arm: usize, outcome
 fn contrast(
     outcomes: &Outcomes,
     points: &[usize],
-    difference: impl Fn(usize, Place) -> Option<(bool, bool)>,
-) -> Option<Estimate> {
+    difference: impl Fn(usize, TrialPlace) -> Option<(bool, bool)>,
+) -> Option<RateEstimate> {
     let differences = (0..outcomes.combos).map(|pair| {
         let (mut sum, mut count) = (0_i64, 0);
         for point in points {
@@ -87,25 +92,25 @@ fn contrast(
 }
 
 /// Estimates the contrast of two arms (`one` less `other`) on the same trials.
-pub fn arms(
+pub fn contrast_arms(
     outcomes: &Outcomes,
     of: Option<(usize, usize)>,
     (one, other): (usize, usize),
-    outcome: Outcome,
-) -> Option<Estimate> {
+    outcome: ReportedOutcome,
+) -> Option<RateEstimate> {
     contrast(outcomes, &points(outcomes, of), |point, place| {
         outcomes.get(point, place, one, outcome).zip(outcomes.get(point, place, other, outcome))
     })
 }
 
 /// Estimates the contrast of two levels of an axis (`one` less `other`) under the same arm, with everything else equal.
-pub fn levels(
+pub fn contrast_levels(
     outcomes: &Outcomes,
     axis: usize,
     (one, other): (usize, usize),
     arm: usize,
-    outcome: Outcome,
-) -> Option<Estimate> {
+    outcome: ReportedOutcome,
+) -> Option<RateEstimate> {
     contrast(outcomes, &points(outcomes, Some((axis, one))), |point, place| {
         let against = outcomes.with_level(point, axis, other);
         outcomes.get(point, place, arm, outcome).zip(outcomes.get(against, place, arm, outcome))
@@ -122,21 +127,21 @@ pub struct Contrast {
     /// Outcome, as tables write it.
     pub outcome: &'static str,
     #[serde(flatten)]
-    pub estimate: Estimate,
+    pub estimate: RateEstimate,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::file::Sweep;
-    use crate::plan::Plan;
+    use crate::plan::SweepPlan;
 
     fn outcomes(pairs: usize) -> Outcomes {
         let text = "version = 1\nname = \"t\"\ncombos = PAIRS\ntrials = 2\n[axes]\npolicy = [\"blind\", \"touch\"]\n\
                     seed = [1, 2]\nnoise_scale = [0.0, 1.0, 2.0]\nwithout = [\"\", \"eyes\"]\n";
         let sweep =
             Sweep::parse(&text.replace("PAIRS", &pairs.to_string()), std::path::Path::new("s.toml")).expect("a sweep");
-        Outcomes::new(&Plan::of(&sweep).expect("a plan"))
+        Outcomes::new(&SweepPlan::from_sweep(&sweep).expect("a plan"))
     }
 
     #[test]
@@ -153,11 +158,11 @@ mod tests {
     /// noise all succeed.
     fn play(outcomes: &mut Outcomes) {
         for pair in 0..outcomes.combos {
-            let places: Vec<Place> = outcomes.places(pair).collect();
+            let places: Vec<TrialPlace> = outcomes.places(pair).collect();
             for (point, place) in (0..6).flat_map(|point| places.iter().map(move |place| (point, *place))) {
                 for arm in 0..2 {
                     let won = outcomes.level(point, 0) == 0 || (pair % 2 == 0 && arm == 1);
-                    outcomes.set(point, place, arm, if won { &[Outcome::CleanSuccess] } else { &[] });
+                    outcomes.set(point, place, arm, if won { &[ReportedOutcome::CleanSuccess] } else { &[] });
                 }
             }
         }
@@ -168,16 +173,16 @@ mod tests {
         let mut outcomes = outcomes(6);
         play(&mut outcomes);
         assert_eq!(outcomes.played(), 288);
-        let noisy = rate(&outcomes, Some((0, 1)), 1, Outcome::CleanSuccess).expect("played");
+        let noisy = rate(&outcomes, Some((0, 1)), 1, ReportedOutcome::CleanSuccess).expect("played");
         assert_eq!((noisy.value, noisy.n), (0.5, 48));
         // The means are 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; clipped to
         // a share.
         assert_eq!((noisy.low, noisy.high), (Some(0.0), Some(1.0)));
-        let gain = arms(&outcomes, None, (1, 0), Outcome::CleanSuccess).expect("played");
+        let gain = contrast_arms(&outcomes, None, (1, 0), ReportedOutcome::CleanSuccess).expect("played");
         assert!((gain.value - 1.0 / 3.0).abs() < 1e-12 && gain.n == 144, "{gain:?}");
         let reach = 2.570_581_8 * (0.3_f64 * 4.0 / 9.0 / 6.0).sqrt();
         assert!((gain.high.expect("six pairs") - gain.value - reach).abs() < 1e-6, "{gain:?}");
-        let noise = levels(&outcomes, 0, (2, 0), 1, Outcome::CleanSuccess).expect("played");
+        let noise = contrast_levels(&outcomes, 0, (2, 0), 1, ReportedOutcome::CleanSuccess).expect("played");
         assert_eq!((noise.value, noise.low, noise.high.map(|high| high < 0.1)), (-0.5, Some(-1.0), Some(true)));
     }
 
@@ -186,12 +191,15 @@ mod tests {
     fn no_interval_comes_out_of_nothing() {
         let mut six = outcomes(6);
         play(&mut six);
-        let lost = levels(&six, 0, (2, 0), 0, Outcome::CleanSuccess).expect("played");
+        let lost = contrast_levels(&six, 0, (2, 0), 0, ReportedOutcome::CleanSuccess).expect("played");
         assert_eq!((lost.value, lost.low, lost.high, lost.n), (-1.0, None, None, 48));
-        assert_eq!(rate(&six, None, 0, Outcome::Contact).map(|none| (none.value, none.high)), Some((0.0, None)));
+        assert_eq!(
+            rate(&six, None, 0, ReportedOutcome::Contact).map(|none| (none.value, none.high)),
+            Some((0.0, None))
+        );
         let mut four = outcomes(4);
         play(&mut four);
-        let gain = arms(&four, None, (1, 0), Outcome::CleanSuccess).expect("played");
+        let gain = contrast_arms(&four, None, (1, 0), ReportedOutcome::CleanSuccess).expect("played");
         assert_eq!((gain.low, gain.high), (None, None));
     }
 }

@@ -6,12 +6,12 @@ use ftac_platform::data::{DataError, parse_toml, read_text};
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use crate::axis::{Field, Level};
+use crate::axis::{AxisField, AxisLevel};
 
 /// Version of sweep files that this crate reads.
 pub const VERSION: u32 = 1;
 /// Largest number of values of an axis.
-const MOST: usize = 100_000;
+const MAX_LEVELS: usize = 100_000;
 
 /// A sweep as in its file.
 #[derive(Debug, Deserialize)]
@@ -19,32 +19,32 @@ const MOST: usize = 100_000;
 struct SweepFile {
     version: u32,
     name: String,
-    #[serde(default = "combinations")]
+    #[serde(default = "default_combinations")]
     combos: usize,
     trials: usize,
-    #[serde(default = "minutes")]
+    #[serde(default = "default_unit_minutes")]
     unit_minutes: f64,
     #[serde(default)]
     axes: Table,
 }
 
 /// Default number of combinations: that of the benchmark.
-fn combinations() -> usize {
+fn default_combinations() -> usize {
     60
 }
 
-fn minutes() -> f64 {
+fn default_unit_minutes() -> f64 {
     3.0
 }
 
 /// An axis and its values.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Axis {
+pub struct SweepAxis {
     /// Name as in the file.
     pub name: String,
-    pub field: Field,
+    pub field: AxisField,
     /// Distinct values, in the file's order.
-    pub levels: Vec<Level>,
+    pub levels: Vec<AxisLevel>,
 }
 
 /// A sweep.
@@ -61,7 +61,7 @@ pub struct Sweep {
     /// Approximate duration of a unit of work on one core, min.
     pub unit_minutes: f64,
     /// Axes, in the order of their names.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<SweepAxis>,
 }
 
 impl Sweep {
@@ -70,7 +70,7 @@ impl Sweep {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Parses a file's text; `path` is used in errors, and files that it names are looked for beside it.
+    /// Parses a file's text; `point_path` is used in errors, and files that it names are looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let file: SweepFile = parse_toml(text, path)?;
         let wrong = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
@@ -97,19 +97,19 @@ impl Sweep {
     }
 
     /// Returns the values of an axis; none if it is not swept.
-    pub fn levels(&self, field: &Field) -> Option<&[Level]> {
+    pub fn levels(&self, field: &AxisField) -> Option<&[AxisLevel]> {
         self.axes.iter().find(|axis| axis.field == *field).map(|axis| axis.levels.as_slice())
     }
 }
 
 /// Parses the axes below a name: `[axes.scenario.noise]` is another way to write fields of the scenario.
-fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> {
+fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<SweepAxis>, DataError> {
     let levels = match value {
         Value::Array(values) => values
             .iter()
             .map(|value| {
                 let kinds = "numbers, texts, true, false or lists";
-                Level::of(value).ok_or_else(|| DataError::field(path, format!("axes.{name}"), value, kinds))
+                AxisLevel::from_value(value).ok_or_else(|| DataError::field(path, format!("axes.{name}"), value, kinds))
             })
             .collect::<Result<Vec<_>, _>>()?,
         Value::Table(table) if table.keys().all(|key| ["from", "to", "steps"].contains(&key.as_str())) => range(table)
@@ -126,7 +126,7 @@ fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> 
             return Err(DataError::field(path, format!("axes.{name}"), other, expected));
         }
     };
-    let field = Field::parse(name, path)?;
+    let field = AxisField::parse(name, path)?;
     let wrong = |found: String, expected: &str| Err(DataError::field(path, format!("axes.{name}"), found, expected));
     if levels.is_empty() {
         return wrong("no value: an empty sweep".to_owned(), "at least one");
@@ -137,20 +137,21 @@ fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> 
     if let Some(n) = (1..levels.len()).find(|&n| levels[..n].contains(&levels[n])) {
         return wrong(format!("{} twice", levels[n]), "every value once");
     }
-    Ok(vec![Axis { name: name.to_owned(), field, levels }])
+    Ok(vec![SweepAxis { name: name.to_owned(), field, levels }])
 }
 
 /// Returns equidistant values from one value to another: integers if all of them are.
-fn range(table: &Table) -> Option<Vec<Level>> {
-    let steps = usize::try_from(table.get("steps")?.as_integer()?).ok().filter(|steps| (2..=MOST).contains(steps))?;
-    let (from, to) = (Level::of(table.get("from")?)?, Level::of(table.get("to")?)?);
+fn range(table: &Table) -> Option<Vec<AxisLevel>> {
+    let steps =
+        usize::try_from(table.get("steps")?.as_integer()?).ok().filter(|steps| (2..=MAX_LEVELS).contains(steps))?;
+    let (from, to) = (AxisLevel::from_value(table.get("from")?)?, AxisLevel::from_value(table.get("to")?)?);
     let intervals = steps as i64 - 1;
-    if let (Level::Whole(from), Level::Whole(to)) = (&from, &to) {
+    if let (AxisLevel::Whole(from), AxisLevel::Whole(to)) = (&from, &to) {
         let span = to.checked_sub(*from)?;
         if span % intervals == 0 {
-            return Some((0..=intervals).map(|n| Level::Whole(from + n * (span / intervals))).collect());
+            return Some((0..=intervals).map(|n| AxisLevel::Whole(from + n * (span / intervals))).collect());
         }
     }
     let (from, to) = (from.number()?, to.number()?);
-    Some((0..steps).map(|n| Level::Number(from + (to - from) * n as f64 / intervals as f64)).collect())
+    Some((0..steps).map(|n| AxisLevel::Number(from + (to - from) * n as f64 / intervals as f64)).collect())
 }

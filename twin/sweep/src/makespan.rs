@@ -26,12 +26,12 @@ pub struct Assumptions {
 
 impl Assumptions {
     /// Typical values: a small NFS server, and workers that begin within seconds.
-    pub const USUAL: Self = Self { start_s: 10.0, operations: 16.0, operations_per_s: 500.0, looks: 0.01 };
+    pub const TYPICAL: Self = Self { start_s: 10.0, operations: 16.0, operations_per_s: 500.0, looks: 0.01 };
 }
 
 /// Result of a replay on a number of cores.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Point {
+pub struct MakespanPoint {
     pub cores: usize,
     /// Time until the last unit is finished, s.
     pub makespan_s: f64,
@@ -44,7 +44,7 @@ pub struct Point {
 }
 
 /// Replays units of these times (s), in order, on `cores`.
-pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> Point {
+pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> MakespanPoint {
     // Times in integer microseconds, because these have a total order.
     let whole = |seconds: f64| (1e6 * seconds.max(0.0)) as u64;
     let cores = cores.max(1);
@@ -73,7 +73,7 @@ pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> Point {
     }
     let makespan_s = last as f64 / 1e6;
     let work: f64 = units.iter().sum();
-    Point {
+    MakespanPoint {
         cores,
         makespan_s,
         efficiency: work / (cores as f64 * makespan_s).max(1e-9),
@@ -83,19 +83,19 @@ pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> Point {
 }
 
 /// Numbers of cores in the report.
-pub const CORES: [usize; 10] = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+pub const CORE_COUNTS: [usize; 10] = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const FREE: Assumptions = Assumptions { start_s: 0.0, operations: 0.0, operations_per_s: 1.0, looks: 0.0 };
+    const NO_OVERHEAD: Assumptions = Assumptions { start_s: 0.0, operations: 0.0, operations_per_s: 1.0, looks: 0.0 };
 
     #[test]
     fn equal_units_divide_evenly_until_there_are_too_few() {
         let units = [100.0; 60];
         for (cores, makespan) in [(1, 6000.0), (2, 3000.0), (7, 900.0), (60, 100.0), (1000, 100.0)] {
-            let point = replay(&units, cores, &FREE);
+            let point = replay(&units, cores, &NO_OVERHEAD);
             assert!((point.makespan_s - makespan).abs() < 1e-6, "{cores}: {point:?}");
             assert!((point.efficiency - 6000.0 / (cores as f64 * makespan)).abs() < 1e-9);
         }
@@ -107,7 +107,7 @@ mod tests {
         let units: Vec<f64> = (0..200).map(|n| f64::from(n * 7919 % 101) + 1.0).collect();
         let work: f64 = units.iter().sum();
         for cores in 1..50 {
-            let makespan = replay(&units, cores, &FREE).makespan_s;
+            let makespan = replay(&units, cores, &NO_OVERHEAD).makespan_s;
             assert!(makespan <= work / cores as f64 + 101.0 + 1e-3 && makespan >= work / cores as f64 - 1e-3);
         }
     }
@@ -115,7 +115,7 @@ mod tests {
     /// 100 units of 1 s and 10 operations each cannot end sooner than the server has done 1000 operations.
     #[test]
     fn the_file_system_is_a_limit() {
-        let assumed = Assumptions { operations: 10.0, operations_per_s: 20.0, ..FREE };
+        let assumed = Assumptions { operations: 10.0, operations_per_s: 20.0, ..NO_OVERHEAD };
         let point = replay(&[1.0; 100], 1000, &assumed);
         assert!((point.makespan_s - 51.0).abs() < 1e-3, "{point:?}");
     }

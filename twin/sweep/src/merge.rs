@@ -4,17 +4,17 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use sha2::{Digest as _, Sha256};
 
-use crate::columns::{VERSION, WALL, Which};
-use crate::folder::Folder;
-use crate::plan::{Unit, short_digest};
-use crate::table::{Reader, Table};
+use crate::columns::{TableKind, VERSION, WALL_TIME_COLUMNS};
+use crate::folder::SweepFolder;
+use crate::plan::{SweepUnit, short_digest};
+use crate::table::{ColumnTable, ParquetReader};
 
 /// Result of a merge.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Merged {
+pub struct MergeResult {
     pub units: usize,
     /// Number of unfinished units, which are left out.
     pub missing: usize,
@@ -32,37 +32,44 @@ pub struct Merged {
 }
 
 /// Returns the path of a point's file.
-pub fn path(folder: &Folder, which: Which, point: usize) -> PathBuf {
+pub fn point_path(folder: &SweepFolder, which: TableKind, point: usize) -> PathBuf {
     folder.path.join("merged").join(which.name()).join(format!("point-{point:05}.parquet"))
 }
 
 /// Returns the sort keys of rows.
-fn sorting(which: Which) -> &'static [&'static str] {
+fn sort_keys(which: TableKind) -> &'static [&'static str] {
     match which {
-        Which::Trials => &["point", "seed", "combination", "trial", "policy", "ablation"],
-        Which::Tries => &["point", "seed", "combination", "trial", "policy", "try"],
+        TableKind::Trials => &["point", "seed", "combination", "trial", "policy", "ablation"],
+        TableKind::Tries => &["point", "seed", "combination", "trial", "policy", "try"],
     }
 }
 
 /// Joins the finished units.
-pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
-    for which in Which::ALL {
+pub fn merge(folder: &SweepFolder, quiet: bool) -> Result<MergeResult> {
+    for which in TableKind::ALL {
         let folder = folder.path.join("merged").join(which.name());
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     }
     let finished = folder.finished()?;
     let points = folder.plan.points();
-    let mut by_point: Vec<Vec<&Unit>> = vec![Vec::new(); points];
+    let mut by_point: Vec<Vec<&SweepUnit>> = vec![Vec::new(); points];
     for unit in folder.plan.units.iter().filter(|unit| finished.contains(&unit.id)) {
         by_point[folder.plan.runs[unit.run].point].push(unit);
     }
-    let mut merged =
-        Merged { units: 0, missing: 0, broken: Vec::new(), trials: 0, tries: 0, digest: String::new(), core_s: 0.0 };
-    let mut digests = Which::ALL.map(|_| Sha256::new());
+    let mut merged = MergeResult {
+        units: 0,
+        missing: 0,
+        broken: Vec::new(),
+        trials: 0,
+        tries: 0,
+        digest: String::new(),
+        core_s: 0.0,
+    };
+    let mut digests = TableKind::ALL.map(|_| Sha256::new());
     let mut times = "unit,point,seed,trials,seconds\n".to_owned();
     let bar = progress::bar(points as u64, "points joined", quiet);
     for (point, units) in by_point.iter().enumerate() {
-        let mut tables = Which::ALL.map(|which| Table::new(which.columns(&folder.plan.axes)));
+        let mut tables = TableKind::ALL.map(|which| ColumnTable::new(which.columns(&folder.plan.axes)));
         for unit in units {
             match read(folder, unit) {
                 Ok((read, seconds)) => {
@@ -75,23 +82,23 @@ pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
                     let _ = writeln!(times, "{},{point},{seed},{},{seconds}", unit.id, unit.count);
                 }
                 Err(error) => {
-                    folder.lay_aside(&unit.id)?;
+                    folder.set_aside(&unit.id)?;
                     merged.broken.push((unit.id.clone(), format!("{error:#}")));
                 }
             }
         }
-        for ((which, table), digest) in Which::ALL.into_iter().zip(&mut tables).zip(&mut digests) {
-            table.sort(sorting(which))?;
+        for ((which, table), digest) in TableKind::ALL.into_iter().zip(&mut tables).zip(&mut digests) {
+            table.sort(sort_keys(which))?;
             add(digest, table);
             let metadata = [("ftac.schema", VERSION.to_string()), ("ftac.point", point.to_string())];
-            write_whole(&path(folder, which, point), &table.to_parquet(&metadata)?)?;
+            write_atomically(&point_path(folder, which, point), &table.to_parquet(&metadata)?)?;
         }
         merged.trials += tables[0].rows;
         merged.tries += tables[1].rows;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    write_whole(&folder.path.join("merged/units.csv"), times.as_bytes())?;
+    write_atomically(&folder.path.join("merged/units.csv"), times.as_bytes())?;
     merged.missing = folder.plan.units.len() - merged.units;
     let both: Vec<u8> = digests.into_iter().flat_map(Sha256::finalize).collect();
     merged.digest = short_digest(both);
@@ -99,20 +106,20 @@ pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
 }
 
 /// Reads a unit's tables and its duration, s.
-fn read(folder: &Folder, unit: &Unit) -> Result<([Table; 2], f64)> {
-    let open = |which: Which| folder.checked(which, &unit.id);
-    let readers: [Reader; 2] = [open(Which::Trials)?, open(Which::Tries)?];
+fn read(folder: &SweepFolder, unit: &SweepUnit) -> Result<([ColumnTable; 2], f64)> {
+    let open = |which: TableKind| folder.open_checked(which, &unit.id);
+    let readers: [ParquetReader; 2] = [open(TableKind::Trials)?, open(TableKind::Tries)?];
     let seconds = readers[0].metadata("ftac.seconds").and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);
-    let table = |which: Which, reader: &Reader| {
-        let path = folder.unit(which, &unit.id);
+    let table = |which: TableKind, reader: &ParquetReader| {
+        let path = folder.unit_path(which, &unit.id);
         reader.read(&which.columns(&folder.plan.axes)).with_context(|| path.display().to_string())
     };
-    Ok(([table(Which::Trials, &readers[0])?, table(Which::Tries, &readers[1])?], seconds))
+    Ok(([table(TableKind::Trials, &readers[0])?, table(TableKind::Tries, &readers[1])?], seconds))
 }
 
 /// Adds rows to a digest.
-fn add(digest: &mut Sha256, table: &Table) {
-    let counted = |name: &str| name != "unit" && !WALL.contains(&name);
+fn add(digest: &mut Sha256, table: &ColumnTable) {
+    let counted = |name: &str| name != "unit" && !WALL_TIME_COLUMNS.contains(&name);
     let values: Vec<_> = table
         .columns
         .iter()

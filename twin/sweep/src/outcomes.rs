@@ -6,21 +6,21 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::columns::{Column, Kind, Which};
-use crate::folder::Folder;
-use crate::merge::{merge, path};
-use crate::plan::Plan;
-use crate::table::{Reader, Values};
+use crate::columns::{ColumnKind, TableColumn, TableKind};
+use crate::folder::SweepFolder;
+use crate::merge::{merge, point_path};
+use crate::plan::SweepPlan;
+use crate::table::{ColumnValues, ParquetReader};
 
 /// Outcome of a trial that a report counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Outcome {
+pub enum ReportedOutcome {
     CleanSuccess,
     Success,
     Contact,
 }
 
-impl Outcome {
+impl ReportedOutcome {
     pub const ALL: [Self; 3] = [Self::CleanSuccess, Self::Success, Self::Contact];
 
     /// Returns the name in tables.
@@ -51,7 +51,7 @@ impl Outcome {
 }
 
 /// Bit that is set if a trial was played.
-const PLAYED: u8 = 1;
+const PLAYED_BIT: u8 = 1;
 
 /// Grid of outcomes.
 #[derive(Debug, Clone)]
@@ -67,11 +67,11 @@ pub struct Outcomes {
 }
 
 /// Place of a trial in the grid apart from its arm and axes: [seed, combination, trial].
-pub type Place = [usize; 3];
+pub type TrialPlace = [usize; 3];
 
 impl Outcomes {
     /// Creates the empty grid of a plan.
-    pub fn new(plan: &Plan) -> Self {
+    pub fn new(plan: &SweepPlan) -> Self {
         let policies = plan.policies.iter().map(|policy| policy.name().to_owned());
         let arms: Vec<String> =
             policies.chain(plan.ablations.iter().map(|ablation| ablation.name().to_owned())).collect();
@@ -88,7 +88,7 @@ impl Outcomes {
 
     /// Reads all outcomes of a sweep. Its units are merged first if that has not been done since the last of them was
     /// finished.
-    pub fn read(folder: &Folder, quiet: bool) -> Result<Self> {
+    pub fn read(folder: &SweepFolder, quiet: bool) -> Result<Self> {
         let times = std::fs::read_to_string(folder.path.join("merged/units.csv")).unwrap_or_default();
         if times.lines().count().saturating_sub(1) != folder.finished()?.len() || times.is_empty() {
             merge(folder, quiet)?;
@@ -99,8 +99,10 @@ impl Outcomes {
         let arms: BTreeMap<Vec<u8>, usize> =
             outcomes.arms.iter().enumerate().map(|(n, arm)| (arm.clone().into_bytes(), n)).collect();
         for point in 0..folder.plan.points() {
-            let file = path(folder, Which::Trials, point);
-            outcomes.add(&Reader::open(&file)?, point, &seeds, &arms).with_context(|| file.display().to_string())?;
+            let file = point_path(folder, TableKind::Trials, point);
+            outcomes
+                .add(&ParquetReader::open(&file)?, point, &seeds, &arms)
+                .with_context(|| file.display().to_string())?;
         }
         Ok(outcomes)
     }
@@ -108,7 +110,7 @@ impl Outcomes {
     /// Adds the file of one point.
     fn add(
         &mut self,
-        reader: &Reader,
+        reader: &ParquetReader,
         point: usize,
         seeds: &BTreeMap<i64, usize>,
         arms: &BTreeMap<Vec<u8>, usize>,
@@ -119,14 +121,17 @@ impl Outcomes {
             let [seed, combination, trial, policy, ablation, contact, success, clean] = &group.values[..] else {
                 bail!("found {} columns", group.values.len());
             };
-            let (Values::Whole(seed), Values::Whole(combination), Values::Whole(trial)) = (seed, combination, trial)
+            let (ColumnValues::Whole(seed), ColumnValues::Whole(combination), ColumnValues::Whole(trial)) =
+                (seed, combination, trial)
             else {
                 bail!("columns of another kind");
             };
-            let (Values::Text(policy), Values::Text(ablation)) = (policy, ablation) else {
+            let (ColumnValues::Text(policy), ColumnValues::Text(ablation)) = (policy, ablation) else {
                 bail!("columns of another kind");
             };
-            let (Values::Flag(contact), Values::Flag(success), Values::Flag(clean)) = (contact, success, clean) else {
+            let (ColumnValues::Flag(contact), ColumnValues::Flag(success), ColumnValues::Flag(clean)) =
+                (contact, success, clean)
+            else {
                 bail!("columns of another kind");
             };
             for row in 0..group.rows {
@@ -140,19 +145,19 @@ impl Outcomes {
                 };
                 let at = self.at(point, [*seed, combination, trial], *arm);
                 let at = at.with_context(|| format!("row {row}: found a trial that the plan does not have"))?;
-                let bit = |flag: &[Option<bool>], outcome: Outcome| {
+                let bit = |flag: &[Option<bool>], outcome: ReportedOutcome| {
                     if flag[row] == Some(true) { outcome.bit() } else { 0 }
                 };
-                self.bits[at] = PLAYED
-                    | bit(contact, Outcome::Contact)
-                    | bit(success, Outcome::Success)
-                    | bit(clean, Outcome::CleanSuccess);
+                self.bits[at] = PLAYED_BIT
+                    | bit(contact, ReportedOutcome::Contact)
+                    | bit(success, ReportedOutcome::Success)
+                    | bit(clean, ReportedOutcome::CleanSuccess);
             }
         }
         Ok(())
     }
 
-    fn at(&self, point: usize, [seed, combination, trial]: Place, arm: usize) -> Option<usize> {
+    fn at(&self, point: usize, [seed, combination, trial]: TrialPlace, arm: usize) -> Option<usize> {
         let fits = combination < self.combos && trial < self.trials;
         let at =
             (((point * self.seeds + seed) * self.combos + combination) * self.trials + trial) * self.arms.len() + arm;
@@ -161,15 +166,15 @@ impl Outcomes {
 
     /// Sets the outcomes of a trial.
     #[cfg(test)]
-    pub fn set(&mut self, point: usize, place: Place, arm: usize, outcomes: &[Outcome]) {
+    pub fn set(&mut self, point: usize, place: TrialPlace, arm: usize, outcomes: &[ReportedOutcome]) {
         let at = self.at(point, place, arm).expect("in the grid");
-        self.bits[at] = outcomes.iter().fold(PLAYED, |bits, outcome| bits | outcome.bit());
+        self.bits[at] = outcomes.iter().fold(PLAYED_BIT, |bits, outcome| bits | outcome.bit());
     }
 
     /// Returns an outcome of a trial; none if the trial was not played.
-    pub fn get(&self, point: usize, place: Place, arm: usize, outcome: Outcome) -> Option<bool> {
+    pub fn get(&self, point: usize, place: TrialPlace, arm: usize, outcome: ReportedOutcome) -> Option<bool> {
         let bits = *self.bits.get(self.at(point, place, arm)?)?;
-        (bits & PLAYED != 0).then_some(bits & outcome.bit() != 0)
+        (bits & PLAYED_BIT != 0).then_some(bits & outcome.bit() != 0)
     }
 
     /// Returns the number of trials that were played.
@@ -195,22 +200,22 @@ impl Outcomes {
     }
 
     /// Returns the places of one pair of objects: every seed and trial.
-    pub fn places(&self, combination: usize) -> impl Iterator<Item = Place> + '_ {
+    pub fn places(&self, combination: usize) -> impl Iterator<Item = TrialPlace> + '_ {
         (0..self.seeds).flat_map(move |seed| (0..self.trials).map(move |trial| [seed, combination, trial]))
     }
 }
 
 /// Returns the columns to read.
-fn columns() -> Vec<Column> {
+fn columns() -> Vec<TableColumn> {
     let all = [
-        ("seed", Kind::Whole),
-        ("combination", Kind::Whole),
-        ("trial", Kind::Whole),
-        ("policy", Kind::Text),
-        ("ablation", Kind::Text),
-        ("contact", Kind::Flag),
-        ("success", Kind::Flag),
-        ("clean_success", Kind::Flag),
+        ("seed", ColumnKind::Whole),
+        ("combination", ColumnKind::Whole),
+        ("trial", ColumnKind::Whole),
+        ("policy", ColumnKind::Text),
+        ("ablation", ColumnKind::Text),
+        ("contact", ColumnKind::Flag),
+        ("success", ColumnKind::Flag),
+        ("clean_success", ColumnKind::Flag),
     ];
-    all.map(|(name, kind)| Column { name: name.into(), kind, about: "" }).to_vec()
+    all.map(|(name, kind)| TableColumn { name: name.into(), kind, description: "" }).to_vec()
 }

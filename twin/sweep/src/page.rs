@@ -5,21 +5,21 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use maud::html;
-use report::html::{Column, Table, counted, duration, number, whole_page};
+use report::html::{ColumnAlignment, HtmlTable, count_with_noun, format_duration, format_number, whole_page};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::axis::{Level, PlannedAxis};
-use crate::curve::{self, Contrast, Estimate};
+use crate::axis::{AxisLevel, PlannedAxis};
+use crate::curve::{self, Contrast, RateEstimate};
 use crate::figure::{Figure, Line};
-use crate::folder::Folder;
-use crate::makespan::{Assumptions, CORES, Point, replay};
-use crate::outcomes::{Outcome, Outcomes};
+use crate::folder::SweepFolder;
+use crate::makespan::{Assumptions, CORE_COUNTS, MakespanPoint, replay};
+use crate::outcomes::{Outcomes, ReportedOutcome};
 
 /// A finished report.
-pub struct Made {
+pub struct SweepReport {
     pub text: String,
     pub results: Results,
     pub folder: PathBuf,
@@ -54,11 +54,11 @@ pub struct CurveRow {
     /// clean_success, success or contact.
     outcome: &'static str,
     #[serde(flatten)]
-    estimate: Estimate,
+    estimate: RateEstimate,
 }
 
 /// Makes the report of the finished units.
-pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
+pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
     let outcomes = Outcomes::read(folder, true)?;
     let plan = &folder.plan;
     let played = outcomes.played();
@@ -70,8 +70,8 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     let (finished, units) = (folder.finished()?.len(), plan.units.len());
     let page = html! {
         p.byline {
-            (counted(plan.points(), "point")) ", " (counted(plan.seeds.len(), "seed")) ", " (counted(plan.combos, "pair")) " of objects, "
-            (counted(plan.trials, "trial")) " of each pair; " (counted(played, "trial")) " under one policy each"
+            (count_with_noun(plan.points(), "point")) ", " (count_with_noun(plan.seeds.len(), "seed")) ", " (count_with_noun(plan.combos, "pair")) " of objects, "
+            (count_with_noun(plan.trials, "trial")) " of each pair; " (count_with_noun(played, "trial")) " under one policy each"
         }
         @if finished < units { ul.warnings { li { (units - finished) " of " (units) " units of work are missing" } } }
         h2 { "Rates" }
@@ -83,39 +83,44 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
         h2 { "Contrasts" }
         (contrast_table(&contrasts))
         h2 { "How these numbers are made" }
-        p { (METHOD) }
+        p { (METHOD_TEXT) }
     };
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    write_whole(&out.join("report.html"), whole_page(&format!("Sweep: {}", plan.name), &page).as_bytes())?;
+    write_atomically(&out.join("report.html"), whole_page(&format!("Sweep: {}", plan.name), &page).as_bytes())?;
     let rows = curves.iter().map(|row| ([&*row.axis, &row.level, &row.arm, row.outcome], &row.estimate));
-    write_whole(&out.join("curves.csv"), &comma_separated((["axis", "level", "arm", "outcome"], "value"), rows)?)?;
+    write_atomically(&out.join("curves.csv"), &comma_separated((["axis", "level", "arm", "outcome"], "value"), rows)?)?;
     let rows = contrasts.iter().map(|row| ([&*row.what, &row.at, row.outcome], &row.estimate));
-    write_whole(&out.join("contrasts.csv"), &comma_separated((["contrast", "at", "outcome"], "difference"), rows)?)?;
+    write_atomically(
+        &out.join("contrasts.csv"),
+        &comma_separated((["contrast", "at", "outcome"], "difference"), rows)?,
+    )?;
     let mut text =
         format!("{played} trials in {finished} of {units} units\n\n{:44} {:>7}  {:>18} {:>9}\n", "", "", "95 %", "n");
     for (arm, name) in outcomes.arms.iter().enumerate() {
-        if let Some(rate) = curve::rate(&outcomes, None, arm, Outcome::CleanSuccess) {
+        if let Some(rate) = curve::rate(&outcomes, None, arm, ReportedOutcome::CleanSuccess) {
             let _ = writeln!(text, "{}", line(&format!("clean success, {name}"), &rate));
         }
     }
-    for contrast in contrasts.iter().filter(|row| row.at == ALL && row.outcome == Outcome::CleanSuccess.name()) {
+    for contrast in
+        contrasts.iter().filter(|row| row.at == ALL_POINTS && row.outcome == ReportedOutcome::CleanSuccess.name())
+    {
         let _ = writeln!(text, "{}", line(&format!("clean success, {}", contrast.what), &contrast.estimate));
     }
     let results =
         Results { sweep: plan.name.clone(), trials: played, units: finished, of_units: units, curves, contrasts };
-    Ok(Made { text, results, folder: out.to_owned() })
+    Ok(SweepReport { text, results, folder: out.to_owned() })
 }
 
 /// Label of a contrast over all points.
-const ALL: &str = "all points";
+const ALL_POINTS: &str = "all points";
 
-const METHOD: &str = "A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
+const METHOD_TEXT: &str = "A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
     is the mean over pairs of each pair's mean difference between trials that met the same errors (the same point but for what is compared, seed, \
     pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike; there is none of fewer than five pairs, or of pairs \
     that are all alike. Many contrasts are shown: of \
     twenty without any effect one excludes 0 by chance.";
 
-fn line(what: &str, estimate: &Estimate) -> String {
+fn line(what: &str, estimate: &RateEstimate) -> String {
     let interval = match (estimate.low, estimate.high) {
         (Some(low), Some(high)) => format!("{low:.3} to {high:.3}"),
         _ => "-".to_owned(),
@@ -123,27 +128,27 @@ fn line(what: &str, estimate: &Estimate) -> String {
     format!("{what:44} {:>7.3}  {interval:>18} {:>9}", estimate.value, estimate.n)
 }
 
-fn interval(estimate: &Estimate) -> String {
+fn interval(estimate: &RateEstimate) -> String {
     match (estimate.low, estimate.high) {
-        (Some(low), Some(high)) => format!("{} to {}", number(low, 3), number(high, 3)),
+        (Some(low), Some(high)) => format!("{} to {}", format_number(low, 3), format_number(high, 3)),
         _ => "–".to_owned(),
     }
 }
 
-fn overall(outcomes: &Outcomes) -> Table {
+fn overall(outcomes: &Outcomes) -> HtmlTable {
     let head = [
-        ("policy", Column::Words),
-        ("trials", Column::Numbers),
-        ("clean success", Column::Numbers),
-        ("95 %", Column::Numbers),
-        ("success", Column::Numbers),
-        ("unwanted contact", Column::Numbers),
+        ("policy", ColumnAlignment::Words),
+        ("trials", ColumnAlignment::Numbers),
+        ("clean success", ColumnAlignment::Numbers),
+        ("95 %", ColumnAlignment::Numbers),
+        ("success", ColumnAlignment::Numbers),
+        ("unwanted contact", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new("All points together", &head);
+    let mut table = HtmlTable::new("All points together", &head);
     for (arm, name) in outcomes.arms.iter().enumerate() {
-        let rates = Outcome::ALL.map(|outcome| curve::rate(outcomes, None, arm, outcome));
+        let rates = ReportedOutcome::ALL.map(|outcome| curve::rate(outcomes, None, arm, outcome));
         if let [Some(clean), Some(success), Some(contact)] = rates {
-            let rate = |rate: Estimate| number(rate.value, 3);
+            let rate = |rate: RateEstimate| format_number(rate.value, 3);
             table.row(&[
                 name.clone(),
                 clean.n.to_string(),
@@ -162,7 +167,7 @@ fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
     for (n, axis) in axes.iter().enumerate() {
         for (level, value) in axis.levels.iter().enumerate() {
             for (arm, name) in outcomes.arms.iter().enumerate() {
-                for outcome in Outcome::ALL {
+                for outcome in ReportedOutcome::ALL {
                     rows.extend(curve::rate(outcomes, Some((n, level)), arm, outcome).map(|estimate| CurveRow {
                         axis: axis.name.clone(),
                         level: value.to_string(),
@@ -179,8 +184,8 @@ fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
 
 /// Draws clean success and contact over each axis with several levels.
 fn figures<'a>(outcomes: &Outcomes, axes: &'a [PlannedAxis]) -> Vec<(&'a PlannedAxis, [Figure; 2])> {
-    let figure = |n: usize, axis: &PlannedAxis, outcome: Outcome| {
-        let numbers: Option<Vec<f64>> = axis.levels.iter().map(Level::number).collect();
+    let figure = |n: usize, axis: &PlannedAxis, outcome: ReportedOutcome| {
+        let numbers: Option<Vec<f64>> = axis.levels.iter().map(AxisLevel::number).collect();
         let place = |level: usize| numbers.as_ref().map_or(level as f64 + 1.0, |numbers| numbers[level]);
         let rate = |arm: usize, level: usize| curve::rate(outcomes, Some((n, level)), arm, outcome);
         let points =
@@ -196,13 +201,15 @@ fn figures<'a>(outcomes: &Outcomes, axes: &'a [PlannedAxis]) -> Vec<(&'a Planned
     };
     let shown = axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1);
     shown
-        .map(|(n, axis)| (axis, [Outcome::CleanSuccess, Outcome::Contact].map(|outcome| figure(n, axis, outcome))))
+        .map(|(n, axis)| {
+            (axis, [ReportedOutcome::CleanSuccess, ReportedOutcome::Contact].map(|outcome| figure(n, axis, outcome)))
+        })
         .collect()
 }
 
 fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
     let mut rows = Vec::new();
-    let mut places = vec![(None, ALL.to_owned())];
+    let mut places = vec![(None, ALL_POINTS.to_owned())];
     for (n, axis) in axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1) {
         places.extend(
             axis.levels.iter().enumerate().map(|(level, value)| (Some((n, level)), format!("{} = {value}", axis.name))),
@@ -213,8 +220,8 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
     let base = touch.unwrap_or(0);
     for (arm, name) in outcomes.arms.iter().enumerate().filter(|(arm, _)| *arm != base) {
         for (of, at) in &places {
-            for outcome in Outcome::ALL {
-                rows.extend(curve::arms(outcomes, *of, (base, arm), outcome).map(|estimate| Contrast {
+            for outcome in ReportedOutcome::ALL {
+                rows.extend(curve::contrast_arms(outcomes, *of, (base, arm), outcome).map(|estimate| Contrast {
                     what: format!("{} - {name}", outcomes.arms[base]),
                     at: at.clone(),
                     outcome: outcome.name(),
@@ -226,12 +233,14 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
     for (n, axis) in axes.iter().enumerate() {
         for level in 1..axis.levels.len() {
             for (arm, name) in outcomes.arms.iter().enumerate() {
-                for outcome in Outcome::ALL {
-                    rows.extend(curve::levels(outcomes, n, (level, 0), arm, outcome).map(|estimate| Contrast {
-                        what: format!("{}: {} - {}", axis.name, axis.levels[level], axis.levels[0]),
-                        at: name.clone(),
-                        outcome: outcome.name(),
-                        estimate,
+                for outcome in ReportedOutcome::ALL {
+                    rows.extend(curve::contrast_levels(outcomes, n, (level, 0), arm, outcome).map(|estimate| {
+                        Contrast {
+                            what: format!("{}: {} - {}", axis.name, axis.levels[level], axis.levels[0]),
+                            at: name.clone(),
+                            outcome: outcome.name(),
+                            estimate,
+                        }
                     }));
                 }
             }
@@ -240,22 +249,22 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
     rows
 }
 
-fn contrast_table(contrasts: &[Contrast]) -> Table {
+fn contrast_table(contrasts: &[Contrast]) -> HtmlTable {
     let head = [
-        ("contrast", Column::Words),
-        ("at", Column::Words),
-        ("outcome", Column::Words),
-        ("difference", Column::Numbers),
-        ("95 %", Column::Numbers),
-        ("pairs of trials", Column::Numbers),
+        ("contrast", ColumnAlignment::Words),
+        ("at", ColumnAlignment::Words),
+        ("outcome", ColumnAlignment::Words),
+        ("difference", ColumnAlignment::Numbers),
+        ("95 %", ColumnAlignment::Numbers),
+        ("pairs of trials", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new("Paired by trial; all outcomes are in contrasts.csv", &head);
-    for row in contrasts.iter().filter(|row| row.outcome == Outcome::CleanSuccess.name()) {
+    let mut table = HtmlTable::new("Paired by trial; all outcomes are in contrasts.csv", &head);
+    for row in contrasts.iter().filter(|row| row.outcome == ReportedOutcome::CleanSuccess.name()) {
         let cells = [
             row.what.clone(),
             row.at.clone(),
-            Outcome::CleanSuccess.label().to_owned(),
-            number(row.estimate.value, 3),
+            ReportedOutcome::CleanSuccess.label().to_owned(),
+            format_number(row.estimate.value, 3),
             interval(&row.estimate),
             row.estimate.n.to_string(),
         ];
@@ -267,7 +276,7 @@ fn contrast_table(contrasts: &[Contrast]) -> Table {
 /// Formats a table as CSV, one estimate per row with its value in the column `value`.
 fn comma_separated<'a, const N: usize>(
     (head, value): ([&str; N], &str),
-    rows: impl Iterator<Item = ([&'a str; N], &'a Estimate)>,
+    rows: impl Iterator<Item = ([&'a str; N], &'a RateEstimate)>,
 ) -> Result<Vec<u8>> {
     let maybe = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -281,7 +290,7 @@ fn comma_separated<'a, const N: usize>(
 
 /// Replays the recorded times of a sweep's units on more cores and writes `makespan.html`. The times are repeated until
 /// there are `trials`; `join` neighbouring units are taken as one.
-pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(Vec<Point>, String)> {
+pub fn makespan(folder: &SweepFolder, trials: Option<usize>, join: usize) -> Result<(Vec<MakespanPoint>, String)> {
     let file = folder.path.join("merged/units.csv");
     let text = std::fs::read_to_string(&file).with_context(|| {
         format!("{}: found no times, expected those that `ftac sweep merge` leaves", file.display())
@@ -311,34 +320,34 @@ pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(
         count += trials;
     }
     let units: Vec<f64> = units.chunks(join).map(|units| units.iter().sum()).collect();
-    let assumed = Assumptions::USUAL;
-    let points: Vec<Point> = CORES.iter().map(|cores| replay(&units, *cores, &assumed)).collect();
+    let assumed = Assumptions::TYPICAL;
+    let points: Vec<MakespanPoint> = CORE_COUNTS.iter().map(|cores| replay(&units, *cores, &assumed)).collect();
     let work: f64 = units.iter().sum();
     let longest = units.iter().copied().fold(0.0, f64::max);
     let mut said =
         format!("{:>6} {:>16} {:>11} {:>8} {:>14}\n", "cores", "makespan", "efficiency", "tail", "operations/s");
     let head = [
-        ("cores", Column::Numbers),
-        ("makespan", Column::Numbers),
-        ("efficiency", Column::Numbers),
-        ("tail", Column::Numbers),
-        ("file system, operations/s", Column::Numbers),
+        ("cores", ColumnAlignment::Numbers),
+        ("makespan", ColumnAlignment::Numbers),
+        ("efficiency", ColumnAlignment::Numbers),
+        ("tail", ColumnAlignment::Numbers),
+        ("file system, operations/s", ColumnAlignment::Numbers),
     ];
-    let mut table = Table::new("Replay", &head);
+    let mut table = HtmlTable::new("Replay", &head);
     for point in &points {
         let cells = [
             point.cores.to_string(),
-            duration(point.makespan_s),
-            number(point.efficiency, 3),
-            number(point.tail, 3),
-            number(point.operations_per_s, 2),
+            format_duration(point.makespan_s),
+            format_number(point.efficiency, 3),
+            format_number(point.tail, 3),
+            format_number(point.operations_per_s, 2),
         ];
         table.row(&cells);
         let _ = writeln!(
             said,
             "{:>6} {:>16} {:>11.3} {:>8.3} {:>14.2}",
             point.cores,
-            duration(point.makespan_s),
+            format_duration(point.makespan_s),
             point.efficiency,
             point.tail,
             point.operations_per_s
@@ -349,9 +358,9 @@ pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(
     let start = assumed.start_s;
     let body = html! {
         p {
-            (duration(work)) " of work in " (counted(units.len(), "unit")) " (" (counted(count, "trial")) "), the longest " (duration(longest)) ". "
+            (format_duration(work)) " of work in " (count_with_noun(units.len(), "unit")) " (" (count_with_noun(count, "trial")) "), the longest " (format_duration(longest)) ". "
             (limit) " at least 80 % of the cores' time is work; beyond, a worker has too few units: what is left at the end is one unit's time, and "
-            (counted(CORES[CORES.len() - 1], "worker")) " begin only after " (start) " s of start."
+            (count_with_noun(CORE_COUNTS[CORE_COUNTS.len() - 1], "worker")) " begin only after " (start) " s of start."
         }
         (table)
         h2 { "Assumptions" }
@@ -372,7 +381,7 @@ pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(
         }
     };
     let out = folder.path.join("makespan.html");
-    write_whole(&out, whole_page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
+    write_atomically(&out, whole_page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
     let _ = writeln!(said, "page: {}", out.display());
     Ok((points, said))
 }

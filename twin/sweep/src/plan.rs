@@ -9,27 +9,27 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 use bench::journal;
-use bench::journal::{Record, RunRequest, Unit as TrialUnit};
+use bench::journal::{RecordingSelection, RunRequest, WorkUnit as TrialUnit};
 use ftac_platform::data::DataError;
 use ftac_platform::digest::sha256;
-use robot_backends::Places;
+use robot_backends::PoseSources;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
 
-use crate::axis::{self, Draft, Field, Level, PlannedAxis};
+use crate::axis::{self, AxisField, AxisLevel, PlannedAxis, RunDraft};
 use crate::columns;
 use crate::file::Sweep;
 
 /// Cost of trials, as measured on the machine that the file names.
-const COST: &str = include_str!("../data/cost.toml");
+const COST_TOML: &str = include_str!("../data/cost.toml");
 
 /// Largest number of trials of a sweep.
-const MOST: f64 = 1e8;
+const MAX_TRIALS: f64 = 1e8;
 
 /// Time and disk space of trials.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cost {
+pub struct TrialCost {
     /// Time of a trial under each condition, s of one core.
     trial_s: BTreeMap<String, f64>,
     /// Factor of that time on other bodies than the simulated one.
@@ -40,13 +40,13 @@ pub struct Cost {
     bytes: f64,
 }
 
-impl Cost {
+impl TrialCost {
     /// Returns the costs that come with the program.
     pub fn builtin() -> Result<Self, DataError> {
-        ftac_platform::data::parse_toml(COST, Path::new("data/cost.toml"))
+        ftac_platform::data::parse_toml(COST_TOML, Path::new("data/cost.toml"))
     }
 
-    fn of(&self, condition: Condition) -> f64 {
+    fn trial_time(&self, condition: Condition) -> f64 {
         self.trial_s.get(condition.name()).copied().unwrap_or(1.0)
     }
 
@@ -54,10 +54,11 @@ impl Cost {
     fn unit_s(&self, request: &RunRequest, unit: TrialUnit) -> f64 {
         let body = if request.robot == "sim" { 1.0 } else { self.other_body };
         body * match unit.trial {
-            None => self.of(Condition::Ideal),
+            None => self.trial_time(Condition::Ideal),
             Some(_) => {
-                let played: f64 = request.noisy().into_iter().map(|condition| self.of(condition)).sum();
-                played + request.ablations.len() as f64 * self.of(Condition::Touch)
+                let played: f64 =
+                    request.noisy_conditions().into_iter().map(|condition| self.trial_time(condition)).sum();
+                played + request.ablations.len() as f64 * self.trial_time(Condition::Touch)
             }
         }
     }
@@ -65,10 +66,10 @@ impl Cost {
 
 /// A run: all trials of a point under one seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Run {
+pub struct SweepRun {
     /// Number of the point.
     pub point: usize,
-    /// Index of the value of each axis, in the order of [`Plan::axes`].
+    /// Index of the value of each axis, in the order of [`SweepPlan::axes`].
     pub at: Vec<usize>,
     /// Request of the run.
     pub request: RunRequest,
@@ -76,7 +77,7 @@ pub struct Run {
 
 /// A unit of work: some of a run's trials.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Unit {
+pub struct SweepUnit {
     /// Name by content, hexadecimal.
     pub id: String,
     /// Index of the run.
@@ -89,7 +90,7 @@ pub struct Unit {
 
 /// All work of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
+pub struct SweepPlan {
     /// Version of the tables.
     pub version: u32,
     pub name: String,
@@ -104,22 +105,24 @@ pub struct Plan {
     pub core_s: f64,
     /// Distinct texts of the runs' scenarios. A run's request holds the index of its own.
     pub scenarios: Vec<String>,
-    pub runs: Vec<Run>,
-    pub units: Vec<Unit>,
+    pub runs: Vec<SweepRun>,
+    pub units: Vec<SweepUnit>,
 }
 
-impl Plan {
+impl SweepPlan {
     /// Plans a sweep.
-    pub fn of(sweep: &Sweep) -> Result<Self> {
-        let cost = Cost::builtin()?;
-        let varied = |axis: &&crate::file::Axis| !matches!(axis.field, Field::Seed | Field::Policy | Field::Ablation);
+    pub fn from_sweep(sweep: &Sweep) -> Result<Self> {
+        let cost = TrialCost::builtin()?;
+        let varied = |axis: &&crate::file::SweepAxis| {
+            !matches!(axis.field, AxisField::Seed | AxisField::Policy | AxisField::Ablation)
+        };
         let axes: Vec<_> = sweep.axes.iter().filter(varied).collect();
-        let policies = match sweep.levels(&Field::Policy) {
+        let policies = match sweep.levels(&AxisField::Policy) {
             Some(levels) => axis::policies(levels, &sweep.file)?,
             None => vec![Condition::Blind, Condition::Reflex, Condition::Touch],
         };
-        let ablations = axis::ablations(sweep.levels(&Field::Ablation).unwrap_or_default(), &sweep.file)?;
-        let seeds = sweep.levels(&Field::Seed).map_or_else(|| vec![Level::Whole(1)], <[Level]>::to_vec);
+        let ablations = axis::ablations(sweep.levels(&AxisField::Ablation).unwrap_or_default(), &sweep.file)?;
+        let seeds = sweep.levels(&AxisField::Seed).map_or_else(|| vec![AxisLevel::Whole(1)], <[AxisLevel]>::to_vec);
         let request = RunRequest {
             combos: sweep.combos,
             trials: sweep.trials,
@@ -132,7 +135,7 @@ impl Plan {
             uncertainty: None,
             noise_scale: 1.0,
             effort: None,
-            scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            scenario: scenarios::scenario::BENCHMARK_TOML.to_owned(),
             policy: None,
             robot_model: None,
             individual: None,
@@ -142,9 +145,9 @@ impl Plan {
             mirrors: false,
             notes: Vec::new(),
             left_out: Vec::new(),
-            places: Places::default(),
+            places: PoseSources::default(),
             gpu: false,
-            record: Record::default(),
+            record: RecordingSelection::default(),
             made: Vec::new(),
         };
         let mut plan = Self {
@@ -161,12 +164,15 @@ impl Plan {
             runs: Vec::new(),
             units: Vec::new(),
         };
-        let start = Draft { file: sweep.file.clone(), request, set: Vec::new() };
+        let start = RunDraft { file: sweep.file.clone(), request, scenario_settings: Vec::new() };
         let sizes: Vec<usize> = axes.iter().map(|axis| axis.levels.len()).collect();
         let trials = [&sizes[..], &[seeds.len(), plan.combos, plan.trials]].concat().into_iter();
         let trials: f64 = trials.map(|size| size as f64).product();
-        if trials > MOST {
-            bail!("{}: found {trials:.0} trials of each policy, expected at most {MOST:.0}", sweep.file.display());
+        if trials > MAX_TRIALS {
+            bail!(
+                "{}: found {trials:.0} trials of each policy, expected at most {MAX_TRIALS:.0}",
+                sweep.file.display()
+            );
         }
         for (point, at) in grid(&sizes).enumerate() {
             let mut draft = start.clone();
@@ -175,9 +181,10 @@ impl Plan {
             }
             let request = draft.finish()?;
             for seed in &seeds {
-                let seeded = Draft { file: sweep.file.clone(), request: request.clone(), set: Vec::new() };
-                let request = seeded.with(&Field::Seed, seed)?.request;
-                plan.cut(Run { point, at: at.clone(), request }, sweep.unit_minutes, &cost)?;
+                let seeded =
+                    RunDraft { file: sweep.file.clone(), request: request.clone(), scenario_settings: Vec::new() };
+                let request = seeded.with(&AxisField::Seed, seed)?.request;
+                plan.add_run(SweepRun { point, at: at.clone(), request }, sweep.unit_minutes, &cost)?;
             }
         }
         plan.seeds = plan.runs.iter().map(|run| run.request.seed).collect::<BTreeSet<_>>().into_iter().collect();
@@ -189,8 +196,8 @@ impl Plan {
     }
 
     /// Adds a run, split into units.
-    fn cut(&mut self, mut run: Run, minutes: f64, cost: &Cost) -> Result<()> {
-        let trials = journal::units(&run.request);
+    fn add_run(&mut self, mut run: SweepRun, minutes: f64, cost: &TrialCost) -> Result<()> {
+        let trials = journal::work_units(&run.request);
         let seconds: Vec<f64> = trials.iter().map(|unit| cost.unit_s(&run.request, *unit)).collect();
         let digest = run.request.digest()?;
         let all: f64 = seconds.iter().sum();
@@ -199,8 +206,8 @@ impl Plan {
         for piece in 0..pieces {
             let [from, to] = [piece, piece + 1].map(|n| n * trials.len() / pieces);
             if to > from {
-                let id = name(&digest, from, to - from);
-                self.units.push(Unit { id, run: self.runs.len(), from, count: to - from });
+                let id = unit_name(&digest, from, to - from);
+                self.units.push(SweepUnit { id, run: self.runs.len(), from, count: to - from });
             }
         }
         self.core_s += all;
@@ -224,8 +231,8 @@ impl Plan {
     }
 
     /// Returns the trials of a unit.
-    pub fn trials(&self, unit: &Unit) -> Result<Vec<TrialUnit>> {
-        let all = journal::units(&self.request(unit.run)?);
+    pub fn trials(&self, unit: &SweepUnit) -> Result<Vec<TrialUnit>> {
+        let all = journal::work_units(&self.request(unit.run)?);
         all.get(unit.from..unit.from + unit.count).map(<[_]>::to_vec).context("the plan's units do not fit its runs")
     }
 
@@ -243,7 +250,7 @@ impl Plan {
 
     /// Returns the expected size of the units' files, bytes.
     pub fn bytes(&self) -> Result<f64> {
-        Ok(self.rows() as f64 * Cost::builtin()?.bytes)
+        Ok(self.rows() as f64 * TrialCost::builtin()?.bytes)
     }
 
     /// Serialises the plan for its file.
@@ -258,7 +265,7 @@ impl Plan {
     }
 
     /// Describes the first difference that makes another plan a different sweep; none if it is the same.
-    pub fn differs(&self, other: &Self) -> Option<String> {
+    pub fn first_difference(&self, other: &Self) -> Option<String> {
         if self.units == other.units && self.axes == other.axes {
             return None;
         }
@@ -301,7 +308,7 @@ fn grid(sizes: &[usize]) -> impl Iterator<Item = Vec<usize>> {
 }
 
 /// Names the columns of the axes: by the last word of the path if that is unique.
-fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
+fn columns_of(axes: &[&crate::file::SweepAxis]) -> Vec<PlannedAxis> {
     let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
     axes.iter()
         .map(|axis| {
@@ -314,7 +321,7 @@ fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
 }
 
 /// Returns a unit's name, from its content and not its position in a plan.
-fn name(request: &str, from: usize, count: usize) -> String {
+fn unit_name(request: &str, from: usize, count: usize) -> String {
     short_digest(format!("{} {request} {from} {count}", columns::VERSION))
 }
 

@@ -5,44 +5,44 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, anyhow};
-use bench::builtin::bench_of;
-use bench::journal::{Record, RunRequest};
-use bench::run::{Options, run_unit};
+use bench::builtin::bench_from_request;
+use bench::journal::{RecordingSelection, RunRequest};
+use bench::run::{RunOptions, run_unit};
 use bench::trial::Bench;
-use robot_backends::BodySource;
-use robot_backends::emulated::EmulatedSource;
-use robot_backends::rounded::RoundedSource;
+use robot_backends::BackendFactory;
+use robot_backends::direct_emulation::DirectEmulationFactory;
+use robot_backends::wire_emulation::WireEmulationFactory;
 
 use crate::columns;
-use crate::plan::{Plan, Unit};
-use crate::rows::Rows;
+use crate::plan::{SweepPlan, SweepUnit};
+use crate::rows::UnitTables;
 
 /// Tables of a finished unit as files.
-pub struct Played {
+pub struct PlayedTables {
     pub tries: Vec<u8>,
     pub trials: Vec<u8>,
     pub seconds: f64,
 }
 
 /// Cache of benches: units of one run need the same.
-pub struct Benches {
+pub struct BenchCache {
     made: Mutex<Vec<(String, Slot)>>,
     /// Capacity of the cache.
-    most: usize,
+    capacity: usize,
     /// True to hide the progress of a search for plans that do not come with the program.
     quiet: bool,
 }
 
 type Slot = Arc<Mutex<Option<Arc<Bench>>>>;
 
-impl Benches {
+impl BenchCache {
     /// Creates the cache for this many workers.
     pub fn new(workers: usize, quiet: bool) -> Self {
-        Self { made: Mutex::default(), most: workers.max(1), quiet }
+        Self { made: Mutex::default(), capacity: workers.max(1), quiet }
     }
 
     /// Returns the bench of a request, from the cache or newly made.
-    fn of(&self, request: &RunRequest) -> Result<Arc<Bench>> {
+    fn bench_for(&self, request: &RunRequest) -> Result<Arc<Bench>> {
         let key =
             RunRequest { conditions: Vec::new(), ablations: Vec::new(), trials: 0, ..request.clone() }.digest()?;
         let poisoned = || anyhow!("a worker panicked");
@@ -51,7 +51,7 @@ impl Benches {
             match made.iter().position(|(own, _)| *own == key) {
                 Some(at) => made[at].1.clone(),
                 None => {
-                    made.truncate(self.most.saturating_sub(1));
+                    made.truncate(self.capacity.saturating_sub(1));
                     made.insert(0, (key, Slot::default()));
                     made[0].1.clone()
                 }
@@ -60,37 +60,38 @@ impl Benches {
         // Workers that need the same bench wait for it; others go on.
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
-            *slot = Some(Arc::new(bench_of(request, self.quiet)?));
+            *slot = Some(Arc::new(bench_from_request(request, self.quiet)?));
         }
         slot.clone().context("a bench")
     }
 }
 
 /// Returns a source of bodies that cannot be cloned; none for simulated ones.
-fn source(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BodySource>>> {
+fn backend_factory(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BackendFactory>>> {
     let model = bench.world.cell.robot.clone();
     Ok(match robot {
         "sim" => None,
-        "emulated" => Some(Box::new(EmulatedSource::new(model, None))),
-        "rounded" => Some(Box::new(RoundedSource { robot: model, sessions: None })),
+        "emulated" => Some(Box::new(WireEmulationFactory::new(model, None))),
+        "rounded" => Some(Box::new(DirectEmulationFactory { robot: model, sessions: None })),
         other => return Err(anyhow!("robot: found {other}, expected sim, emulated or rounded")),
     })
 }
 
 /// Plays all trials of a unit. `stop` may end it between two trials; the result is then none.
 pub fn play(
-    plan: &Plan,
-    unit: &Unit,
-    benches: &Benches,
+    plan: &SweepPlan,
+    unit: &SweepUnit,
+    benches: &BenchCache,
     stop: &(dyn Fn() -> bool + Sync),
     done: &(dyn Fn() + Sync),
-) -> Result<Option<Played>> {
+) -> Result<Option<PlayedTables>> {
     let begun = Instant::now();
     let request = plan.request(unit.run)?;
-    let bench = benches.of(&request)?;
-    let place = |_| source(&bench, &request.robot);
-    let options = Options { jobs: 1, record: Record::None, quiet: true, live: false, place: &place };
-    let mut rows = Rows::new(plan, unit)?;
+    let bench = benches.bench_for(&request)?;
+    let place = |_| backend_factory(&bench, &request.robot);
+    let options =
+        RunOptions { jobs: 1, record: RecordingSelection::None, quiet: true, live: false, open_factory: &place };
+    let mut rows = UnitTables::new(plan, unit)?;
     for trial in plan.trials(unit)? {
         if stop() {
             return Ok(None);
@@ -108,5 +109,9 @@ pub fn play(
         ("ftac.seconds", seconds.to_string()),
         ("ftac.program", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    Ok(Some(Played { tries: rows.tries.to_parquet(&metadata)?, trials: rows.trials.to_parquet(&metadata)?, seconds }))
+    Ok(Some(PlayedTables {
+        tries: rows.tries.to_parquet(&metadata)?,
+        trials: rows.trials.to_parquet(&metadata)?,
+        seconds,
+    }))
 }

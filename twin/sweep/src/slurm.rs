@@ -11,19 +11,19 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use ftac_platform::child;
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::claim::Claims;
-use crate::folder::Folder;
+use crate::folder::SweepFolder;
 
 /// Maximum number of times that a failed worker is requeued, and that a sweep with missing units is submitted again.
-pub const RETRIES: u32 = 3;
+pub const MAX_RETRIES: u32 = 3;
 
 /// Resources requested from Slurm.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Options {
+pub struct SlurmOptions {
     pub partition: Option<String>,
     /// Maximum number of workers.
     pub max_jobs: usize,
@@ -39,33 +39,33 @@ pub struct Options {
 
 /// Submitted jobs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Jobs {
+pub struct SlurmJobs {
     /// Number of the workers' array job.
     pub array: u64,
     /// Number of the merge job.
     pub merge: u64,
     /// Number of workers.
     pub workers: usize,
-    pub options: Options,
+    pub options: SlurmOptions,
 }
 
 /// Result of a submission.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Submitted {
+pub enum Submission {
     /// Jobs were submitted.
-    New(Jobs),
+    New(SlurmJobs),
     /// Jobs of this sweep are already in progress.
-    Joined(Jobs),
+    Joined(SlurmJobs),
     /// Nothing is left to play.
     Finished,
 }
 
-fn folder(sweep: &Folder) -> PathBuf {
+fn folder(sweep: &SweepFolder) -> PathBuf {
     sweep.path.join("slurm")
 }
 
 /// Reads the jobs of the last submission; none if there was none.
-pub fn jobs(sweep: &Folder) -> Result<Option<Jobs>> {
+pub fn jobs(sweep: &SweepFolder) -> Result<Option<SlurmJobs>> {
     let file = folder(sweep).join("jobs.json");
     match fs::read_to_string(&file) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
@@ -82,7 +82,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// Returns the script of the workers.
-pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: usize) -> String {
+pub fn array_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions, workers: usize) -> String {
     let here = quoted(&sweep.path.to_string_lossy());
     let mut text =
         "#!/bin/bash\n# Workers of a sweep. Each plays units that nobody else has claimed until none is left.\n"
@@ -106,7 +106,7 @@ pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: 
         "\n{} sweep run {here} --jobs {} --worker \"$SLURM_ARRAY_TASK_ID/{workers}\"\ncode=$?\n\
          # What failed here may work on another node. A unit that is at fault itself fails there too, and is named by `ftac sweep status`.\n\
          # Code 130: it was told to end, by scancel or because Slurm wants the node; what Slurm wants back it requeues itself.\n\
-         if [ $code -ne 0 ] && [ $code -ne 130 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {RETRIES} ]; then\n\
+         if [ $code -ne 0 ] && [ $code -ne 130 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {MAX_RETRIES} ]; then\n\
          \x20   echo \"worker ended with code $code: requeued\"\n\
          \x20   scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\nfi\nexit $code\n",
         quoted(&program.to_string_lossy()),
@@ -116,7 +116,7 @@ pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: 
 }
 
 /// Returns the script that merges the results.
-pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String {
+pub fn merge_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions) -> String {
     let (program, here) = (quoted(&program.to_string_lossy()), quoted(&sweep.path.to_string_lossy()));
     let mut text =
         "#!/bin/bash\n# Joins the results of a sweep's workers when all of them are over, however they ended.\n"
@@ -132,7 +132,7 @@ pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String
     if let Some(partition) = &options.partition {
         ask(&format!("--partition={partition}"));
     }
-    if options.round < RETRIES {
+    if options.round < MAX_RETRIES {
         let mut again =
             format!("--max-jobs {} --cpus {} --round {}", options.max_jobs, options.cpus, options.round + 1);
         for (name, value) in [("partition", &options.partition), ("memory", &options.memory), ("time", &options.time)] {
@@ -173,10 +173,10 @@ fn submit_script(script: &Path, more: &[&str]) -> Result<u64> {
 }
 
 /// Submits the unfinished units of a sweep, unless jobs of it are in progress.
-pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submitted> {
+pub fn submit(sweep: &SweepFolder, program: &Path, options: &SlurmOptions) -> Result<Submission> {
     let left = sweep.plan.units.len() - sweep.finished()?.len();
     if left == 0 {
-        return Ok(Submitted::Finished);
+        return Ok(Submission::Finished);
     }
     let here = folder(sweep);
     fs::create_dir_all(&here).with_context(|| here.display().to_string())?;
@@ -184,7 +184,7 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
     let claims = Claims::new(&sweep.path)?;
     let mut waited = 0;
     let _claim = loop {
-        match claims.take("submission")? {
+        match claims.try_claim("submission")? {
             Some(claim) => break claim,
             None if waited < 60 => {
                 waited += 1;
@@ -197,26 +197,26 @@ pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submi
         // The merge job submits the sweep again and must not wait for itself.
         let own = claims.holder().job.as_ref().is_some_and(|job| *job == known.merge.to_string());
         if !own && queue(&known)?.iter().any(|task| task.is_under_way()) {
-            return Ok(Submitted::Joined(known));
+            return Ok(Submission::Joined(known));
         }
     }
     let workers = left.div_ceil(options.cpus.max(1)).min(options.max_jobs).max(1);
     let (array, merge) = (here.join("workers.sh"), here.join("merge.sh"));
-    write_whole(&array, array_script(sweep, program, options, workers).as_bytes())?;
-    write_whole(&merge, merge_script(sweep, program, options).as_bytes())?;
+    write_atomically(&array, array_script(sweep, program, options, workers).as_bytes())?;
+    write_atomically(&merge, merge_script(sweep, program, options).as_bytes())?;
     let first = submit_script(&array, &[])?;
     let second = submit_script(&merge, &[&format!("--dependency=afterany:{first}")]).inspect_err(|_| {
         // Workers without a merge job were not requested.
         let _ = slurm("scancel", &[&first.to_string()]);
     })?;
-    let submitted = Jobs { array: first, merge: second, workers, options: options.clone() };
-    write_whole(&here.join("jobs.json"), &serde_json::to_vec_pretty(&submitted)?)?;
-    Ok(Submitted::New(submitted))
+    let submitted = SlurmJobs { array: first, merge: second, workers, options: options.clone() };
+    write_atomically(&here.join("jobs.json"), &serde_json::to_vec_pretty(&submitted)?)?;
+    Ok(Submission::New(submitted))
 }
 
 /// A job or task as Slurm reports it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Task {
+pub struct SlurmTask {
     /// Identifier, such as `12_3`, or `12_[4-9]` for tasks that have not begun.
     pub id: String,
     /// State, such as `RUNNING`.
@@ -227,17 +227,17 @@ pub struct Task {
     pub count: usize,
 }
 
-impl Task {
+impl SlurmTask {
     /// True if the task has not ended.
     pub fn is_under_way(&self) -> bool {
-        const OVER: [&str; 8] =
+        const ENDED_STATES: [&str; 8] =
             ["COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "BOOT_FAIL", "DEADLINE"];
-        !OVER.iter().any(|state| self.state.starts_with(state))
+        !ENDED_STATES.iter().any(|state| self.state.starts_with(state))
     }
 }
 
 /// Returns Slurm's view of the jobs of a submission; empty for jobs that it has forgotten.
-pub fn queue(jobs: &Jobs) -> Result<Vec<Task>> {
+pub fn queue(jobs: &SlurmJobs) -> Result<Vec<SlurmTask>> {
     let ids = format!("{},{}", jobs.array, jobs.merge);
     let said = slurm("squeue", &["--noheader", "--states=all", "--format=%i|%T|%R", "--jobs", &ids]);
     match said {
@@ -248,10 +248,10 @@ pub fn queue(jobs: &Jobs) -> Result<Vec<Task>> {
     }
 }
 
-fn task(line: &str) -> Option<Task> {
+fn task(line: &str) -> Option<SlurmTask> {
     let mut parts = line.splitn(3, '|');
     let (id, state, reason) = (parts.next()?, parts.next()?, parts.next()?);
-    Some(Task { id: id.into(), state: state.into(), reason: reason.into(), count: count(id) })
+    Some(SlurmTask { id: id.into(), state: state.into(), reason: reason.into(), count: count(id) })
 }
 
 /// Counts the tasks of an identifier such as `7_3`, `7_[1-4,9]` or `7_[1-8%2]`.

@@ -6,16 +6,16 @@ use std::time::SystemTime;
 use anyhow::Result;
 
 use crate::claim::Claims;
-use crate::columns::Which;
-use crate::folder::{Failure, Folder};
+use crate::columns::TableKind;
+use crate::folder::{Failure, SweepFolder};
 
 /// Progress of a sweep.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Status {
+pub struct SweepStatus {
     /// Number of finished units.
     pub finished: usize,
     /// Number of all units.
-    pub of: usize,
+    pub total_units: usize,
     /// Number of units that are being played.
     pub running: usize,
     /// Units whose last attempt failed.
@@ -23,7 +23,7 @@ pub struct Status {
     /// Number of trials of the finished units.
     pub trials: usize,
     /// Number of all trials.
-    pub of_trials: usize,
+    pub total_trials: usize,
     /// Trials per minute, over the last quarter of an hour in which units were finished.
     pub trials_per_minute: Option<f64>,
     /// Time left at that rate, s.
@@ -31,30 +31,30 @@ pub struct Status {
 }
 
 /// Window before the newest finished unit over which the rate is computed, s.
-const WINDOW: f64 = 900.0;
+const RATE_WINDOW: f64 = 900.0;
 
 /// Reads the progress from the folder.
-pub fn status(folder: &Folder) -> Result<Status> {
+pub fn status(folder: &SweepFolder) -> Result<SweepStatus> {
     let finished = folder.finished()?;
     let plan = &folder.plan;
     let failed: Vec<_> = folder.failures()?.into_iter().filter(|(id, _)| !finished.contains(id)).collect();
     let claimed = Claims::all(&folder.path)?;
     let mut times: Vec<(SystemTime, usize)> = Vec::new();
     for unit in plan.units.iter().filter(|unit| finished.contains(&unit.id)) {
-        let data = fs::metadata(folder.unit(Which::Trials, &unit.id));
+        let data = fs::metadata(folder.unit_path(TableKind::Trials, &unit.id));
         times.extend(data.and_then(|data| data.modified()).map(|at| (at, unit.count)));
     }
     times.sort();
     let of_trials = plan.units.iter().map(|unit| unit.count).sum();
     let trials: usize = times.iter().map(|(_, count)| count).sum();
     let trials_per_minute = rate(&times);
-    Ok(Status {
+    Ok(SweepStatus {
         finished: finished.len(),
-        of: plan.units.len(),
+        total_units: plan.units.len(),
         running: claimed.iter().filter(|(id, _)| !finished.contains(id)).count(),
         failed,
         trials,
-        of_trials,
+        total_trials: of_trials,
         trials_per_minute,
         left_s: trials_per_minute.filter(|rate| *rate > 0.0).map(|rate| 60.0 * (of_trials - trials) as f64 / rate),
     })
@@ -65,7 +65,7 @@ pub fn status(folder: &Folder) -> Result<Status> {
 fn rate(times: &[(SystemTime, usize)]) -> Option<f64> {
     let (last, _) = times.last()?;
     let age = |at: &SystemTime| last.duration_since(*at).unwrap_or_default().as_secs_f64();
-    let recent: Vec<_> = times.iter().filter(|(at, _)| age(at) <= WINDOW).collect();
+    let recent: Vec<_> = times.iter().filter(|(at, _)| age(at) <= RATE_WINDOW).collect();
     let span = recent.first().map(|(at, _)| age(at)).filter(|span| *span > 0.0)?;
     Some(60.0 * recent[1..].iter().map(|(_, count)| *count as f64).sum::<f64>() / span)
 }

@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use bench::trial::TrialResults;
 use scenarios::record::{AblatedTrial, Condition, PoseErrors, TrialRecord};
 
-use crate::columns::{VERSION, Which};
+use crate::columns::{TableKind, VERSION};
 use crate::file::Sweep;
-use crate::folder::Folder;
+use crate::folder::SweepFolder;
 use crate::merge::merge;
 use crate::outcomes::Outcomes;
-use crate::plan::{Plan, Unit};
-use crate::rows::Rows;
+use crate::plan::{SweepPlan, SweepUnit};
+use crate::rows::UnitTables;
 
 const SWEEP: &str = "version = 1\nname = \"made up, for measuring\"\ncombos = 60\ntrials = 10\nunit_minutes = 30.0\n[axes]\n\
                      policy = [\"blind\", \"reflex\", \"touch\"]\nseed = { from = 1, to = SEEDS, steps = SEEDS }\n\
@@ -54,8 +54,8 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
     }
 }
 
-fn unit(folder: &Folder, unit: &Unit) {
-    let mut rows = Rows::new(&folder.plan, unit).expect("rows");
+fn unit(folder: &SweepFolder, unit: &SweepUnit) {
+    let mut rows = UnitTables::new(&folder.plan, unit).expect("rows");
     for (n, trial) in folder.plan.trials(unit).expect("trials").into_iter().enumerate() {
         let records = folder.plan.policies.iter().map(|&condition| {
             let draw = (unit.from + n) as u64 * 2_654_435_761 % 9_973 + condition as u64 * 17;
@@ -67,13 +67,14 @@ fn unit(folder: &Folder, unit: &Unit) {
     let metadata =
         [("ftac.schema", VERSION.to_string()), ("ftac.unit", unit.id.clone()), ("ftac.seconds", "100".to_owned())];
     let [tries, trials] = [rows.tries, rows.trials].map(|table| table.to_parquet(&metadata).expect("a file"));
-    folder.keep(&unit.id, &tries, &trials).expect("kept");
+    folder.store_unit(&unit.id, &tries, &trials).expect("kept");
 }
 
-fn sweep(path: &Path, seeds: usize) -> Folder {
+fn sweep(path: &Path, seeds: usize) -> SweepFolder {
     let text = SWEEP.replace("SEEDS", &seeds.to_string());
-    let plan = Plan::of(&Sweep::parse(&text, Path::new("made-up.toml")).expect("a sweep")).expect("a plan");
-    let folder = Folder::join(path, plan).expect("a folder");
+    let plan =
+        SweepPlan::from_sweep(&Sweep::parse(&text, Path::new("made-up.toml")).expect("a sweep")).expect("a plan");
+    let folder = SweepFolder::join(path, plan).expect("a folder");
     folder.plan.units.iter().for_each(|one| unit(&folder, one));
     folder
 }
@@ -89,11 +90,11 @@ fn what_is_kept_is_reported() {
     assert_eq!(outcomes.played(), 2 * 11 * 600 * 3);
     let made = crate::page::report(&folder, one.path()).expect("a report");
     assert_eq!(made.results.trials, 2 * 11 * 600 * 3);
-    let reversed = Folder::join(other.path(), folder.plan.clone()).expect("a folder");
+    let reversed = SweepFolder::join(other.path(), folder.plan.clone()).expect("a folder");
     reversed.plan.units.iter().rev().for_each(|one| unit(&reversed, one));
     assert_eq!(merge(&reversed, true).expect("merged").digest, merged.digest);
     // A missing unit changes the result.
-    std::fs::remove_file(reversed.unit(Which::Trials, &folder.plan.units[0].id)).expect("removed");
+    std::fs::remove_file(reversed.unit_path(TableKind::Trials, &folder.plan.units[0].id)).expect("removed");
     let less = merge(&reversed, true).expect("merged");
     assert!(less.missing == 1 && less.digest != merged.digest);
 }

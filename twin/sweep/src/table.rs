@@ -14,14 +14,14 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::columns::{Column, Kind};
+use crate::columns::{ColumnKind, TableColumn};
 
 /// Number of rows in a row group.
-const GROUP: usize = 1 << 17;
+const ROW_GROUP_SIZE: usize = 1 << 17;
 
 /// Values of a column.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Values {
+pub enum ColumnValues {
     Whole(Vec<Option<i64>>),
     Number(Vec<Option<f64>>),
     Flag(Vec<Option<bool>>),
@@ -38,13 +38,13 @@ pub enum Cell {
     Text(String),
 }
 
-impl Values {
-    fn new(kind: Kind) -> Self {
+impl ColumnValues {
+    fn new(kind: ColumnKind) -> Self {
         match kind {
-            Kind::Whole => Self::Whole(Vec::new()),
-            Kind::Number => Self::Number(Vec::new()),
-            Kind::Flag => Self::Flag(Vec::new()),
-            Kind::Text => Self::Text(Vec::new()),
+            ColumnKind::Whole => Self::Whole(Vec::new()),
+            ColumnKind::Number => Self::Number(Vec::new()),
+            ColumnKind::Flag => Self::Flag(Vec::new()),
+            ColumnKind::Text => Self::Text(Vec::new()),
         }
     }
 
@@ -64,7 +64,7 @@ impl Values {
         Ok(())
     }
 
-    /// Returns the rows given by `order`, in that order.
+    /// Returns the rows given by `unit_order`, in that order.
     fn take(&self, order: &[usize]) -> Self {
         fn picked<T: Clone>(values: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|row| values[*row].clone()).collect()
@@ -101,17 +101,17 @@ impl Values {
 
 /// A table of equally long columns.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
-    pub columns: Vec<Column>,
+pub struct ColumnTable {
+    pub columns: Vec<TableColumn>,
     /// Values of each column.
-    pub values: Vec<Values>,
+    pub values: Vec<ColumnValues>,
     pub rows: usize,
 }
 
-impl Table {
+impl ColumnTable {
     /// Creates an empty table.
-    pub fn new(columns: Vec<Column>) -> Self {
-        let values = columns.iter().map(|column| Values::new(column.kind)).collect();
+    pub fn new(columns: Vec<TableColumn>) -> Self {
+        let values = columns.iter().map(|column| ColumnValues::new(column.kind)).collect();
         Self { columns, values, rows: 0 }
     }
 
@@ -142,7 +142,7 @@ impl Table {
     }
 
     /// Returns the values of a column.
-    pub fn column(&self, name: &str) -> Result<&Values> {
+    pub fn column(&self, name: &str) -> Result<&ColumnValues> {
         let at = self.columns.iter().position(|column| column.name == name);
         at.map(|at| &self.values[at]).with_context(|| format!("found no column {name}"))
     }
@@ -150,14 +150,16 @@ impl Table {
     /// Sorts the rows by the values of these columns.
     pub fn sort(&mut self, by: &[&str]) -> Result<()> {
         let mut order: Vec<usize> = (0..self.rows).collect();
-        let keys: Vec<&Values> = by.iter().map(|name| self.column(name)).collect::<Result<_>>()?;
+        let keys: Vec<&ColumnValues> = by.iter().map(|name| self.column(name)).collect::<Result<_>>()?;
         order.sort_by(|&a, &b| {
             keys.iter()
                 .map(|values| match values {
-                    Values::Whole(values) => values[a].cmp(&values[b]),
-                    Values::Flag(values) => values[a].cmp(&values[b]),
-                    Values::Number(values) => values[a].partial_cmp(&values[b]).unwrap_or(std::cmp::Ordering::Equal),
-                    Values::Text(values) => {
+                    ColumnValues::Whole(values) => values[a].cmp(&values[b]),
+                    ColumnValues::Flag(values) => values[a].cmp(&values[b]),
+                    ColumnValues::Number(values) => {
+                        values[a].partial_cmp(&values[b]).unwrap_or(std::cmp::Ordering::Equal)
+                    }
+                    ColumnValues::Text(values) => {
                         let bytes = |row: usize| values[row].as_ref().map(ByteArray::data);
                         bytes(a).cmp(&bytes(b))
                     }
@@ -173,10 +175,10 @@ impl Table {
     pub fn to_parquet(&self, metadata: &[(&str, String)]) -> Result<Vec<u8>> {
         let fields = self.columns.iter().map(|column| {
             let (physical, converted) = match column.kind {
-                Kind::Whole => (Physical::INT64, ConvertedType::NONE),
-                Kind::Number => (Physical::DOUBLE, ConvertedType::NONE),
-                Kind::Flag => (Physical::BOOLEAN, ConvertedType::NONE),
-                Kind::Text => (Physical::BYTE_ARRAY, ConvertedType::UTF8),
+                ColumnKind::Whole => (Physical::INT64, ConvertedType::NONE),
+                ColumnKind::Number => (Physical::DOUBLE, ConvertedType::NONE),
+                ColumnKind::Flag => (Physical::BOOLEAN, ConvertedType::NONE),
+                ColumnKind::Text => (Physical::BYTE_ARRAY, ConvertedType::UTF8),
             };
             let field = Type::primitive_type_builder(&column.name, physical);
             field.with_repetition(Repetition::OPTIONAL).with_converted_type(converted).build().map(Arc::new)
@@ -188,17 +190,17 @@ impl Table {
             .set_key_value_metadata(Some(pairs.collect()))
             .build();
         let mut writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties))?;
-        for from in (0..self.rows.max(1)).step_by(GROUP) {
-            let rows = from..self.rows.min(from + GROUP);
+        for from in (0..self.rows.max(1)).step_by(ROW_GROUP_SIZE) {
+            let rows = from..self.rows.min(from + ROW_GROUP_SIZE);
             let mut group = writer.next_row_group()?;
             for values in &self.values {
                 let mut column = group.next_column()?.context("a column less than there are values")?;
                 let typed = column.untyped();
                 match values {
-                    Values::Whole(values) => write::<Int64Type>(typed, &values[rows.clone()])?,
-                    Values::Number(values) => write::<DoubleType>(typed, &values[rows.clone()])?,
-                    Values::Flag(values) => write::<BoolType>(typed, &values[rows.clone()])?,
-                    Values::Text(values) => write::<ByteArrayType>(typed, &values[rows.clone()])?,
+                    ColumnValues::Whole(values) => write::<Int64Type>(typed, &values[rows.clone()])?,
+                    ColumnValues::Number(values) => write::<DoubleType>(typed, &values[rows.clone()])?,
+                    ColumnValues::Flag(values) => write::<BoolType>(typed, &values[rows.clone()])?,
+                    ColumnValues::Text(values) => write::<ByteArrayType>(typed, &values[rows.clone()])?,
                 }
                 column.close()?;
             }
@@ -217,11 +219,11 @@ fn write<T: DataType>(to: &mut parquet::column::writer::ColumnWriter, values: &[
 }
 
 /// An open Parquet file.
-pub struct Reader {
+pub struct ParquetReader {
     reader: SerializedFileReader<File>,
 }
 
-impl Reader {
+impl ParquetReader {
     /// Opens a file. Fails with its name if it is not a complete Parquet file.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).with_context(|| path.display().to_string())?;
@@ -242,9 +244,9 @@ impl Reader {
     }
 
     /// Reads the columns `wanted`, one row group after the other.
-    pub fn groups<'a>(&'a self, wanted: &'a [Column]) -> Result<impl Iterator<Item = Result<Table>> + 'a> {
+    pub fn groups<'a>(&'a self, wanted: &'a [TableColumn]) -> Result<impl Iterator<Item = Result<ColumnTable>> + 'a> {
         let schema = self.reader.metadata().file_metadata().schema_descr();
-        let place = |column: &Column| {
+        let place = |column: &TableColumn| {
             let found = (0..schema.num_columns()).find(|at| schema.column(*at).name() == column.name);
             found.ok_or_else(|| anyhow!("found no column {}", column.name))
         };
@@ -256,13 +258,13 @@ impl Reader {
                 let read = read(group.get_column_reader(*at)?, column.kind, rows);
                 read.with_context(|| format!("column {}", column.name))
             });
-            Ok(Table { columns: wanted.to_vec(), values: values.collect::<Result<_>>()?, rows })
+            Ok(ColumnTable { columns: wanted.to_vec(), values: values.collect::<Result<_>>()?, rows })
         }))
     }
 
     /// Reads the whole table.
-    pub fn read(&self, columns: &[Column]) -> Result<Table> {
-        let mut table = Table::new(columns.to_vec());
+    pub fn read(&self, columns: &[TableColumn]) -> Result<ColumnTable> {
+        let mut table = ColumnTable::new(columns.to_vec());
         for group in self.groups(columns)? {
             table.append(group?)?;
         }
@@ -270,12 +272,12 @@ impl Reader {
     }
 }
 
-fn read(reader: ColumnReader, kind: Kind, rows: usize) -> Result<Values> {
+fn read(reader: ColumnReader, kind: ColumnKind, rows: usize) -> Result<ColumnValues> {
     Ok(match (kind, reader) {
-        (Kind::Whole, ColumnReader::Int64ColumnReader(reader)) => Values::Whole(optional(reader, rows)?),
-        (Kind::Number, ColumnReader::DoubleColumnReader(reader)) => Values::Number(optional(reader, rows)?),
-        (Kind::Flag, ColumnReader::BoolColumnReader(reader)) => Values::Flag(optional(reader, rows)?),
-        (Kind::Text, ColumnReader::ByteArrayColumnReader(reader)) => Values::Text(optional(reader, rows)?),
+        (ColumnKind::Whole, ColumnReader::Int64ColumnReader(reader)) => ColumnValues::Whole(optional(reader, rows)?),
+        (ColumnKind::Number, ColumnReader::DoubleColumnReader(reader)) => ColumnValues::Number(optional(reader, rows)?),
+        (ColumnKind::Flag, ColumnReader::BoolColumnReader(reader)) => ColumnValues::Flag(optional(reader, rows)?),
+        (ColumnKind::Text, ColumnReader::ByteArrayColumnReader(reader)) => ColumnValues::Text(optional(reader, rows)?),
         (kind, _) => bail!("found another kind of column, expected {kind:?}"),
     })
 }
@@ -297,14 +299,14 @@ fn optional<T: DataType>(mut reader: ColumnReaderImpl<T>, rows: usize) -> Result
 mod tests {
     use super::*;
 
-    fn columns() -> Vec<Column> {
-        [("n", Kind::Whole), ("x", Kind::Number), ("yes", Kind::Flag), ("word", Kind::Text)]
-            .map(|(name, kind)| Column { name: name.into(), kind, about: "" })
+    fn columns() -> Vec<TableColumn> {
+        [("n", ColumnKind::Whole), ("x", ColumnKind::Number), ("yes", ColumnKind::Flag), ("word", ColumnKind::Text)]
+            .map(|(name, kind)| TableColumn { name: name.into(), kind, description: "" })
             .to_vec()
     }
 
-    fn table() -> Table {
-        let mut table = Table::new(columns());
+    fn table() -> ColumnTable {
+        let mut table = ColumnTable::new(columns());
         for n in 0..300 {
             let word = if n % 7 == 0 { Cell::None } else { Cell::Text(format!("word {}", n % 5)) };
             let x = if n % 3 == 0 { Cell::None } else { Cell::Number(0.1 * f64::from(n)) };
@@ -319,13 +321,13 @@ mod tests {
         let file = folder.path().join("t.parquet");
         let table = table();
         std::fs::write(&file, table.to_parquet(&[("ftac.unit", "u".into())]).expect("written")).expect("written");
-        let reader = Reader::open(&file).expect("opens");
+        let reader = ParquetReader::open(&file).expect("opens");
         assert_eq!((reader.rows(), reader.metadata("ftac.unit")), (300, Some("u")));
         assert_eq!(reader.read(&columns()).expect("read"), table);
         // Reading some columns alone, and a missing one.
         let some = reader.read(&columns()[3..]).expect("read");
         assert_eq!(some.values, table.values[3..]);
-        let other = Column { name: "y".into(), kind: Kind::Number, about: "" };
+        let other = TableColumn { name: "y".into(), kind: ColumnKind::Number, description: "" };
         assert!(reader.read(&[other]).expect_err("no y").to_string().contains("no column y"));
     }
 
@@ -335,7 +337,7 @@ mod tests {
         let file = folder.path().join("half.parquet");
         let whole = table().to_parquet(&[]).expect("written");
         std::fs::write(&file, &whole[..whole.len() / 2]).expect("written");
-        let error = format!("{:#}", Reader::open(&file).err().expect("an error"));
+        let error = format!("{:#}", ParquetReader::open(&file).err().expect("an error"));
         assert!(error.contains("half.parquet") && error.contains("no whole Parquet file"), "{error}");
     }
 
@@ -343,7 +345,9 @@ mod tests {
     fn rows_are_sorted_together() {
         let mut table = table();
         table.sort(&["word", "n"]).expect("sorted");
-        let (Values::Text(words), Values::Whole(n)) = (&table.values[3], &table.values[0]) else { panic!("kinds") };
+        let (ColumnValues::Text(words), ColumnValues::Whole(n)) = (&table.values[3], &table.values[0]) else {
+            panic!("kinds")
+        };
         let keys: Vec<_> = words.iter().map(|word| word.as_ref().map(|word| word.data().to_vec())).zip(n).collect();
         assert!(keys.windows(2).all(|pair| pair[0] <= pair[1]));
     }

@@ -10,17 +10,17 @@ use anyhow::{Context as _, Result, anyhow};
 use progress::interrupt::{Interrupt, Interrupted};
 
 use crate::claim::Claims;
-use crate::columns::Which;
-use crate::folder::{Failure, Folder};
-use crate::plan::Unit;
-use crate::play::{Benches, play};
+use crate::columns::TableKind;
+use crate::folder::{Failure, SweepFolder};
+use crate::plan::SweepUnit;
+use crate::play::{BenchCache, play};
 
 /// Interval between looks at units that others play.
-const LOOK: Duration = Duration::from_secs(5);
+const POLL_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Options of a worker.
 #[derive(Debug, Clone, Copy)]
-pub struct Options {
+pub struct WorkerOptions {
     /// Number of threads; each plays a unit of its own.
     pub jobs: usize,
     /// True to show no progress.
@@ -32,13 +32,13 @@ pub struct Options {
 
 /// Result of a worker.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Done {
+pub struct WorkerResult {
     /// Number of units that it played.
     pub played: usize,
     /// Number of units that are finished now.
     pub finished: usize,
     /// Number of all units.
-    pub of: usize,
+    pub total_units: usize,
     /// Units that could not be played, with the reasons.
     pub failed: Vec<(String, String)>,
     /// Wall time of this worker, s.
@@ -46,39 +46,39 @@ pub struct Done {
 }
 
 /// Returns the error for Ctrl-C or SIGTERM; finished units are kept.
-fn interrupted(folder: &Folder) -> Result<anyhow::Error> {
+fn interrupted(folder: &SweepFolder) -> Result<anyhow::Error> {
     let further = format!("go on with `ftac sweep run {}`", folder.path.display());
     let (done, of) = (folder.finished()?.len(), folder.plan.units.len());
-    Ok(Interrupted { done, of, what: "units are finished", further }.into())
+    Ok(Interrupted { done, total: of, pieces: "units are finished", resume_hint: further }.into())
 }
 
 /// Plays the unfinished units on several threads. A failure is recorded and the next unit begun, but a result that
 /// cannot be written ends the work.
-pub fn work(folder: &Folder, options: Options) -> Result<Done> {
+pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult> {
     let begun = Instant::now();
     if options.worker.is_none() {
-        lay_broken_aside(folder)?;
+        set_broken_aside(folder)?;
     }
     let plan = &folder.plan;
     let trials: usize = plan.units.iter().map(|unit| unit.count).sum();
     let finished = folder.finished()?;
     let before: usize = plan.units.iter().filter(|unit| finished.contains(&unit.id)).map(|unit| unit.count).sum();
-    let bar = progress::resumed(trials as u64, before as u64, "trials", options.quiet);
+    let bar = progress::resumed_bar(trials as u64, before as u64, "trials", options.quiet);
     let worker = Worker {
         folder,
         claims: Claims::new(&folder.path)?,
-        benches: Benches::new(options.jobs, options.quiet),
+        benches: BenchCache::new(options.jobs, options.quiet),
         interrupt: Interrupt::catch()?,
         bar: &bar,
         failed: Mutex::default(),
         played: AtomicUsize::new(0),
         stopped: Mutex::default(),
     };
-    let order = order(plan.units.len(), options.worker);
+    let order = unit_order(plan.units.len(), options.worker);
     loop {
         let finished = folder.finished()?;
         let failed = worker.failed_ids()?;
-        let open: Vec<&Unit> = order
+        let open: Vec<&SweepUnit> = order
             .iter()
             .map(|n| &plan.units[*n])
             .filter(|unit| !finished.contains(&unit.id) && !failed.contains(&unit.id))
@@ -86,14 +86,14 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
         if open.is_empty() {
             break;
         }
-        let played = worker.pass(&open, options.jobs)?;
+        let played = worker.play_open_units(&open, options.jobs)?;
         // The remaining units are played by others.
         if played == 0 && options.worker.is_some() {
             break;
         }
         if played == 0 {
             bar.set_message("waiting for units that others play");
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
             let now = folder.finished()?;
             bar.set_position(
                 plan.units.iter().filter(|unit| now.contains(&unit.id)).map(|unit| unit.count as u64).sum(),
@@ -105,27 +105,27 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     }
     bar.finish_and_clear();
     let failed = worker.failed.into_inner().map_err(|_| anyhow!("a worker panicked"))?;
-    Ok(Done {
+    Ok(WorkerResult {
         played: worker.played.into_inner(),
         finished: folder.finished()?.len(),
-        of: plan.units.len(),
+        total_units: plan.units.len(),
         failed,
         wall_s: begun.elapsed().as_secs_f64(),
     })
 }
 
 /// Returns the order in which units are tried: neighbours share a bench, and workers begin at different units.
-fn order(units: usize, worker: Option<(usize, usize)>) -> Vec<usize> {
+fn unit_order(units: usize, worker: Option<(usize, usize)>) -> Vec<usize> {
     let start = worker.map_or(0, |(i, n)| units * (i - 1) / n.max(1));
     (start..units).chain(0..start).collect()
 }
 
 /// Moves the broken files of finished units aside, so that these are played again.
-fn lay_broken_aside(folder: &Folder) -> Result<()> {
+fn set_broken_aside(folder: &SweepFolder) -> Result<()> {
     for id in folder.finished()? {
-        for which in Which::ALL {
-            if let Err(error) = folder.checked(which, &id) {
-                let aside = folder.lay_aside(&id)?;
+        for which in TableKind::ALL {
+            if let Err(error) = folder.open_checked(which, &id) {
+                let aside = folder.set_aside(&id)?;
                 eprintln!("{error:#}; it is kept as {}, and its unit is played again", aside.display());
                 break;
             }
@@ -135,9 +135,9 @@ fn lay_broken_aside(folder: &Folder) -> Result<()> {
 }
 
 struct Worker<'a> {
-    folder: &'a Folder,
+    folder: &'a SweepFolder,
     claims: Claims,
-    benches: Benches,
+    benches: BenchCache,
     interrupt: Interrupt,
     bar: &'a progress::ProgressBar,
     failed: Mutex<Vec<(String, String)>>,
@@ -153,7 +153,7 @@ impl Worker<'_> {
     }
 
     /// Tries every open unit once and plays those that are free. Returns their number.
-    fn pass(&self, open: &[&Unit], jobs: usize) -> Result<usize> {
+    fn play_open_units(&self, open: &[&SweepUnit], jobs: usize) -> Result<usize> {
         let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
         bench::workers::for_each(jobs, open, |_, unit| {
             if self.interrupt.happened() {
@@ -162,7 +162,7 @@ impl Worker<'_> {
             if self.stopped.lock().is_ok_and(|stopped| stopped.is_some()) {
                 return Ok(());
             }
-            self.unit(unit)
+            self.play_unit(unit)
         })?;
         if let Some(error) = self.stopped.lock().ok().and_then(|mut stopped| stopped.take()) {
             return Err(error);
@@ -170,8 +170,8 @@ impl Worker<'_> {
         Ok(self.played.load(Ordering::Relaxed) + self.failed_ids()?.len() - before)
     }
 
-    fn unit(&self, unit: &Unit) -> Result<()> {
-        let Some(_claim) = self.claims.take(&unit.id)? else { return Ok(()) };
+    fn play_unit(&self, unit: &SweepUnit) -> Result<()> {
+        let Some(_claim) = self.claims.try_claim(&unit.id)? else { return Ok(()) };
         // Another worker may have finished it in the meantime.
         if self.folder.is_finished(&unit.id) {
             return Ok(());
@@ -186,7 +186,7 @@ impl Worker<'_> {
         match outcome {
             Ok(None) => Ok(()),
             Ok(Some(played)) => {
-                let kept = self.folder.keep(&unit.id, &played.tries, &played.trials);
+                let kept = self.folder.store_unit(&unit.id, &played.tries, &played.trials);
                 if let Err(error) = kept {
                     // No other result could be written either.
                     let error = error.context(format!("the results of unit {} cannot be kept", unit.id));

@@ -7,9 +7,9 @@
 //! off, determines the depth.
 
 mod impression;
-mod own_calibration;
+mod self_calibration;
 
-pub use own_calibration::{OwnCalibrationReport, calibrate};
+pub use self_calibration::{SelfCalibrationReport, calibrate};
 
 use std::sync::Arc;
 
@@ -24,31 +24,31 @@ use crate::contacts::{ContactOptions, find_contacts};
 use crate::error::TouchError;
 use crate::photometric_stereo::{Gradients, gradients};
 use crate::poisson::{PoissonSolver, rest_level};
-use impression::{Ball, impression};
+use impression::{PressedBall, impression};
 
 /// Stride, along both axes, of the pixels that are compared.
-const STRIDE: usize = 3;
+const PIXEL_STRIDE: usize = 3;
 /// Distance beyond the contact's rim up to which slopes are compared, as a share of the gel's thickness.
-const BEYOND: f64 = 0.8;
+const RIM_MARGIN_SHARE: f64 = 0.8;
 /// Step of the position for finite differences, m.
-const DIFFERENCE: f64 = 2e-5;
+const DIFFERENCE_STEP: f64 = 2e-5;
 /// Largest number of steps of the fit, and the step below which it ends, m.
-const MOST_STEPS: usize = 20;
-const STILL: f64 = 2e-6;
+const MAX_STEPS: usize = 20;
+const STEP_TOLERANCE: f64 = 2e-6;
 /// Largest depth as a share of the gel's thickness; deeper, the gel deforms in other ways.
-const DEEPEST: f64 = 0.96;
+const MAX_DEPTH_SHARE: f64 = 0.96;
 /// Least share of the sum of squares of the measured slopes that a ball's impression explains.
-const LEAST_EXPLAINED: f64 = 0.8;
+const MIN_EXPLAINED_SHARE: f64 = 0.8;
 /// Number of compared pixels with a common error: the error of photometric stereo depends on position and slope, which
 /// change slowly over the contact.
-const ALIKE: f64 = 25.0;
+const CORRELATED_PIXELS: f64 = 25.0;
 /// Errors that no linear map removes: the standard deviation of the measured slope below the ball's centre, and the
 /// error of the rim's position, expressed as depth (m). Measured on presses into pads of units on which the calibration
 /// was not made.
-const OFF_LEVEL: f64 = 0.0055;
-const OFF_DEPTH: f64 = 3.5e-5;
+const SLOPE_SIGMA: f64 = 0.0055;
+const RIM_DEPTH_SIGMA: f64 = 3.5e-5;
 /// Largest change of the brightness of lamps or exposure between background and press that is compensated, as a share.
-const MOST_DRIFT: f32 = 0.05;
+const MAX_DRIFT: f32 = 0.05;
 
 /// One image of a ball of known radius pressed into the pad that a camera looks at.
 #[derive(Debug, Clone)]
@@ -65,7 +65,7 @@ pub struct BallPress {
 
 /// Estimated position of the ball's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BallPlace {
+pub struct BallEstimate {
     /// Centre, m, pad frame.
     pub center: Point3<f64>,
     /// Covariance of the centre, m2.
@@ -80,16 +80,16 @@ pub fn locate(
     hand: &Hand,
     calibration: &PhotometricCalibration,
     press: &BallPress,
-) -> Result<Option<BallPlace>, TouchError> {
+) -> Result<Option<BallEstimate>, TouchError> {
     check_images(hand, press.camera, [&press.image, &press.background])?;
     let model = calibration.model(hand.pads[hand.cameras[press.camera].pad].configuration)?;
-    let options = StereoOptions { most_drift: MOST_DRIFT, ..StereoOptions::default() };
+    let options = StereoOptions { max_drift: MAX_DRIFT, ..StereoOptions::default() };
     let Some(seen) = gradients(&press.image, &press.background, model, &options) else { return Ok(None) };
-    Ok(coarse(hand, press, &seen).and_then(|start| Fit::new(hand, press, &seen, &start).run(start)))
+    Ok(initial_guess(hand, press, &seen).and_then(|start| BallFit::new(hand, press, &seen, &start).run(start)))
 }
 
 /// First guess of the ball, from the strongest contact in the height map.
-fn coarse(hand: &Hand, press: &BallPress, seen: &Gradients) -> Option<Ball> {
+fn initial_guess(hand: &Hand, press: &BallPress, seen: &Gradients) -> Option<PressedBall> {
     let camera = &hand.cameras[press.camera];
     let pad = &hand.pads[camera.pad];
     let mut height = PoissonSolver::new().solve(&seen.gx, &seen.gy, camera.pixel_size());
@@ -98,25 +98,25 @@ fn coarse(hand: &Hand, press: &BallPress, seen: &Gradients) -> Option<Ball> {
     let patches = find_contacts(pad, press.camera, camera, hand.gel(), &height, &ContactOptions::default());
     let patch = patches.first()?;
     let (x, y, radius) = (patch.centroid.x, patch.centroid.y, press.radius);
-    let depth = patch.peak.min(DEEPEST * hand.gel().thickness).min(radius);
-    Some(Ball { center: Point3::new(x, y, pad.surface_height(x, y) + radius - depth), radius })
+    let depth = patch.peak.min(MAX_DEPTH_SHARE * hand.gel().thickness).min(radius);
+    Some(PressedBall { center: Point3::new(x, y, pad.surface_height(x, y) + radius - depth), radius })
 }
 
 /// Slopes at the compared pixels, and the fit of a ball whose impression has these slopes.
-struct Fit<'a> {
+struct BallFit<'a> {
     hand: &'a Hand,
     press: &'a BallPress,
     /// Indices of the compared pixels.
     pixels: Vec<usize>,
     /// x components of the measured normals at those pixels, then their y components.
-    seen: DMatrix<f64>,
+    measured: DMatrix<f64>,
 }
 
-impl<'a> Fit<'a> {
-    fn new(hand: &'a Hand, press: &'a BallPress, seen: &Gradients, start: &Ball) -> Self {
+impl<'a> BallFit<'a> {
+    fn new(hand: &'a Hand, press: &'a BallPress, seen: &Gradients, start: &PressedBall) -> Self {
         let camera = &hand.cameras[press.camera];
-        let reach = contact_radius(hand, press.camera, start) + BEYOND * hand.gel().thickness;
-        let grid = || (1..N - 1).step_by(STRIDE);
+        let reach = contact_radius(hand, press.camera, start) + RIM_MARGIN_SHARE * hand.gel().thickness;
+        let grid = || (1..N - 1).step_by(PIXEL_STRIDE);
         let near = |i: &usize| {
             let (x, y) = camera.pixel_center(i % N, i / N);
             (x - start.center.x).hypot(y - start.center.y) < reach
@@ -125,11 +125,11 @@ impl<'a> Fit<'a> {
             grid().flat_map(|row| grid().map(move |column| row * N + column)).filter(near).collect();
         let normals = pixels.iter().flat_map(|&i| normal(f64::from(seen.gx[i]), f64::from(seen.gy[i])));
         let seen = DMatrix::from_row_iterator(pixels.len(), 2, normals);
-        Self { hand, press, pixels, seen }
+        Self { hand, press, pixels, measured: seen }
     }
 
     /// Measured normals less those of the impression after the best linear map, and a flag for a clipped contact.
-    fn residuals(&self, ball: &Ball) -> Option<(DVector<f64>, bool)> {
+    fn residuals(&self, ball: &PressedBall) -> Option<(DVector<f64>, bool)> {
         let impression = impression(self.hand, self.press.camera, ball);
         let pixel = self.hand.cameras[self.press.camera].pixel_size();
         let expected = self.pixels.iter().flat_map(|&i| {
@@ -138,23 +138,23 @@ impl<'a> Fit<'a> {
         });
         let expected = DMatrix::from_row_iterator(self.pixels.len(), 2, expected);
         let square: Matrix2<f64> = (expected.transpose() * &expected).fixed_view::<2, 2>(0, 0).into();
-        let map = square.try_inverse()? * (expected.transpose() * &self.seen);
-        let left = &self.seen - expected * map;
+        let map = square.try_inverse()? * (expected.transpose() * &self.measured);
+        let left = &self.measured - expected * map;
         Some((DVector::from_column_slice(left.as_slice()), impression.clipped))
     }
 
-    fn run(&self, start: Ball) -> Option<BallPlace> {
+    fn run(&self, start: PressedBall) -> Option<BallEstimate> {
         let gel = self.hand.gel();
         let mut ball = start;
         let (mut left, mut clipped) = self.residuals(&ball)?;
         let mut damping = 1e-3;
         let mut certain = Matrix3::zeros();
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let mut slopes = DMatrix::zeros(left.len(), 3);
             for axis in 0..3 {
                 let mut other = ball;
-                other.center[axis] += DIFFERENCE;
-                slopes.set_column(axis, &((self.residuals(&other)?.0 - &left) / DIFFERENCE));
+                other.center[axis] += DIFFERENCE_STEP;
+                slopes.set_column(axis, &((self.residuals(&other)?.0 - &left) / DIFFERENCE_STEP));
             }
             certain = (slopes.transpose() * &slopes).fixed_view::<3, 3>(0, 0).into();
             let downhill: Vector3<f64> = (slopes.transpose() * &left).fixed_view::<3, 1>(0, 0).into();
@@ -172,20 +172,20 @@ impl<'a> Fit<'a> {
                     _ => damping *= 8.0,
                 }
             }
-            if moved < STILL {
+            if moved < STEP_TOLERANCE {
                 break;
             }
         }
         let error = left.norm_squared();
-        let explained = 1.0 - error / self.seen.norm_squared();
+        let explained = 1.0 - error / self.measured.norm_squared();
         let depth = depth(self.hand, self.press.camera, &ball);
-        if clipped || explained < LEAST_EXPLAINED || !(0.0..DEEPEST * gel.thickness).contains(&depth) {
+        if clipped || explained < MIN_EXPLAINED_SHARE || !(0.0..MAX_DEPTH_SHARE * gel.thickness).contains(&depth) {
             return None;
         }
-        let variance = ALIKE * error / left.len() as f64;
-        let aside = (OFF_LEVEL * ball.radius).powi(2);
-        let beside = Matrix3::from_diagonal(&Vector3::new(aside, aside, OFF_DEPTH.powi(2)));
-        Some(BallPlace {
+        let variance = CORRELATED_PIXELS * error / left.len() as f64;
+        let aside = (SLOPE_SIGMA * ball.radius).powi(2);
+        let beside = Matrix3::from_diagonal(&Vector3::new(aside, aside, RIM_DEPTH_SIGMA.powi(2)));
+        Some(BallEstimate {
             center: ball.center,
             covariance: certain.try_inverse()? * variance + beside,
             contact_radius: contact_radius(self.hand, self.press.camera, &ball),
@@ -200,12 +200,12 @@ fn normal(gx: f64, gy: f64) -> [f64; 2] {
 }
 
 /// Depth of a ball below the undeformed surface at its centre, m.
-fn depth(hand: &Hand, camera: usize, ball: &Ball) -> f64 {
+fn depth(hand: &Hand, camera: usize, ball: &PressedBall) -> f64 {
     let pad = &hand.pads[hand.cameras[camera].pad];
     pad.surface_height(ball.center.x, ball.center.y) + ball.radius - ball.center.z
 }
 
-fn contact_radius(hand: &Hand, camera: usize, ball: &Ball) -> f64 {
+fn contact_radius(hand: &Hand, camera: usize, ball: &PressedBall) -> f64 {
     let depth = depth(hand, camera, ball).clamp(0.0, ball.radius);
     (2.0 * ball.radius * depth - depth * depth).sqrt()
 }

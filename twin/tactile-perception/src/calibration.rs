@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
@@ -18,22 +18,22 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
-use crate::colour_change::{Change, colour_change};
+use crate::colour_change::{ImageChange, colour_change};
 use crate::error::TouchError;
 
 /// Number of features of the colour change.
 pub const COLOUR_FEATURES: usize = 19;
 /// Number of features of the position: 1, u, v, u^2, uv, v^2.
-pub const PLACE_FEATURES: usize = 6;
-const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
+pub const POSITION_FEATURES: usize = 6;
+const FEATURE_COUNT: usize = COLOUR_FEATURES * POSITION_FEATURES;
 const VERSION: u32 = 1;
 /// Ridge parameter of a fit to presses alone, and of a fit to the change of a model, relative to each feature's own
 /// energy in the presses. The larger one keeps the features of steep slopes, which a ball shows only at its contact's
 /// rim, near those of the model.
-const RIDGE: f64 = 1e-5;
-const KEPT: f64 = 0.1;
+const FIT_RIDGE: f64 = 1e-5;
+const CORRECTION_RIDGE: f64 = 0.1;
 /// Largest sine of a predicted slope angle.
-pub(crate) const STEEPEST: f32 = 0.95;
+pub(crate) const MAX_SLOPE_SINE: f32 = 0.95;
 
 /// A labelled press.
 #[derive(Debug, Clone)]
@@ -52,7 +52,7 @@ pub struct CalibrationPress {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhotometricModel {
     /// Weights of the position features for each colour feature, for the x and y components of the normal.
-    weights: Vec<[[f32; 2]; PLACE_FEATURES]>,
+    weights: Vec<[[f32; 2]; POSITION_FEATURES]>,
 }
 
 /// Photometric models of a hand, one per sensor configuration.
@@ -76,7 +76,7 @@ pub struct AngularError {
 
 impl AngularError {
     /// Computes the statistics of angles, degrees.
-    pub fn of(mut errors: Vec<f64>) -> Self {
+    pub fn from_angles(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
         Self {
@@ -115,7 +115,7 @@ fn colour_features<const M: usize>([r, g, b]: [[f32; M]; 3]) -> [[f32; M]; COLOU
 }
 
 /// Normalised position of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
-fn place(column: usize, row: usize) -> (f32, f32) {
+fn normalised_position(column: usize, row: usize) -> (f32, f32) {
     let half = 0.5 * N as f32;
     ((column as f32 + 0.5) / half - 1.0, 1.0 - (row as f32 + 0.5) / half)
 }
@@ -128,7 +128,7 @@ impl RowModel {
     pub(crate) fn normals(&self, column: usize, changes: &[[f32; 3]], mut found: impl FnMut(usize, [f32; 2])) {
         for (chunk, changes) in changes.chunks(LANES).enumerate() {
             let at = |lane: usize| changes.get(lane).copied().unwrap_or_default();
-            let u: [f32; LANES] = std::array::from_fn(|lane| place(column + chunk * LANES + lane, 0).0);
+            let u: [f32; LANES] = std::array::from_fn(|lane| normalised_position(column + chunk * LANES + lane, 0).0);
             let features =
                 colour_features::<LANES>([0, 1, 2].map(|channel| std::array::from_fn(|lane| at(lane)[channel])));
             let (mut nx, mut ny) = ([0.0f32; LANES], [0.0f32; LANES]);
@@ -139,7 +139,7 @@ impl RowModel {
                 }
             }
             for lane in 0..changes.len() {
-                found(chunk * LANES + lane, bounded([nx[lane], ny[lane]]));
+                found(chunk * LANES + lane, limit_slope([nx[lane], ny[lane]]));
             }
         }
     }
@@ -147,7 +147,7 @@ impl RowModel {
     /// x and y components of the normal of one pixel, unbounded: on steep slopes they may exceed those of a unit
     /// vector.
     fn unbounded(&self, column: usize, change: [f32; 3]) -> [f64; 2] {
-        let (u, _) = place(column, 0);
+        let (u, _) = normalised_position(column, 0);
         let mut normal = [0.0; 2];
         for ([feature], [w0, w1, w2]) in colour_features(change.map(|value| [value])).iter().zip(&self.0) {
             for axis in 0..2 {
@@ -159,19 +159,19 @@ impl RowModel {
 
     /// Gradients (dh/dx, dh/dy) of consecutive pixels from `column` on.
     pub(crate) fn gradients(&self, column: usize, changes: &[[f32; 3]], gx: &mut [f32], gy: &mut [f32]) {
-        self.normals(column, changes, |i, normal| [gx[i], gy[i]] = gradient_of(normal));
+        self.normals(column, changes, |i, normal| [gx[i], gy[i]] = gradient_from_normal(normal));
     }
 }
 
 /// Scales the x and y components of a normal down to the limit of the slope.
-pub(crate) fn bounded([nx, ny]: [f32; 2]) -> [f32; 2] {
+pub(crate) fn limit_slope([nx, ny]: [f32; 2]) -> [f32; 2] {
     let sine = (nx * nx + ny * ny).sqrt();
-    let scale = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
+    let scale = if sine > MAX_SLOPE_SINE { MAX_SLOPE_SINE / sine } else { 1.0 };
     [nx * scale, ny * scale]
 }
 
 /// Gradients (dh/dx, dh/dy) of a surface from the x and y components of its unit normal.
-pub(crate) fn gradient_of([nx, ny]: [f32; 2]) -> [f32; 2] {
+pub(crate) fn gradient_from_normal([nx, ny]: [f32; 2]) -> [f32; 2] {
     let nz = (1.0 - nx * nx - ny * ny).sqrt();
     [nx / nz, ny / nz]
 }
@@ -190,7 +190,7 @@ impl PhotometricModel {
     }
 
     pub(crate) fn row(&self, row: usize) -> RowModel {
-        let (_, v) = place(0, row);
+        let (_, v) = normalised_position(0, row);
         let mut folded = [[[0.0; 2]; 3]; COLOUR_FEATURES];
         for (folded, w) in folded.iter_mut().zip(&self.weights) {
             for axis in 0..2 {
@@ -214,13 +214,13 @@ impl PhotometricModel {
         configuration: char,
         presses: &[(&CalibrationPress, (f64, f64))],
     ) -> Result<Self, TouchError> {
-        let mut normal = DMatrix::<f64>::zeros(FEATURES, FEATURES);
-        let mut right = DMatrix::<f64>::zeros(FEATURES, 2);
+        let mut normal = DMatrix::<f64>::zeros(FEATURE_COUNT, FEATURE_COUNT);
+        let mut right = DMatrix::<f64>::zeros(FEATURE_COUNT, 2);
         let mut samples = 0;
         // Blocks of rows turn the normal equations into a matrix product.
-        const BLOCK: usize = 512;
-        let mut rows = DMatrix::<f64>::zeros(FEATURES, BLOCK);
-        let mut labels = DMatrix::<f64>::zeros(2, BLOCK);
+        const BLOCK_ROWS: usize = 512;
+        let mut rows = DMatrix::<f64>::zeros(FEATURE_COUNT, BLOCK_ROWS);
+        let mut labels = DMatrix::<f64>::zeros(2, BLOCK_ROWS);
         let mut filled = 0;
         let mut flush = |rows: &DMatrix<f64>, labels: &DMatrix<f64>, filled: usize| {
             let (a, y) = (rows.columns(0, filled), labels.columns(0, filled));
@@ -228,7 +228,7 @@ impl PhotometricModel {
             right += a * y.transpose();
         };
         for (press, pixel) in presses {
-            let change = colour_change(&press.image, &press.background, Change::WHOLE);
+            let change = colour_change(&press.image, &press.background, ImageChange::WHOLE);
             for row in 1..N - 1 {
                 let known = before.map(|model| model.row(row));
                 for column in 1..N - 1 {
@@ -241,18 +241,18 @@ impl PhotometricModel {
                     samples += usize::from(touched);
                     let (gx, gy) = slope(&press.indentation, i, *pixel);
                     let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
-                    let (u, v) = place(column, row);
+                    let (u, v) = normalised_position(column, row);
                     let place = [1.0, u, v, u * u, u * v, v * v];
                     for (k, [colour]) in colour_features(change[i].map(|value| [value])).iter().enumerate() {
                         for (l, place) in place.iter().enumerate() {
-                            rows[(k * PLACE_FEATURES + l, filled)] = f64::from(colour * place);
+                            rows[(k * POSITION_FEATURES + l, filled)] = f64::from(colour * place);
                         }
                     }
                     let [x, y] = known.as_ref().map_or([0.0; 2], |model| model.unbounded(column, change[i]));
                     labels[(0, filled)] = gx * nz - x;
                     labels[(1, filled)] = gy * nz - y;
                     filled += 1;
-                    if filled == BLOCK {
+                    if filled == BLOCK_ROWS {
                         flush(&rows, &labels, filled);
                         filled = 0;
                     }
@@ -260,13 +260,13 @@ impl PhotometricModel {
             }
         }
         flush(&rows, &labels, filled);
-        let needed = 20 * FEATURES;
+        let needed = 20 * FEATURE_COUNT;
         if samples < needed {
             return Err(TouchError::TooFewSamples { configuration, samples, needed });
         }
-        let ridge = if before.is_some() { KEPT } else { RIDGE };
+        let ridge = if before.is_some() { CORRECTION_RIDGE } else { FIT_RIDGE };
         // Ridge relative to each feature's own energy, so that small cubic features are not penalised more.
-        for k in 0..FEATURES {
+        for k in 0..FEATURE_COUNT {
             normal[(k, k)] += ridge * normal[(k, k)] + 1e-9 * samples as f64 * 1e-3;
         }
         let solution = normal.cholesky().ok_or(TouchError::Singular("the photometric regression"))?.solve(&right);
@@ -276,7 +276,7 @@ impl PhotometricModel {
         let weights = (0..COLOUR_FEATURES)
             .map(|k| {
                 std::array::from_fn(|l| {
-                    let ([a, b], at) = (known(k, l), k * PLACE_FEATURES + l);
+                    let ([a, b], at) = (known(k, l), k * POSITION_FEATURES + l);
                     [a + x[at] as f32, b + y[at] as f32]
                 })
             })
@@ -338,7 +338,7 @@ impl PhotometricCalibration {
             check(hand, press)?;
             let camera = &hand.cameras[press.camera];
             let model = self.model(hand.pads[camera.pad].configuration)?;
-            let change = colour_change(&press.image, &press.background, Change::WHOLE);
+            let change = colour_change(&press.image, &press.background, ImageChange::WHOLE);
             let slopes = |i: usize| {
                 let (mut gx, mut gy) = ([0.0], [0.0]);
                 model.row(i / N).gradients(i % N, &change[i..=i], &mut gx, &mut gy);
@@ -346,7 +346,7 @@ impl PhotometricCalibration {
             };
             errors.extend(contact_pixels(press).map(|i| angle(press, i, camera.pixel_size(), slopes(i))));
         }
-        Ok(AngularError::of(errors))
+        Ok(AngularError::from_angles(errors))
     }
 
     /// Reads a calibration file (JSON).
@@ -373,7 +373,7 @@ impl PhotometricCalibration {
     pub fn write(&self, path: &Path) -> Result<(), TouchError> {
         let text = serde_json::to_string(self)
             .map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
-        write_whole(path, text.as_bytes()).map_err(|source| TouchError::Io { path: path.into(), source })
+        write_atomically(path, text.as_bytes()).map_err(|source| TouchError::Io { path: path.into(), source })
     }
 }
 

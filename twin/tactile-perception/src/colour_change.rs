@@ -9,8 +9,8 @@ use hand_model::robot::TactileImage;
 use crate::PIXELS;
 
 /// Side of the blocks in which change is detected, pixels.
-const BLOCK: usize = 6;
-const BLOCKS: usize = N / BLOCK;
+const BLOCK_SIDE: usize = 6;
+const BLOCKS_PER_SIDE: usize = N / BLOCK_SIDE;
 
 /// Thresholds for a pad to count as touched.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,19 +18,19 @@ pub struct StereoOptions {
     /// Least mean change of a channel over a block of 6 x 6 pixels, grey levels of 255.
     pub block_threshold: f32,
     /// Least number of changed blocks.
-    pub least_blocks: usize,
+    pub min_blocks: usize,
     /// Blocks added around the changed region.
     pub margin: usize,
     /// Largest uniform relative change of a channel's brightness between background and image that is attributed to
     /// drift of lamps or exposure and compensated. At 0, images are compared as they are.
-    pub most_drift: f32,
+    pub max_drift: f32,
 }
 
 impl Default for StereoOptions {
     fn default() -> Self {
         // Pixel noise of 2 grey levels gives block means a standard deviation of 0.33; 4800 means do not reach 6 times
         // that by chance.
-        Self { block_threshold: 2.0, least_blocks: 3, margin: 2, most_drift: 0.0 }
+        Self { block_threshold: 2.0, min_blocks: 3, margin: 2, max_drift: 0.0 }
     }
 }
 
@@ -55,23 +55,23 @@ impl Region {
 
 /// Difference between an image and its background.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Change {
+pub struct ImageChange {
     pub region: Region,
     /// Brightness of each channel of the untouched gel in the image relative to the background.
     pub gain: [f32; 3],
 }
 
-impl Change {
+impl ImageChange {
     /// The whole image, at the brightness of the background.
     pub(crate) const WHOLE: Self = Self { region: Region::FULL, gain: [1.0; 3] };
 }
 
 /// Finds the region in which `image` differs from `background`; `None` if the pad is untouched.
-pub fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Change> {
-    if options.most_drift > 0.0 {
+pub fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<ImageChange> {
+    if options.max_drift > 0.0 {
         return drift::find_change(image, background, options);
     }
-    changed_region(image, background, options).map(|region| Change { region, gain: [1.0; 3] })
+    changed_region(image, background, options).map(|region| ImageChange { region, gain: [1.0; 3] })
 }
 
 /// Finds the region in which `image` differs from `background` without drift compensation; `None` if the pad is
@@ -80,10 +80,10 @@ fn changed_region(image: &TactileImage, background: &TactileImage, options: &Ste
     if image.rgb == background.rgb {
         return None;
     }
-    let limit = (options.block_threshold * (BLOCK * BLOCK) as f32) as i32;
-    let (mut count, mut low, mut high) = (0, (BLOCKS, BLOCKS), (0, 0));
-    const STRIP: usize = 3 * N * BLOCK;
-    let strips = image.rgb.chunks_exact(STRIP).zip(background.rgb.chunks_exact(STRIP));
+    let limit = (options.block_threshold * (BLOCK_SIDE * BLOCK_SIDE) as f32) as i32;
+    let (mut count, mut low, mut high) = (0, (BLOCKS_PER_SIDE, BLOCKS_PER_SIDE), (0, 0));
+    const STRIP_BYTES: usize = 3 * N * BLOCK_SIDE;
+    let strips = image.rgb.chunks_exact(STRIP_BYTES).zip(background.rgb.chunks_exact(STRIP_BYTES));
     for (block_row, (now, before)) in strips.enumerate() {
         let mut sums = [0i16; 3 * N];
         for (now, before) in now.chunks_exact(3 * N).zip(before.chunks_exact(3 * N)) {
@@ -91,7 +91,7 @@ fn changed_region(image: &TactileImage, background: &TactileImage, options: &Ste
                 *sum += i16::from(*now) - i16::from(*before);
             }
         }
-        for (block_column, sums) in sums.chunks_exact(3 * BLOCK).enumerate() {
+        for (block_column, sums) in sums.chunks_exact(3 * BLOCK_SIDE).enumerate() {
             let of = |channel: usize| sums[channel..].iter().step_by(3).map(|sum| i32::from(*sum)).sum::<i32>();
             if (0..3).any(|channel| of(channel).abs() > limit) {
                 count += 1;
@@ -100,16 +100,16 @@ fn changed_region(image: &TactileImage, background: &TactileImage, options: &Ste
             }
         }
     }
-    (count >= options.least_blocks.max(1)).then(|| around(low, high, options.margin))
+    (count >= options.min_blocks.max(1)).then(|| region_around(low, high, options.margin))
 }
 
 /// Region from block (column, row) `low` to `high`, both included, with `margin` blocks around it.
-fn around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
+fn region_around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
     Region {
-        column_begin: low.0.saturating_sub(margin) * BLOCK,
-        column_end: (high.0 + 1 + margin).min(BLOCKS) * BLOCK,
-        row_begin: low.1.saturating_sub(margin) * BLOCK,
-        row_end: (high.1 + 1 + margin).min(BLOCKS) * BLOCK,
+        column_begin: low.0.saturating_sub(margin) * BLOCK_SIDE,
+        column_end: (high.0 + 1 + margin).min(BLOCKS_PER_SIDE) * BLOCK_SIDE,
+        row_begin: low.1.saturating_sub(margin) * BLOCK_SIDE,
+        row_end: (high.1 + 1 + margin).min(BLOCKS_PER_SIDE) * BLOCK_SIDE,
     }
 }
 
@@ -126,18 +126,18 @@ pub fn relative_change(
 
 /// Relative colour change of every pixel of an image that has the brightness of its background.
 pub fn whole_change(image: &TactileImage, background: &TactileImage) -> Vec<[f32; 3]> {
-    colour_change(image, background, Change::WHOLE)
+    colour_change(image, background, ImageChange::WHOLE)
 }
 
 /// Relative colour change of every pixel of the changed region (0 elsewhere), smoothed by a 3 x 3 binomial filter.
 /// Dividing by the background's brightness, with drift applied, compensates for uneven lighting. The floor limits the
 /// gain in dark corners.
 #[allow(clippy::needless_range_loop)] // three arrays share the index
-pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, change: Change) -> Vec<[f32; 3]> {
-    const FLOOR: f32 = 40.0;
-    let Change { region, gain } = change;
+pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, change: ImageChange) -> Vec<[f32; 3]> {
+    const MIN_BACKGROUND_LEVEL: f32 = 40.0;
+    let ImageChange { region, gain } = change;
     let expected: [[f32; 256]; 3] = gain.map(|gain| std::array::from_fn(|before| gain * before as f32));
-    let scale = expected.map(|expected| expected.map(|before| 1.0 / (before + FLOOR)));
+    let scale = expected.map(|expected| expected.map(|before| 1.0 / (before + MIN_BACKGROUND_LEVEL)));
     let mut change = vec![[0.0f32; 3]; PIXELS];
     let mut raw = vec![[0.0f32; 3]; PIXELS];
     for row in region.row_begin..region.row_end {

@@ -6,7 +6,7 @@
 //! normal force is computed from the whole raised area, because smoothing redistributes the indented volume but preserves
 //! it.
 
-use hand_model::pads::{Camera, IMAGE_SIZE as N, Pad};
+use hand_model::pads::{IMAGE_SIZE as N, Pad, PadCamera};
 use hand_model::parameters::Gel;
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -22,21 +22,14 @@ pub struct ContactOptions {
     /// Fraction of the peak above which surface points are taken.
     pub inner_fraction: f32,
     /// Least number of contact pixels of a patch.
-    pub least_pixels: usize,
+    pub min_pixels: usize,
     /// Largest number of surface points of a patch.
-    pub most_points: usize,
+    pub max_points: usize,
 }
 
 impl Default for ContactOptions {
     fn default() -> Self {
-        Self {
-            raised: 4e-5,
-            peak: 8e-5,
-            contact_fraction: 0.35,
-            inner_fraction: 0.5,
-            least_pixels: 12,
-            most_points: 60,
-        }
+        Self { raised: 4e-5, peak: 8e-5, contact_fraction: 0.35, inner_fraction: 0.5, min_pixels: 12, max_points: 60 }
     }
 }
 
@@ -51,7 +44,7 @@ pub struct SurfacePoint {
 
 /// A connected contact on one camera's image.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Patch {
+pub struct ContactPatch {
     /// Index of the camera that sees it.
     pub camera: usize,
     /// Contact area, m2.
@@ -69,8 +62,8 @@ pub struct Patch {
     /// Largest indentation, m.
     pub peak: f64,
     pub points: Vec<SurfacePoint>,
-    /// True if another part of the hand presses here, and no object: see [`crate::own_hand`].
-    pub own: bool,
+    /// True if another part of the hand presses here, and no object: see [`crate::self_contact`].
+    pub self_contact: bool,
 }
 
 /// Slope of the indentation at a pixel over two pixels to each side, pad frame.
@@ -88,18 +81,20 @@ fn slope(height: &[f32], column: usize, row: usize, (dx, dy): (f64, f64)) -> (f6
 struct View<'a> {
     pad: &'a Pad,
     camera_index: usize,
-    camera: &'a Camera,
+    camera: &'a PadCamera,
     /// Height map, m, row-major.
     height: &'a [f32],
 }
 
 /// Point on the object's surface at a contact pixel.
 fn surface_point(View { pad, camera, height, .. }: View, column: usize, row: usize) -> SurfacePoint {
-    const STEP: f64 = 1e-4;
+    const DIFFERENCE_STEP: f64 = 1e-4;
     let (x, y) = camera.pixel_center(column, row);
     let (gx, gy) = slope(height, column, row, camera.pixel_size());
-    let sx = (pad.surface_height(x + STEP, y) - pad.surface_height(x - STEP, y)) / (2.0 * STEP);
-    let sy = (pad.surface_height(x, y + STEP) - pad.surface_height(x, y - STEP)) / (2.0 * STEP);
+    let sx = (pad.surface_height(x + DIFFERENCE_STEP, y) - pad.surface_height(x - DIFFERENCE_STEP, y))
+        / (2.0 * DIFFERENCE_STEP);
+    let sy = (pad.surface_height(x, y + DIFFERENCE_STEP) - pad.surface_height(x, y - DIFFERENCE_STEP))
+        / (2.0 * DIFFERENCE_STEP);
     SurfacePoint {
         point: Point3::new(x, y, pad.surface_height(x, y) - f64::from(height[row * N + column])),
         normal: Vector3::new(sx - gx, sy - gy, -1.0).normalize(),
@@ -110,11 +105,11 @@ fn surface_point(View { pad, camera, height, .. }: View, column: usize, row: usi
 pub fn find_contacts(
     pad: &Pad,
     camera_index: usize,
-    camera: &Camera,
+    camera: &PadCamera,
     gel: Gel,
     height: &[f32],
     options: &ContactOptions,
-) -> Vec<Patch> {
+) -> Vec<ContactPatch> {
     let mut label = vec![0u32; height.len()];
     let mut patches = Vec::new();
     let mut next = 1;
@@ -122,7 +117,7 @@ pub fn find_contacts(
         if label[start] != 0 || height[start] <= options.raised {
             continue;
         }
-        let hill = flood(height, &mut label, start, next, options.raised);
+        let hill = flood_fill(height, &mut label, start, next, options.raised);
         next += 1;
         let top = hill.iter().map(|&i| height[i]).fold(0.0, f32::max);
         if top < options.peak {
@@ -131,7 +126,7 @@ pub fn find_contacts(
         // Within a hill, each connected summit above the contact level is a contact. The volume of the whole hill is
         // divided between them.
         let level = options.raised.max(options.contact_fraction * top);
-        let summits = summits(height, &mut label, &mut next, &hill, level, options.least_pixels);
+        let summits = summits(height, &mut label, &mut next, &hill, level, options.min_pixels);
         let volume = |pixels: &[usize]| pixels.iter().map(|&i| f64::from(height[i])).sum::<f64>();
         let share = volume(&hill) / summits.iter().map(|summit| volume(summit)).sum::<f64>();
         for summit in &summits {
@@ -142,8 +137,8 @@ pub fn find_contacts(
     patches
 }
 
-/// Finds and marks with `mark` the pixels connected to `start` above `level`.
-fn flood(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32) -> Vec<usize> {
+/// Finds and marks with `mark` the pixels connected to `initial_normal` above `level`.
+fn flood_fill(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32) -> Vec<usize> {
     let mut found = vec![start];
     label[start] = mark;
     let mut done = 0;
@@ -180,7 +175,7 @@ fn summits(
     let mut summits = Vec::new();
     for &start in hill {
         if label[start] < first && height[start] > level {
-            let summit = flood(height, label, start, *next, level);
+            let summit = flood_fill(height, label, start, *next, level);
             *next += 1;
             if summit.len() >= least {
                 summits.push(summit);
@@ -191,7 +186,7 @@ fn summits(
 }
 
 /// Describes the patch of one contact. `share` scales the volume over `pixels` up to that of the bulge around them.
-fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &ContactOptions) -> Patch {
+fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &ContactOptions) -> ContactPatch {
     let View { camera_index, camera, height, .. } = view;
     let (dx, dy) = camera.pixel_size();
     let at = |i: usize| camera.pixel_center(i % N, i / N);
@@ -222,7 +217,7 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
     // Every n-th inner pixel along rows and columns: an even, deterministic subsample.
     let inner = |i: &&usize| height[**i] >= options.inner_fraction * peak;
     let inner_count = pixels.iter().filter(inner).count();
-    let mut stride = ((inner_count as f64 / options.most_points.max(1) as f64).sqrt().ceil() as usize).max(1);
+    let mut stride = ((inner_count as f64 / options.max_points.max(1) as f64).sqrt().ceil() as usize).max(1);
     let on_grid = |stride: usize| {
         let mut chosen: Vec<usize> = pixels
             .iter()
@@ -234,14 +229,14 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
         chosen
     };
     let mut chosen = on_grid(stride);
-    while chosen.len() > options.most_points {
+    while chosen.len() > options.max_points {
         stride += 1;
         chosen = on_grid(stride);
     }
     if chosen.is_empty() {
         chosen = pixels.iter().filter(inner).copied().take(1).collect();
     }
-    Patch {
+    ContactPatch {
         camera: camera_index,
         area: count * dx * dy,
         centroid: Point3::from(pressure_centre / volume),
@@ -251,15 +246,15 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
         force: gel.stiffness * volume * share * dx * dy,
         peak: f64::from(peak),
         points: chosen.into_iter().map(|i| surface_point(view, i % N, i / N)).collect(),
-        own: false,
+        self_contact: false,
     }
 }
 
 /// Points of the pad's surface (pad frame) on an even grid of `nx` by `ny` over the camera's view where nothing
-/// presses; all of them if `height` is `None`. The object cannot be at these points.
-pub fn clear_points(
+/// presses; all of them if `height_map` is `None`. The object cannot be at these points.
+pub fn contact_free_points(
     pad: &Pad,
-    camera: &Camera,
+    camera: &PadCamera,
     height: Option<&[f32]>,
     raised: f32,
     nx: usize,
@@ -285,7 +280,7 @@ mod tests {
     use hand_model::Hand;
 
     /// Indentation by balls (x, y, depth) of radius `r`.
-    fn balls(camera: &Camera, pad: &Pad, r: f64, balls: &[(f64, f64, f64)]) -> Vec<f32> {
+    fn balls(camera: &PadCamera, pad: &Pad, r: f64, balls: &[(f64, f64, f64)]) -> Vec<f32> {
         (0..N * N)
             .map(|i| {
                 let (x, y) = camera.pixel_center(i % N, i / N);
@@ -304,7 +299,7 @@ mod tests {
     #[test]
     fn ball_gives_patch_force_and_normals() {
         let hand = Hand::ftac();
-        let pad = &hand.pads[hand.pad("index_distal").expect("pad")];
+        let pad = &hand.pads[hand.find_pad("index_distal").expect("pad")];
         let camera = &hand.cameras[pad.cameras[0]];
         let (r, depth) = (0.01, 0.0008);
         let height = balls(camera, pad, r, &[(0.001, 0.004, depth)]);
@@ -327,13 +322,13 @@ mod tests {
     #[test]
     fn two_balls_two_patches() {
         let hand = Hand::ftac();
-        let pad = &hand.pads[hand.pad("index_distal").expect("pad")];
+        let pad = &hand.pads[hand.find_pad("index_distal").expect("pad")];
         let camera = &hand.cameras[pad.cameras[0]];
         let height = balls(camera, pad, 0.006, &[(0.0, 0.009, 0.0006), (0.0, -0.007, 0.0003)]);
         let patches = find_contacts(pad, pad.cameras[0], camera, hand.gel(), &height, &ContactOptions::default());
         assert_eq!(patches.len(), 2);
         assert!(patches[0].centroid.y > 0.008 && patches[1].centroid.y < -0.006);
-        let clear = clear_points(pad, camera, Some(&height), 4e-5, 8, 12);
+        let clear = contact_free_points(pad, camera, Some(&height), 4e-5, 8, 12);
         assert!(clear.len() > 70 && clear.len() < 94, "{}", clear.len());
     }
 }

@@ -40,7 +40,7 @@ pub enum TouchError {
     #[error(
         "calibration from presses on a ball: normals of held-out presses are {after:.2} deg off on the mean, expected less than the {before:.2} deg of the calibration at hand"
     )]
-    NoBetter {
+    NoImprovement {
         /// Mean angular error of the calibration at hand, degrees.
         before: f64,
         /// Mean angular error of the calibration from presses, degrees.

@@ -11,17 +11,17 @@ use hand_model::robot::{TactileFrame, TactileImage};
 use crate::PIXELS;
 
 /// Mean grey level below which an image counts as black.
-const BLACK: f64 = 8.0;
+const BLACK_LEVEL: f64 = 8.0;
 /// Smallest value that counts as saturated.
-const SATURATED: u8 = 250;
+const SATURATION_LEVEL: u8 = 250;
 /// Largest share of saturated values in a valid image.
-const SATURATED_SHARE: f64 = 0.25;
-/// Every `STRIDE`-th value is examined.
-const STRIDE: usize = 31;
+const MAX_SATURATED_SHARE: f64 = 0.25;
+/// Every `VALUE_STRIDE`-th value is examined.
+const VALUE_STRIDE: usize = 31;
 
 /// Fault for which a camera is left out.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Fault {
+pub enum ImageFault {
     /// No image.
     #[error("no image arrived")]
     Missing,
@@ -30,12 +30,12 @@ pub enum Fault {
     /// The sequence number has not increased.
     #[error("its image is frozen at sequence number {sequence}")]
     Frozen { sequence: u64 },
-    #[error("its image is black (mean grey level {mean:.1}, expected at least {BLACK})")]
+    #[error("its image is black (mean grey level {mean:.1}, expected at least {BLACK_LEVEL})")]
     Black {
         /// Mean grey level.
         mean: f64,
     },
-    #[error("{share:.2} of its image is saturated, expected at most {SATURATED_SHARE}")]
+    #[error("{share:.2} of its image is saturated, expected at most {MAX_SATURATED_SHARE}")]
     Saturated { share: f64 },
     /// There is no photometric model for its pad.
     #[error("sensor configuration `{0}` is missing from the calibration")]
@@ -49,25 +49,25 @@ pub struct CameraFault {
     /// Index of the camera.
     pub camera: usize,
     pub name: String,
-    pub fault: Fault,
+    pub fault: ImageFault,
 }
 
 /// The fault visible in a single image, if any.
-pub fn fault_of(image: &TactileImage) -> Option<Fault> {
+pub fn image_fault(image: &TactileImage) -> Option<ImageFault> {
     if image.rgb.len() != 3 * PIXELS {
-        return Some(Fault::Size { found: image.rgb.len(), expected: 3 * PIXELS });
+        return Some(ImageFault::Size { found: image.rgb.len(), expected: 3 * PIXELS });
     }
     let (mut sum, mut high, mut count) = (0u64, 0usize, 0usize);
-    for &value in image.rgb.iter().step_by(STRIDE) {
+    for &value in image.rgb.iter().step_by(VALUE_STRIDE) {
         sum += u64::from(value);
-        high += usize::from(value >= SATURATED);
+        high += usize::from(value >= SATURATION_LEVEL);
         count += 1;
     }
     let (mean, share) = (sum as f64 / count as f64, high as f64 / count as f64);
-    if mean < BLACK {
-        return Some(Fault::Black { mean });
+    if mean < BLACK_LEVEL {
+        return Some(ImageFault::Black { mean });
     }
-    (share > SATURATED_SHARE).then_some(Fault::Saturated { share })
+    (share > MAX_SATURATED_SHARE).then_some(ImageFault::Saturated { share })
 }
 
 /// Returns the newest valid image of every camera, in camera order, and the faults of the other cameras. `before` has
@@ -82,13 +82,13 @@ pub fn valid_images(
         .map(|camera| {
             let newest = frames.iter().filter(|frame| frame.camera == camera).max_by_key(|frame| frame.sequence);
             let fault = match newest {
-                None => Fault::Missing,
+                None => ImageFault::Missing,
                 Some(frame)
                     if before.get(camera).copied().flatten().is_some_and(|sequence| frame.sequence <= sequence) =>
                 {
-                    Fault::Frozen { sequence: frame.sequence }
+                    ImageFault::Frozen { sequence: frame.sequence }
                 }
-                Some(frame) => match fault_of(&frame.image) {
+                Some(frame) => match image_fault(&frame.image) {
                     None => return Some(frame.image.clone()),
                     Some(fault) => fault,
                 },
@@ -124,13 +124,13 @@ mod tests {
         let mut before = vec![None; hand.cameras.len()];
         before[4] = Some(4);
         let (images, faults) = valid_images(&hand, &sent, &before);
-        let found: Vec<(usize, Fault)> = faults.iter().map(|fault| (fault.camera, fault.fault)).collect();
+        let found: Vec<(usize, ImageFault)> = faults.iter().map(|fault| (fault.camera, fault.fault)).collect();
         let expected = [
-            (1, Fault::Size { found: 7, expected: 3 * PIXELS }),
-            (2, Fault::Black { mean: 0.0 }),
-            (3, Fault::Saturated { share: 1.0 }),
-            (4, Fault::Frozen { sequence: 4 }),
-            (9, Fault::Missing),
+            (1, ImageFault::Size { found: 7, expected: 3 * PIXELS }),
+            (2, ImageFault::Black { mean: 0.0 }),
+            (3, ImageFault::Saturated { share: 1.0 }),
+            (4, ImageFault::Frozen { sequence: 4 }),
+            (9, ImageFault::Missing),
         ];
         assert_eq!(found, expected);
         assert_eq!(images.iter().filter(|image| image.is_none()).count(), 5);

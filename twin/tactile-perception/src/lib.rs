@@ -4,7 +4,7 @@
 //! its background. [`calibration`] fits the relation between colour change and slope to labelled presses;
 //! [`photometric_stereo`] applies it pixel by pixel, and [`network`] uses each pixel's surroundings as well.
 //! [`poisson`] integrates slopes to a height map. [`contacts`] finds contact patches in it, and [`slip`] their motion;
-//! [`pad_touch`] is the result for one pad. [`own_hand`] distinguishes contacts of the hand with itself from contacts
+//! [`pad_touch`] is the result for one pad. [`self_contact`] distinguishes contacts of the hand with itself from contacts
 //! with objects. [`posture`] estimates joint angles from fewer servos. [`pose`] registers patches, untouched pads and
 //! servo readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
@@ -23,29 +23,29 @@ pub mod contacts;
 pub mod error;
 pub mod frames;
 pub mod network;
-pub mod own_hand;
 pub mod pad_touch;
 pub mod photometric_stereo;
 pub mod pipeline;
 pub mod poisson;
 pub mod pose;
 pub mod posture;
+pub mod self_contact;
 pub mod slip;
 
-pub use ball_press::{BallPlace, BallPress};
+pub use ball_press::{BallEstimate, BallPress};
 pub use calibration::{AngularError, CalibrationPress, PhotometricCalibration, PhotometricModel};
 pub use colour_change::StereoOptions;
-pub use contacts::{ContactOptions, Patch, SurfacePoint};
+pub use contacts::{ContactOptions, ContactPatch, SurfacePoint};
 pub use error::TouchError;
-pub use frames::{CameraFault, Fault};
+pub use frames::{CameraFault, ImageFault};
 pub use network::{Network, PreparedNetwork};
-pub use own_hand::{InHand, OwnHandOptions};
 pub use pad_touch::{HeightMap, PadTouch};
 pub use photometric_stereo::Gradients;
-pub use pipeline::{Perceived, TouchPipeline, backgrounds};
+pub use pipeline::{PadPerception, TouchPipeline, backgrounds};
 pub use pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 pub use posture::{Posture, Readings};
-pub use slip::Slip;
+pub use self_contact::{ExpectedObject, SelfContactOptions};
+pub use slip::PatchMotion;
 
 pub use hand_model::pads::IMAGE_SIZE;
 

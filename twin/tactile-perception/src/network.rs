@@ -22,8 +22,8 @@ use hand_model::robot::TactileImage;
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
-use crate::calibration::{PhotometricModel, bounded, gradient_of};
-use crate::colour_change::{Change, Region, StereoOptions, colour_change, find_change};
+use crate::calibration::{PhotometricModel, gradient_from_normal, limit_slope};
+use crate::colour_change::{ImageChange, Region, StereoOptions, colour_change, find_change};
 use crate::error::TouchError;
 use crate::photometric_stereo::Gradients;
 
@@ -34,7 +34,7 @@ const CONFIGURATIONS: [char; 6] = ['a', 'b', 'c', 'd', 'e', 'f'];
 /// Network architectures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum NetworkKind {
     /// Uses the surroundings and corrects the photometric model.
     EncoderDecoder,
     /// Uses one pixel; the usual baseline.
@@ -44,7 +44,7 @@ pub enum Kind {
 /// Number of input planes, number of output planes, and kernel size of a layer.
 pub type LayerShape = (usize, usize, usize);
 
-impl Kind {
+impl NetworkKind {
     pub fn layers(self) -> &'static [LayerShape] {
         match self {
             Self::EncoderDecoder => &[(7, 12, 3), (12, 20, 3), (20, 20, 3), (20, 12, 1), (12, 12, 3), (12, 8, 1)],
@@ -58,7 +58,7 @@ impl Kind {
     }
 
     /// Side of the square of pixels that one position of the last layer predicts.
-    pub fn fold(self) -> usize {
+    pub fn output_block_side(self) -> usize {
         match self {
             Self::EncoderDecoder => 2,
             Self::PerPixel => 1,
@@ -72,7 +72,7 @@ impl Kind {
 pub struct Network {
     /// Version of the file format.
     version: u32,
-    pub kind: Kind,
+    pub kind: NetworkKind,
     /// Command, seed and data of the training.
     pub recipe: String,
     /// The photometric model it was trained with, if not one of the hand's calibration.
@@ -86,7 +86,12 @@ pub struct Network {
 
 impl Network {
     /// A network from the weights and biases of its layers.
-    pub fn new(kind: Kind, recipe: String, weights: Vec<Vec<f32>>, biases: Vec<Vec<f32>>) -> Result<Self, TouchError> {
+    pub fn new(
+        kind: NetworkKind,
+        recipe: String,
+        weights: Vec<Vec<f32>>,
+        biases: Vec<Vec<f32>>,
+    ) -> Result<Self, TouchError> {
         let network = Self { version: VERSION, kind, recipe, conditioning: None, weights, biases };
         network.check().map(|()| network)
     }
@@ -150,7 +155,7 @@ impl Network {
 /// A network with its weights laid out for inference.
 #[derive(Debug, Clone)]
 pub struct PreparedNetwork {
-    kind: Kind,
+    kind: NetworkKind,
     layers: Vec<Layer>,
 }
 
@@ -164,14 +169,14 @@ impl PreparedNetwork {
         (configuration, model): (char, &PhotometricModel),
         options: &StereoOptions,
     ) -> Option<Gradients> {
-        let Change { region, gain } = find_change(image, background, options)?;
+        let ImageChange { region, gain } = find_change(image, background, options)?;
         let region = multiple_of_four(region);
-        let change = colour_change(image, background, Change { region, gain });
+        let change = colour_change(image, background, ImageChange { region, gain });
         let (mut gx, mut gy) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
         let width = region.column_end - region.column_begin;
         for (k, normal) in self.normals(&change, configuration, model, region).into_iter().enumerate() {
             let i = (region.row_begin + k / width) * N + region.column_begin + k % width;
-            [gx[i], gy[i]] = gradient_of(normal);
+            [gx[i], gy[i]] = gradient_from_normal(normal);
         }
         Some(Gradients { gx, gy, region })
     }
@@ -186,21 +191,21 @@ impl PreparedNetwork {
     ) -> Vec<[f32; 2]> {
         let (width, height) = (region.column_end - region.column_begin, region.row_end - region.row_begin);
         let read = model_normals(change, model, region);
-        let sight = Sight { change, read: &read, configuration, region };
+        let sight = NetworkInput { change, model_normals: &read, configuration, region };
         let planes = Planes::from_fn(self.kind.inputs(), height, width, |plane, row, column| {
             sight.input(self.kind, plane, row, column)
         });
         let out = self.output(&planes);
-        let fold = self.kind.fold();
+        let fold = self.kind.output_block_side();
         let mut normals = Vec::with_capacity(width * height);
         for row in 0..height {
             for column in 0..width {
-                let start = sight.start(self.kind, row, column);
+                let start = sight.initial_normal(self.kind, row, column);
                 let at = |axis: usize| {
                     let plane = fold * fold * axis + fold * (row % fold) + column % fold;
                     start[axis] + out.at(plane, row / fold, column / fold)
                 };
-                normals.push(bounded([at(0), at(1)]));
+                normals.push(limit_slope([at(0), at(1)]));
             }
         }
         normals
@@ -209,10 +214,10 @@ impl PreparedNetwork {
     /// Evaluates the network on input planes and returns the planes of the last layer.
     pub fn output(&self, planes: &Planes) -> Planes {
         match (self.kind, self.layers.as_slice()) {
-            (Kind::EncoderDecoder, [down, further, middle, up, decode, last]) => {
+            (NetworkKind::EncoderDecoder, [down, further, middle, up, decode, last]) => {
                 let half = down.run(planes, 2, true);
                 let quarter = further.run(&half, 2, true);
-                let mut lifted = up.run(&middle.run(&quarter, 1, true), 1, false).enlarged();
+                let mut lifted = up.run(&middle.run(&quarter, 1, true), 1, false).upsampled();
                 lifted.add(&half);
                 last.run(&decode.run(&lifted, 1, true), 1, false)
             }
@@ -238,18 +243,18 @@ pub fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, region: Regi
 }
 
 /// The inputs of a network in a region of an image.
-pub struct Sight<'a> {
+pub struct NetworkInput<'a> {
     /// Relative colour change of the whole image.
     pub change: &'a [[f32; 3]],
     /// The photometric model's normals in the region.
-    pub read: &'a [[f32; 2]],
+    pub model_normals: &'a [[f32; 2]],
     pub configuration: char,
     pub region: Region,
 }
 
-impl Sight<'_> {
+impl NetworkInput<'_> {
     /// Value of an input plane at a pixel of the region.
-    pub fn input(&self, kind: Kind, plane: usize, row: usize, column: usize) -> f32 {
+    pub fn input(&self, kind: NetworkKind, plane: usize, row: usize, column: usize) -> f32 {
         let (at_row, at_column) = (self.region.row_begin + row, self.region.column_begin + column);
         let place = |at: usize| (at as f32 + 0.5) / (0.5 * N as f32) - 1.0;
         let width = self.region.column_end - self.region.column_begin;
@@ -257,16 +262,18 @@ impl Sight<'_> {
             (0..3, _) => self.change[at_row * N + at_column][plane],
             (3, _) => place(at_column),
             (4, _) => -place(at_row),
-            (_, Kind::EncoderDecoder) => self.read[row * width + column][plane - 5],
-            (_, Kind::PerPixel) => f32::from(CONFIGURATIONS[plane - 5] == self.configuration),
+            (_, NetworkKind::EncoderDecoder) => self.model_normals[row * width + column][plane - 5],
+            (_, NetworkKind::PerPixel) => f32::from(CONFIGURATIONS[plane - 5] == self.configuration),
         }
     }
 
     /// Normal to which the network's output is added.
-    pub fn start(&self, kind: Kind, row: usize, column: usize) -> [f32; 2] {
+    pub fn initial_normal(&self, kind: NetworkKind, row: usize, column: usize) -> [f32; 2] {
         match kind {
-            Kind::EncoderDecoder => self.read[row * (self.region.column_end - self.region.column_begin) + column],
-            Kind::PerPixel => [0.0; 2],
+            NetworkKind::EncoderDecoder => {
+                self.model_normals[row * (self.region.column_end - self.region.column_begin) + column]
+            }
+            NetworkKind::PerPixel => [0.0; 2],
         }
     }
 }
@@ -289,7 +296,7 @@ mod tests {
     #[test]
     fn invalid_network_files_are_errors() {
         let path = Path::new("network.json");
-        let kind = Kind::PerPixel;
+        let kind = NetworkKind::PerPixel;
         let tables = |f: &dyn Fn(&LayerShape) -> usize| -> Vec<Vec<f32>> {
             kind.layers().iter().map(|layer| vec![0.5; f(layer)]).collect()
         };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
-use crate::contacts::Patch;
+use crate::contacts::ContactPatch;
 use crate::photometric_stereo::Gradients;
 
 /// Height map of one camera of a touched pad.
@@ -22,25 +22,25 @@ pub struct HeightMap {
 pub struct PadTouch {
     pub pad: usize,
     /// Contact patches of all its cameras, including self-contacts of the hand.
-    pub patches: Vec<Patch>,
+    pub patches: Vec<ContactPatch>,
     /// Sum of the patches' normal forces, N.
     pub force: f64,
     /// Height maps of the cameras whose image differs from the background.
     pub heights: Vec<Arc<HeightMap>>,
     /// Points of the surface without contact (m, pad frame).
-    pub clear: Vec<Point3<f64>>,
+    pub contact_free: Vec<Point3<f64>>,
     /// True if a camera of the pad is left out, so that contact there is unknown.
     pub blind: bool,
 }
 
 impl PadTouch {
     /// True if the pad feels something other than the hand itself.
-    pub fn touched(&self) -> bool {
-        self.of_objects().next().is_some()
+    pub fn is_touched(&self) -> bool {
+        self.object_patches().next().is_some()
     }
 
     /// Contact patches that are not self-contacts of the hand.
-    pub fn of_objects(&self) -> impl Iterator<Item = &Patch> {
-        self.patches.iter().filter(|patch| !patch.own)
+    pub fn object_patches(&self) -> impl Iterator<Item = &ContactPatch> {
+        self.patches.iter().filter(|patch| !patch.self_contact)
     }
 }

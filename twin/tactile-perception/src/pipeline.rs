@@ -10,21 +10,21 @@ use rayon::prelude::*;
 use crate::PIXELS;
 use crate::calibration::PhotometricCalibration;
 use crate::colour_change::StereoOptions;
-use crate::contacts::{ContactOptions, clear_points, find_contacts};
+use crate::contacts::{ContactOptions, contact_free_points, find_contacts};
 use crate::error::TouchError;
-use crate::frames::{CameraFault, Fault, valid_images};
+use crate::frames::{CameraFault, ImageFault, valid_images};
 use crate::network::{Network, PreparedNetwork};
-use crate::own_hand::{InHand, OwnHandOptions, mark_own};
 use crate::pad_touch::{HeightMap, PadTouch};
 use crate::photometric_stereo::gradients;
 use crate::poisson::{PoissonSolver, rest_level};
 use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 use crate::posture::Readings;
+use crate::self_contact::{ExpectedObject, SelfContactOptions, mark_self_contacts};
 
 /// Columns and rows of the grid of contact-free points on an untouched pad.
-const CLEAR: (usize, usize) = (4, 6);
+const UNTOUCHED_GRID: (usize, usize) = (4, 6);
 /// Columns and rows of that grid on a pad that is touched elsewhere, where the points mark the limits of the object.
-const CLEAR_BESIDE: (usize, usize) = (10, 14);
+const TOUCHED_GRID: (usize, usize) = (10, 14);
 
 /// Collects one image of each of the `cameras`, taken with the pads untouched.
 pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<TactileImage>>, TouchError> {
@@ -37,7 +37,7 @@ pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<Ta
 
 /// Perception of all pads, and the cameras that are left out.
 #[derive(Debug, Clone, Default)]
-pub struct Perceived {
+pub struct PadPerception {
     /// One entry per pad.
     pub touches: Vec<PadTouch>,
     pub faults: Vec<CameraFault>,
@@ -55,7 +55,7 @@ pub struct TouchPipeline {
     pub contacts: ContactOptions,
     pub pose: PoseOptions,
     /// Thresholds for self-contacts of the hand. Without them, every contact counts as one with an object.
-    pub own_hand: Option<OwnHandOptions>,
+    pub self_contact: Option<SelfContactOptions>,
 }
 
 impl TouchPipeline {
@@ -76,7 +76,7 @@ impl TouchPipeline {
             stereo: StereoOptions::default(),
             contacts: ContactOptions::default(),
             pose: PoseOptions::default(),
-            own_hand: None,
+            self_contact: None,
         })
     }
 
@@ -107,25 +107,29 @@ impl TouchPipeline {
     /// Perceives the contacts of all pads from the camera board's frames. A camera is reported as a fault, and its pad
     /// is blind, if its image is missing, of the wrong size, frozen (`before` has the sequence numbers of earlier
     /// images), black or saturated, or if its pad is not calibrated.
-    pub fn perceive_frames(&self, frames: &[TactileFrame], before: &[Option<u64>]) -> Result<Perceived, TouchError> {
+    pub fn perceive_frames(
+        &self,
+        frames: &[TactileFrame],
+        before: &[Option<u64>],
+    ) -> Result<PadPerception, TouchError> {
         let (mut images, mut faults) = valid_images(&self.hand, frames, before);
         for (camera, image) in images.iter_mut().enumerate().filter(|(_, image)| image.is_some()) {
             let view = &self.hand.cameras[camera];
             let configuration = self.hand.pads[view.pad].configuration;
             if self.calibration.model(configuration).is_err() {
                 *image = None;
-                let fault = Fault::Uncalibrated(configuration);
+                let fault = ImageFault::Uncalibrated(configuration);
                 faults.push(CameraFault { camera, name: view.name.clone(), fault });
             }
         }
-        Ok(Perceived { touches: self.touches(&images)?, faults })
+        Ok(PadPerception { touches: self.touches(&images)?, faults })
     }
 
     fn touches(&self, images: &[Option<Arc<TactileImage>>]) -> Result<Vec<PadTouch>, TouchError> {
         let maps: Vec<Option<HeightMap>> = (0..self.hand.cameras.len())
             .into_par_iter()
             .with_max_len(1)
-            .map(|camera| images[camera].as_ref().map_or(Ok(None), |image| self.height(camera, image)))
+            .map(|camera| images[camera].as_ref().map_or(Ok(None), |image| self.height_map(camera, image)))
             .collect::<Result<_, _>>()?;
         let mut touches: Vec<PadTouch> =
             (0..self.hand.pads.len()).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
@@ -141,8 +145,8 @@ impl TouchPipeline {
             if let Some(height) = height {
                 touch.patches.extend(find_contacts(pad, index, camera, self.hand.gel(), height, &self.contacts));
             }
-            let (columns, rows) = if height.is_some() { CLEAR_BESIDE } else { CLEAR };
-            touch.clear.extend(clear_points(pad, camera, height, self.contacts.raised, columns, rows));
+            let (columns, rows) = if height.is_some() { TOUCHED_GRID } else { UNTOUCHED_GRID };
+            touch.contact_free.extend(contact_free_points(pad, camera, height, self.contacts.raised, columns, rows));
             touch.heights.extend(map.map(Arc::new));
         }
         for touch in &mut touches {
@@ -152,7 +156,7 @@ impl TouchPipeline {
     }
 
     /// Height map of one camera; `None` if its pad is untouched.
-    pub fn height(&self, camera: usize, image: &Arc<TactileImage>) -> Result<Option<HeightMap>, TouchError> {
+    pub fn height_map(&self, camera: usize, image: &Arc<TactileImage>) -> Result<Option<HeightMap>, TouchError> {
         let background = &self.backgrounds[camera];
         if Arc::ptr_eq(image, background) {
             return Ok(None);
@@ -172,11 +176,16 @@ impl TouchPipeline {
         Ok(Some(HeightMap { camera, height, gradients }))
     }
 
-    /// Marks the patches that the hand itself presses, if the pipeline identifies self-contacts ([`Self::own_hand`]);
+    /// Marks the patches that the hand itself presses, if the pipeline identifies self-contacts ([`Self::self_contact`]);
     /// `objects` are those expected in the hand.
-    pub fn mark_own(&self, touches: &mut [PadTouch], readings: Readings, objects: &[InHand]) -> Result<(), TouchError> {
-        match &self.own_hand {
-            Some(options) => mark_own(&self.hand, touches, readings, objects, (options, &self.pose)),
+    pub fn mark_self_contacts(
+        &self,
+        touches: &mut [PadTouch],
+        readings: Readings,
+        objects: &[ExpectedObject],
+    ) -> Result<(), TouchError> {
+        match &self.self_contact {
+            Some(options) => mark_self_contacts(&self.hand, touches, readings, objects, (options, &self.pose)),
             None => Ok(()),
         }
     }

@@ -129,9 +129,9 @@ fn divergence(gx: &[f32], gy: &[f32], (dx, dy): (f32, f32)) -> Vec<f32> {
 #[derive(Clone)]
 struct Cosines {
     fft: Arc<dyn Fft<f32>>,
-    back: Arc<dyn Fft<f32>>,
+    inverse: Arc<dyn Fft<f32>>,
     /// exp(-i pi k / 2N) / 2.
-    turns: Arc<[Complex<f32>]>,
+    twiddles: Arc<[Complex<f32>]>,
 }
 
 /// Working space of the transforms.
@@ -147,8 +147,8 @@ impl Cosines {
         let turn = |k: usize| Complex::from_polar(0.5, -PI * k as f64 / (2 * N) as f64);
         Self {
             fft: planner.plan_fft_forward(N),
-            back: planner.plan_fft_inverse(N),
-            turns: (0..N).map(turn).map(|turn| Complex::new(turn.re as f32, turn.im as f32)).collect(),
+            inverse: planner.plan_fft_inverse(N),
+            twiddles: (0..N).map(turn).map(|turn| Complex::new(turn.re as f32, turn.im as f32)).collect(),
         }
     }
 
@@ -169,7 +169,7 @@ impl Cosines {
         let z = &work.buffer;
         (a[0], b[0]) = (z[0].re, z[0].im);
         // The spectra of real lines are conjugate symmetric: sum and difference separate the two.
-        let mirrored = z[1..].iter().zip(z[1..].iter().rev()).zip(&self.turns[1..]);
+        let mirrored = z[1..].iter().zip(z[1..].iter().rev()).zip(&self.twiddles[1..]);
         for ((a, b), ((p, q), turn)) in a[1..].iter_mut().zip(&mut b[1..]).zip(mirrored) {
             *a = (p.re + q.re) * turn.re - (p.im - q.im) * turn.im;
             *b = (p.im + q.im) * turn.re + (p.re - q.re) * turn.im;
@@ -183,11 +183,11 @@ impl Cosines {
         work.buffer.push(Complex::new(0.5 * a[0], 0.5 * b[0]));
         // (A[k] - i A[N - k]) conj(turn) of both lines, the second times i.
         let (ends_a, ends_b) = (a[1..].iter().zip(a[1..].iter().rev()), b[1..].iter().zip(b[1..].iter().rev()));
-        work.buffer.extend(ends_a.zip(ends_b).zip(&self.turns[1..]).map(|(((a, far_a), (b, far_b)), turn)| {
+        work.buffer.extend(ends_a.zip(ends_b).zip(&self.twiddles[1..]).map(|(((a, far_a), (b, far_b)), turn)| {
             let (re, im) = (a + far_b, b - far_a);
             Complex::new(re * turn.re + im * turn.im, im * turn.re - re * turn.im)
         }));
-        Self::run(&*self.back, work);
+        Self::run(&*self.inverse, work);
         let (even, odd) = work.buffer.split_at(N / 2);
         let pairs = a.chunks_exact_mut(2).zip(b.chunks_exact_mut(2)).zip(even.iter().zip(odd.iter().rev()));
         for ((a, b), (even, odd)) in pairs {

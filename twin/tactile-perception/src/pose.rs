@@ -19,7 +19,7 @@ mod uncertainty;
 
 use hand_model::{Hand, HandVector};
 use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
-use problem::{Evidence, Problem, State};
+use problem::{EvidenceStage, PoseProblem, PoseState};
 use rayon::prelude::*;
 use screen::screen;
 use uncertainty::{alternatives, joint_covariance, misfit, mixed_covariance, unobservable};
@@ -32,7 +32,7 @@ pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
 
 /// Factor from the covariance of a good fit to that of its 95 % region, calibrated on 218 simulated grasps of one seed.
-const REGION: f64 = 4.0;
+const REGION_FACTOR: f64 = 4.0;
 
 /// An estimated pose with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,7 +76,7 @@ impl PoseEstimate {
     /// errors have heavy tails: most estimates are better than it indicates, and some lie in another local minimum. A
     /// decision that takes it for the spread of a normal distribution avoids grasps that would mostly work.
     pub fn region(&self) -> Matrix6<f64> {
-        self.covariance * (REGION * self.misfit)
+        self.covariance * (REGION_FACTOR * self.misfit)
     }
 }
 
@@ -84,9 +84,9 @@ impl PoseEstimate {
 /// pads that feel nothing.
 pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let PoseInputs { touches, prior, options, .. } = *inputs;
-    let (problem, rest, mut steps) = prepared(inputs)?;
-    let mut shifted = State { pose: prior.palm_from_object, ..rest.clone() };
-    steps += minimise(&problem, &mut shifted, Evidence::Translation, 6);
+    let (problem, rest, mut steps) = prepare_problem(inputs)?;
+    let mut shifted = PoseState { pose: prior.palm_from_object, ..rest.clone() };
+    steps += minimise(&problem, &mut shifted, EvidenceStage::Translation, 6);
     let screened = screen(&problem, prior, &shifted, options.starts);
     let starts = [rest, shifted].into_iter().chain(screened).collect();
     let mut found = descend(&problem, starts, &mut steps);
@@ -121,13 +121,13 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
 /// best, then at the minimum that the search reaches downhill from there. At the true pose this distinguishes the two
 /// causes of a wrong estimate: the evidence favours the wrong pose, or the search missed the right one.
 pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f64; 2], TouchError> {
-    let (problem, rest, _) = prepared(inputs)?;
-    let mut state = State { pose: *pose, ..rest };
+    let (problem, rest, _) = prepare_problem(inputs)?;
+    let mut state = PoseState { pose: *pose, ..rest };
     let mut after = |evidence| {
         minimise(&problem, &mut state, evidence, inputs.options.fine_steps);
-        problem.cost(&state, Evidence::All)
+        problem.cost(&state, EvidenceStage::All)
     };
-    Ok([after(Evidence::Posture), after(Evidence::All)])
+    Ok([after(EvidenceStage::Posture), after(EvidenceStage::All)])
 }
 
 /// Joint angles (rad) from servos, springs and the forces on the pads, whatever presses there. For digits without
@@ -138,19 +138,19 @@ pub fn loaded_posture(
     readings: Readings,
     options: &PoseOptions,
 ) -> Result<HandVector, TouchError> {
-    struct Nothing;
-    impl KnownShape for Nothing {
+    struct NoObject;
+    impl KnownShape for NoObject {
         fn signed_distance(&self, _: &Point3<f64>) -> (f64, Vector3<f64>) {
             (f64::INFINITY, Vector3::z())
         }
     }
     let prior = PosePrior::weak(Isometry3::identity());
-    Ok(prepared(&PoseInputs { hand, touches, readings, prior: &prior, shape: &Nothing, options })?.1.q)
+    Ok(prepare_problem(&PoseInputs { hand, touches, readings, prior: &prior, shape: &NoObject, options })?.1.q)
 }
 
 /// Checks the inputs. Returns the problem, its start (joints from servos and contact forces without the object, the
 /// object as planned) and the number of steps for it.
-fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), TouchError> {
+fn prepare_problem<'a>(inputs: &PoseInputs<'a>) -> Result<(PoseProblem<'a>, PoseState, usize), TouchError> {
     let PoseInputs { hand, touches, readings, prior, .. } = *inputs;
     if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
         return Err(TouchError::Size { what: "pad index of a touch", found: touch.pad, expected: hand.pads.len() });
@@ -167,25 +167,25 @@ fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), 
     if !readings.gravity.iter().all(|value| value.is_finite()) {
         return Err(TouchError::NotFinite("gravity"));
     }
-    let mut problem = Problem::new(inputs);
+    let mut problem = PoseProblem::new(inputs);
     let mut rest = problem.start(prior.palm_from_object);
-    let steps = minimise(&problem, &mut rest, Evidence::Joints, 10);
-    problem.settle_torques(&rest.q);
+    let steps = minimise(&problem, &mut rest, EvidenceStage::Joints, 10);
+    problem.update_torques(&rest.q);
     Ok((problem, rest, steps))
 }
 
 /// Descends from every start in three stages, each with the best solutions of the stage before. Returns the final
 /// solutions with their costs, best first. Starts are processed in parallel; the result does not depend on the number
 /// of threads.
-fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
+fn descend(problem: &PoseProblem, starts: Vec<PoseState>, steps: &mut usize) -> Vec<(f64, PoseState)> {
     let options = problem.options();
-    let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();
+    let mut ranked: Vec<(f64, PoseState)> = starts.into_iter().map(|start| (0.0, start)).collect();
     for (evidence, most, kept) in [
-        (Evidence::Soft, options.coarse_steps, options.kept),
-        (Evidence::Middle, options.coarse_steps, options.finished),
-        (Evidence::All, options.fine_steps, options.finished),
+        (EvidenceStage::Soft, options.coarse_steps, options.kept_solutions),
+        (EvidenceStage::Middle, options.coarse_steps, options.final_solutions),
+        (EvidenceStage::All, options.fine_steps, options.final_solutions),
     ] {
-        let descended: Vec<(usize, f64, State)> = ranked
+        let descended: Vec<(usize, f64, PoseState)> = ranked
             .into_par_iter()
             .with_max_len(1)
             .map(|(_, mut state)| {
@@ -196,24 +196,24 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64
         *steps += descended.iter().map(|(steps, _, _)| steps).sum::<usize>();
         ranked = descended.into_iter().map(|(_, cost, state)| (cost, state)).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ranked = different(ranked, problem.shape(), kept);
+        ranked = distinct_solutions(ranked, problem.shape(), kept);
     }
     ranked
 }
 
 /// The first `most` solutions without duplicates: descents from several starts may end at the same pose, or at one that a
 /// symmetry of the object makes equivalent.
-fn different(ranked: Vec<(f64, State)>, shape: &dyn KnownShape, most: usize) -> Vec<(f64, State)> {
-    const NEAR: (f64, f64) = (3e-4, 0.03);
-    const ALIKE: (f64, f64) = (2e-4, 0.01);
+fn distinct_solutions(ranked: Vec<(f64, PoseState)>, shape: &dyn KnownShape, most: usize) -> Vec<(f64, PoseState)> {
+    const SAME_POSE_TOLERANCE: (f64, f64) = (3e-4, 0.03);
+    const EQUIVALENT_POSE_TOLERANCE: (f64, f64) = (2e-4, 0.01);
     let center = shape.center();
-    let mut kept: Vec<(f64, State)> = Vec::with_capacity(most);
+    let mut kept: Vec<(f64, PoseState)> = Vec::with_capacity(most);
     for (cost, state) in ranked {
-        let new = |(other_cost, other): &(f64, State)| {
+        let new = |(other_cost, other): &(f64, PoseState)| {
             let away = (other.pose * center - state.pose * center).norm();
             let turned = other.pose.rotation.angle_to(&state.pose.rotation);
-            let near = away < NEAR.0 && turned < NEAR.1;
-            !near && (away > ALIKE.0 || cost - other_cost > ALIKE.1 * cost)
+            let near = away < SAME_POSE_TOLERANCE.0 && turned < SAME_POSE_TOLERANCE.1;
+            !near && (away > EQUIVALENT_POSE_TOLERANCE.0 || cost - other_cost > EQUIVALENT_POSE_TOLERANCE.1 * cost)
         };
         if kept.len() < most && kept.iter().all(new) {
             kept.push((cost, state));
@@ -223,7 +223,7 @@ fn different(ranked: Vec<(f64, State)>, shape: &dyn KnownShape, most: usize) -> 
 }
 
 /// Levenberg-Marquardt in place; returns the number of steps, rejected ones included.
-fn minimise(problem: &Problem, state: &mut State, evidence: Evidence, most: usize) -> usize {
+fn minimise(problem: &PoseProblem, state: &mut PoseState, evidence: EvidenceStage, most: usize) -> usize {
     let mut damping = 1e-3;
     let mut cost = problem.cost(state, evidence);
     let mut steps = 0;

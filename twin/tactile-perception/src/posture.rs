@@ -7,7 +7,7 @@
 
 use hand_model::robot::ServoState;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::transmission::{Crossing, SPANS};
+use hand_model::transmission::{Crossing, MAX_SPANS};
 use hand_model::{DigitVector, GRAVITY, Hand, HandVector};
 use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 
@@ -26,7 +26,7 @@ impl<'a> Readings<'a> {
     }
 
     /// Readings of a hand whose orientation is unknown.
-    pub fn weightless(servos: &'a [ServoState]) -> Self {
+    pub fn without_gravity(servos: &'a [ServoState]) -> Self {
         Self { servos, gravity: Vector3::zeros() }
     }
 }
@@ -63,7 +63,7 @@ fn opposition(hand: &Hand, servos: &[ServoState]) -> Option<(usize, f64)> {
 
 /// Posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
 pub fn free_posture(hand: &Hand, servos: &[ServoState]) -> Posture {
-    let mut q = hand.open();
+    let mut q = hand.open_angles();
     if let Some((joint, angle)) = opposition(hand, servos) {
         q[joint] = angle;
     }
@@ -88,12 +88,12 @@ pub fn free_covariance(
     (q, excursion): (&[f64], f64),
     sigma: f64,
     losses: &CableLosses,
-) -> SMatrix<f64, SPANS, SPANS> {
+) -> SMatrix<f64, MAX_SPANS, MAX_SPANS> {
     let path = &hand.transmission.cables[cable];
     let mut covariance = SMatrix::zeros();
-    let mut add = |spread: SVector<f64, SPANS>| covariance += spread * spread.transpose();
+    let mut add = |spread: SVector<f64, MAX_SPANS>| covariance += spread * spread.transpose();
     // Response of each joint, and of the excursion, to the tension, at the one that balances the springs.
-    let needed = hand.transmission.tension_for(cable, q, &hand.open());
+    let needed = hand.transmission.tension_for(cable, q, &hand.open_angles());
     let (mut give, mut taken) = (SVector::zeros(), 0.0);
     for (slot, (joint, residual_slope)) in spring_residuals(hand, cable, q, needed).map(|(j, _, s)| (j, s)).enumerate()
     {
@@ -106,7 +106,7 @@ pub fn free_covariance(
         let [closed, opened] =
             [1.0, -1.0].map(|state| free_digit_sliding(hand, cable, excursion, &losses.friction, state));
         let half = closed.iter().zip(&opened).map(|((_, a), (_, b))| 0.5 * (a - b));
-        add(SVector::from_iterator(half.chain(std::iter::repeat(0.0)).take(SPANS)));
+        add(SVector::from_iterator(half.chain(std::iter::repeat(0.0)).take(MAX_SPANS)));
     }
     covariance
 }
@@ -124,8 +124,8 @@ pub fn free_digit_sliding(
     friction: &CableFriction,
     state: f64,
 ) -> Vec<(usize, f64)> {
-    let friction = &hand.guides(cable, friction);
-    let angles = |tension: f64| hand.transmission.free_angles_sliding(cable, tension, friction, state);
+    let friction = &hand.cable_guide_friction(cable, friction);
+    let angles = |tension: f64| hand.transmission.free_angles_with_friction(cable, tension, friction, state);
     let path = &hand.transmission.cables[cable];
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
         path.joints.iter().zip(angles).map(|(crossing, (_, angle))| crossing.lever.excursion(*angle)).sum()
@@ -157,10 +157,11 @@ pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) 
 /// equilibrium it equals the contact torque.
 pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> impl Iterator<Item = (usize, f64, f64)> {
     hand.transmission.cables[cable].joints.iter().map(move |Crossing { joint, lever, .. }| {
-        const STEP: f64 = 1e-5;
+        const DIFFERENCE_STEP: f64 = 1e-5;
         let (torque, spring) = (hand.transmission.spring_torque(*joint, q[*joint]), hand.transmission.springs[*joint]);
         let angle = q[*joint];
-        let slope = (lever.moment_arm(angle + STEP) - lever.moment_arm(angle - STEP)) / (2.0 * STEP);
+        let slope = (lever.moment_arm(angle + DIFFERENCE_STEP) - lever.moment_arm(angle - DIFFERENCE_STEP))
+            / (2.0 * DIFFERENCE_STEP);
         (*joint, torque - lever.moment_arm(angle) * tension, spring - slope * tension)
     })
 }
@@ -168,9 +169,9 @@ pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> i
 /// Standard deviation (N m) of the torque of `cable` at each joint that it crosses, in order, due to friction in the
 /// guides, for a `tension` (N). A sticking guide transmits anything from exp(-mu wrap) to exp(mu wrap) of the tension
 /// at the spool. A sliding one is at an end of that range, so half the range is taken as the standard deviation.
-pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losses: &CableLosses) -> [f64; SPANS] {
+pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losses: &CableLosses) -> [f64; MAX_SPANS] {
     let path = &hand.transmission.cables[cable];
-    let friction = hand.guides(cable, &losses.friction);
+    let friction = hand.cable_guide_friction(cable, &losses.friction);
     let mut sigmas = path.wraps(q, &friction);
     for (sigma, Crossing { joint, lever, .. }) in sigmas.iter_mut().zip(&path.joints) {
         *sigma = lever.moment_arm(q[*joint]).abs() * tension * (friction.coefficient * *sigma).sinh();
@@ -193,7 +194,7 @@ mod tests {
 
     /// Servo readings of a free hand in equilibrium at the given tensions.
     fn free_servos(hand: &Hand, tensions: DigitVector, opposition: f64) -> (ActuatorVector<ServoState>, HandVector) {
-        let mut q = hand.open();
+        let mut q = hand.open_angles();
         q[0] = opposition;
         for (cable, tension) in tensions.iter().enumerate() {
             for (joint, angle) in hand.transmission.free_angles(cable, *tension) {

@@ -5,14 +5,14 @@
 
 use nalgebra::Vector2;
 
-use crate::contacts::Patch;
+use crate::contacts::ContactPatch;
 
 /// Largest displacement (m) of the same contact between two images.
-const SAME_CONTACT: f64 = 4e-3;
+const MAX_CONTACT_SHIFT: f64 = 4e-3;
 
 /// Motion of a patch between two images.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slip {
+pub struct PatchMotion {
     /// Index of the patch in the earlier and in the later list.
     pub patches: [usize; 2],
     /// Displacement of the patch's centre in the pad's plane, m.
@@ -23,7 +23,7 @@ pub struct Slip {
     pub force: f64,
 }
 
-impl Slip {
+impl PatchMotion {
     /// True if the unexplained displacement exceeds `threshold` (m).
     pub fn slides(&self, threshold: f64) -> bool {
         self.unexplained > threshold
@@ -31,12 +31,12 @@ impl Slip {
 }
 
 /// Matches patches of `before` and `now` on the same camera (each at most once, nearest pairs first).
-pub fn slips(before: &[Patch], now: &[Patch]) -> Vec<Slip> {
+pub fn match_patches(before: &[ContactPatch], now: &[ContactPatch]) -> Vec<PatchMotion> {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, old) in before.iter().enumerate() {
         for (j, new) in now.iter().enumerate().filter(|(_, new)| new.camera == old.camera) {
             let distance = (new.centroid.xy() - old.centroid.xy()).norm();
-            if distance < SAME_CONTACT {
+            if distance < MAX_CONTACT_SHIFT {
                 pairs.push((distance, i, j));
             }
         }
@@ -51,8 +51,8 @@ pub fn slips(before: &[Patch], now: &[Patch]) -> Vec<Slip> {
         (used_before[i], used_now[j]) = (true, true);
         let (old, new) = (&before[i], &now[j]);
         // A contact that grows on one side only moves its centre by up to the change of its radius.
-        let radius = |patch: &Patch| (patch.area / std::f64::consts::PI).sqrt();
-        slips.push(Slip {
+        let radius = |patch: &ContactPatch| (patch.area / std::f64::consts::PI).sqrt();
+        slips.push(PatchMotion {
             patches: [i, j],
             shift: new.centroid.xy() - old.centroid.xy(),
             unexplained: (distance - (radius(new) - radius(old)).abs()).max(0.0),
@@ -71,8 +71,8 @@ mod tests {
     use hand_model::Hand;
 
     /// Patches of a ball of 8 mm radius pressed `depth` (m) deep at `x` on the distal pad of the index finger.
-    fn ball(hand: &Hand, x: f64, depth: f64) -> Vec<Patch> {
-        let index = hand.pad("index_distal").expect("pad");
+    fn ball(hand: &Hand, x: f64, depth: f64) -> Vec<ContactPatch> {
+        let index = hand.find_pad("index_distal").expect("pad");
         let pad = &hand.pads[index];
         let camera = &hand.cameras[pad.cameras[0]];
         let r: f64 = 0.008;
@@ -90,17 +90,17 @@ mod tests {
     fn sliding_and_pressing_differ() {
         let hand = Hand::ftac();
         let start = ball(&hand, -0.001, 6e-4);
-        let slid = slips(&start, &ball(&hand, 0.0, 6e-4));
+        let slid = match_patches(&start, &ball(&hand, 0.0, 6e-4));
         assert_eq!(slid.len(), 1);
         assert!((slid[0].shift - Vector2::new(1e-3, 0.0)).norm() < 5e-5, "{:?}", slid[0]);
         assert!(slid[0].slides(5e-4) && slid[0].force.abs() < 0.02 * start[0].force);
-        let pressed = slips(&start, &ball(&hand, -0.001, 9e-4));
+        let pressed = match_patches(&start, &ball(&hand, -0.001, 9e-4));
         assert!(!pressed[0].slides(1e-4) && pressed[0].force > 0.5 * start[0].force, "{:?}", pressed[0]);
     }
 
     #[test]
     fn another_contact_is_not_a_slip() {
         let hand = Hand::ftac();
-        assert!(slips(&ball(&hand, -0.005, 6e-4), &ball(&hand, 0.004, 6e-4)).is_empty());
+        assert!(match_patches(&ball(&hand, -0.005, 6e-4), &ball(&hand, 0.004, 6e-4)).is_empty());
     }
 }

@@ -116,7 +116,7 @@ fn press(hand: &Hand, camera: usize, r: f64, noise: &mut Noise, background: &Arc
 }
 
 /// Pads of all six configurations.
-const PADS: [&str; 6] =
+const PAD_NAMES: [&str; 6] =
     ["index_distal", "index_middle", "index_proximal", "thumb_metacarpal", "palm_radial", "palm_ulnar"];
 
 /// A hand with all configurations calibrated by presses of two balls, and the images of its untouched pads.
@@ -124,7 +124,7 @@ struct Calibrated {
     hand: Hand,
     noise: Noise,
     backgrounds: Vec<Arc<TactileImage>>,
-    /// The first camera of each of [`PADS`].
+    /// The first camera of each of [`PAD_NAMES`].
     cameras: Vec<usize>,
     calibration: PhotometricCalibration,
 }
@@ -134,7 +134,8 @@ fn calibrated() -> Calibrated {
     let mut noise = Noise(7);
     let level = vec![0.0; PIXELS];
     let backgrounds: Vec<_> = (0..hand.cameras.len()).map(|camera| render(&hand, camera, &level, &mut noise)).collect();
-    let cameras: Vec<usize> = PADS.iter().map(|name| hand.pads[hand.pad(name).expect(name)].cameras[0]).collect();
+    let cameras: Vec<usize> =
+        PAD_NAMES.iter().map(|name| hand.pads[hand.find_pad(name).expect(name)].cameras[0]).collect();
     let mut presses = Vec::new();
     for &camera in &cameras {
         for k in 0..24 {
@@ -163,7 +164,7 @@ fn pressed(of: &mut Calibrated) -> (Vec<Arc<TactileImage>>, Vec<Vec<f32>>) {
 #[test]
 fn normals_of_unseen_presses_are_right_to_a_few_degrees() {
     let Calibrated { hand, mut noise, backgrounds, cameras, calibration } = calibrated();
-    for (name, &camera) in PADS.iter().zip(&cameras) {
+    for (name, &camera) in PAD_NAMES.iter().zip(&cameras) {
         let held_out: Vec<_> = (0..4).map(|_| press(&hand, camera, 0.006, &mut noise, &backgrounds[camera])).collect();
         let error = calibration.evaluate(&hand, &held_out).expect("errors");
         println!("{name}: mean {:.2} median {:.2} p95 {:.2} deg", error.mean, error.median, error.p95);
@@ -182,8 +183,12 @@ fn presses_of_known_depth_are_perceived() {
     let Calibrated { hand, backgrounds, cameras, calibration, .. } = of;
     let pipeline = TouchPipeline::new(&hand, calibration, backgrounds).expect("a pipeline");
     let touches = pipeline.perceive(&images).expect("touches");
-    assert_eq!(touches.iter().filter(|touch| touch.touched()).count(), PADS.len(), "noise must not count as touch");
-    for ((name, &camera), truth) in PADS.iter().zip(&cameras).zip(&truths) {
+    assert_eq!(
+        touches.iter().filter(|touch| touch.is_touched()).count(),
+        PAD_NAMES.len(),
+        "noise must not count as touch"
+    );
+    for ((name, &camera), truth) in PAD_NAMES.iter().zip(&cameras).zip(&truths) {
         check_touch(&hand, camera, &touches[hand.cameras[camera].pad], truth, name);
     }
     let again = pipeline.perceive(&images).expect("touches");
@@ -232,12 +237,12 @@ fn faults_are_named_and_blind_only_their_own_pad() {
     assert!(seen.faults[0].to_string().contains("index_distal: its image is black"), "{}", seen.faults[0]);
     for (now, before) in seen.touches.iter().zip(&touches) {
         let dead = now.pad == hand.cameras[cameras[0]].pad;
-        assert_eq!((now.blind, now.touched()), (dead, before.touched() && !dead));
-        assert!(dead && now.clear.is_empty() || now.patches == before.patches);
+        assert_eq!((now.blind, now.is_touched()), (dead, before.is_touched() && !dead));
+        assert!(dead && now.contact_free.is_empty() || now.patches == before.patches);
     }
     let seen = partial.perceive_frames(&frames, &[]).expect("touches");
     assert_eq!(
-        seen.faults.iter().filter(|fault| fault.fault == tactile_perception::Fault::Uncalibrated('a')).count(),
+        seen.faults.iter().filter(|fault| fault.fault == tactile_perception::ImageFault::Uncalibrated('a')).count(),
         4
     );
     assert_eq!(seen.touches.iter().filter(|touch| touch.blind).count(), 5);

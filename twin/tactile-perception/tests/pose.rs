@@ -7,7 +7,7 @@ use hand_model::robot::ServoState;
 use hand_model::{DigitVector, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use shapes::{Ball, Block, Ellipsoid};
-use tactile_perception::contacts::{ContactOptions, clear_points, find_contacts};
+use tactile_perception::contacts::{ContactOptions, contact_free_points, find_contacts};
 use tactile_perception::{
     IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseInputs, PoseOptions, PosePrior, Readings,
     TouchError, estimate_pose,
@@ -135,7 +135,7 @@ fn feel(
             .collect();
         let patches = find_contacts(pad, index, camera, hand.gel(), &height, &ContactOptions::default());
         let touch = &mut touches[camera.pad];
-        touch.clear.extend(clear_points(pad, camera, Some(&height), 4e-5, 4, 6));
+        touch.contact_free.extend(contact_free_points(pad, camera, Some(&height), 4e-5, 4, 6));
         for mut patch in patches {
             for point in &mut patch.points {
                 point.point.z += 2e-5 * noise.normal();
@@ -198,7 +198,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Estimates the pose with default options except for `use_clear`.
+/// Estimates the pose with default options except for `use_contact_free`.
 fn estimate(
     hand: &Hand,
     (touches, servos): (&[PadTouch], &[ServoState; 6]),
@@ -206,8 +206,8 @@ fn estimate(
     shape: &dyn KnownShape,
     use_clear: bool,
 ) -> Result<PoseEstimate, TouchError> {
-    let options = &PoseOptions { use_clear, ..PoseOptions::default() };
-    estimate_pose(&PoseInputs { hand, touches, readings: Readings::weightless(servos), prior, shape, options })
+    let options = &PoseOptions { use_contact_free: use_clear, ..PoseOptions::default() };
+    estimate_pose(&PoseInputs { hand, touches, readings: Readings::without_gravity(servos), prior, shape, options })
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -216,7 +216,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 fn describe(hand: &Hand, touches: &[PadTouch]) -> String {
-    touches.iter().filter(|t| t.touched()).map(|t| format!("{} {:.1} N, ", hand.pads[t.pad].name, t.force)).collect()
+    touches.iter().filter(|t| t.is_touched()).map(|t| format!("{} {:.1} N, ", hand.pads[t.pad].name, t.force)).collect()
 }
 
 #[test]
@@ -252,7 +252,8 @@ fn poses_are_recovered_from_wrong_plans() {
             after.1.push(b.1);
             normalised.push(b.0 / 1e3 / (3f64.sqrt() * found.sigma().0));
             for digit in 0..5 {
-                if touches.iter().any(|t| t.touched() && hand.pads[t.pad].link.is_some_and(|link| link / 3 == digit)) {
+                if touches.iter().any(|t| t.is_touched() && hand.pads[t.pad].link.is_some_and(|link| link / 3 == digit))
+                {
                     joints.extend((0..3).map(|k| (found.q[3 * digit + k] - q[3 * digit + k]).abs().to_degrees()));
                 }
             }

@@ -7,26 +7,30 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
 use hand_model::{ArmVector, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use telemetry::{DrawnObject, Level, PoseError, Recorder, SignalFrame, TrialProperties};
+use telemetry::{DrawnObject, LogLevel, PoseError, Recorder, SignalFrame, TrialProperties};
 
 fn ball(radius: f64) -> DrawnObject {
-    const N: u32 = 24;
+    const SEGMENT_COUNT: u32 = 24;
     let mut points = Vec::new();
     let mut triangles = Vec::new();
-    for j in 0..=N / 2 {
-        for i in 0..N {
-            let (a, b) = (TAU * f64::from(i) / f64::from(N), PI * f64::from(j) / f64::from(N / 2));
+    for j in 0..=SEGMENT_COUNT / 2 {
+        for i in 0..SEGMENT_COUNT {
+            let (a, b) =
+                (TAU * f64::from(i) / f64::from(SEGMENT_COUNT), PI * f64::from(j) / f64::from(SEGMENT_COUNT / 2));
             points.push(Point3::new(a.cos() * b.sin(), a.sin() * b.sin(), -b.cos()) * radius);
-            let (here, right) = (j * N + i, j * N + (i + 1) % N);
-            if j < N / 2 {
-                triangles.extend([[here, right, here + N], [right, right + N, here + N]]);
+            let (here, right) = (j * SEGMENT_COUNT + i, j * SEGMENT_COUNT + (i + 1) % SEGMENT_COUNT);
+            if j < SEGMENT_COUNT / 2 {
+                triangles.extend([
+                    [here, right, here + SEGMENT_COUNT],
+                    [right, right + SEGMENT_COUNT, here + SEGMENT_COUNT],
+                ]);
             }
         }
     }
     DrawnObject::from_mesh("ball", &points, &triangles, [235, 120, 60])
 }
 
-/// Synthetic tactile image with its height map: three-coloured light, and a dent of `depth` (0 to 1) at `place` (shares
+/// Synthetic tactile image with its height map: three-coloured light, and a dent of `depth` (0 to 1) at `image_place` (shares
 /// of the image side from its centre).
 fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
     let n = IMAGE_SIZE as f64;
@@ -94,7 +98,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             phase += 1;
         }
         if tick == 260 {
-            recorder.log_text(Level::Warn, "index_distal: contact lost for 40 ms")?;
+            recorder.log_text(LogLevel::Warn, "index_distal: contact lost for 40 ms")?;
         }
         let close = ((s - 0.15) / 0.3).clamp(0.0, 1.0);
         let lift = ((s - 0.45) / 0.35).clamp(0.0, 1.0);

@@ -21,24 +21,24 @@ use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corne
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, StoreKind};
 
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::release::{APPLICATION, SIM_TIME};
 use crate::{entities, tactile};
 
 /// Viewpoint of a 3D view: eye position and target, m, in the frame of the view's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Eye {
+pub struct CameraViewpoint {
     pub position: [f32; 3],
     /// Point that the eye looks at and orbits around.
     pub target: [f32; 3],
 }
 
 /// On the thumb's side of the moving hand, a little above; the arm comes from the palm's side.
-const FOLLOWING: Eye = Eye { position: [0.33, -0.08, 0.05], target: [0.0, -0.02, -0.05] };
+const FOLLOW_VIEW: CameraViewpoint = CameraViewpoint { position: [0.33, -0.08, 0.05], target: [0.0, -0.02, -0.05] };
 /// Above the table in front of the arm.
-const SCENE: Eye = Eye { position: [1.04, -0.46, 0.36], target: [0.40, 0.0, 0.14] };
+const SCENE_VIEW: CameraViewpoint = CameraViewpoint { position: [1.04, -0.46, 0.36], target: [0.40, 0.0, 0.14] };
 /// Facing the palm from the grasping side.
-const PALM: Eye = Eye { position: [0.07, 0.02, -0.25], target: [0.0, -0.02, -0.02] };
+const PALM_VIEW: CameraViewpoint = CameraViewpoint { position: [0.07, 0.02, -0.25], target: [0.0, -0.02, -0.02] };
 
 /// View properties that the builder does not support, by their path in the blueprint.
 #[derive(Default)]
@@ -46,7 +46,11 @@ struct Properties(Vec<(EntityPath, Box<dyn AsComponents>)>);
 
 impl Properties {
     /// Adds properties to a view and returns it.
-    fn on(&mut self, view: impl Into<ContainerLike>, properties: Vec<(&str, Box<dyn AsComponents>)>) -> ContainerLike {
+    fn with_properties(
+        &mut self,
+        view: impl Into<ContainerLike>,
+        properties: Vec<(&str, Box<dyn AsComponents>)>,
+    ) -> ContainerLike {
         let view = view.into();
         if let ContainerLike::View(inner) = &view {
             let path = inner.blueprint_path();
@@ -56,14 +60,20 @@ impl Properties {
     }
 
     /// Returns a 3D view of everything below `origin`, seen from `eye` with `up` pointing upward.
-    fn scene(&mut self, name: &str, origin: &str, eye: Eye, up: [f32; 3]) -> ContainerLike {
+    fn scene(&mut self, name: &str, origin: &str, eye: CameraViewpoint, up: [f32; 3]) -> ContainerLike {
         self.scene_of(name, (origin, &["+ $origin/**"]), eye, up)
     }
 
     /// As [`Self::scene`], but with the given `contents`.
-    fn scene_of(&mut self, name: &str, (origin, contents): (&str, &[&str]), eye: Eye, up: [f32; 3]) -> ContainerLike {
+    fn scene_of(
+        &mut self,
+        name: &str,
+        (origin, contents): (&str, &[&str]),
+        eye: CameraViewpoint,
+        up: [f32; 3],
+    ) -> ContainerLike {
         let controls = EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up(up);
-        self.on(
+        self.with_properties(
             Spatial3DView::new(name).with_origin(origin).with_contents(contents.iter().copied()),
             vec![
                 ("EyeControls3D", Box::new(controls)),
@@ -79,18 +89,23 @@ impl Properties {
             .with_contents(contents.iter().map(|path| format!("/{path}")));
         let legend = PlotLegend::new().with_corner(Corner2D::LeftTop).with_visible(legend);
         let axis = TimeAxis::new().with_link(LinkAxis::LinkToGlobal);
-        self.on(view, vec![("PlotLegend", Box::new(legend)), ("TimeAxis", Box::new(axis))])
+        self.with_properties(view, vec![("PlotLegend", Box::new(legend)), ("TimeAxis", Box::new(axis))])
     }
 
     fn hand_map(&mut self, name: &str, origin: &str) -> ContainerLike {
-        let [columns, rows] = tactile::CELLS;
+        let [columns, rows] = tactile::GRID_SIZE;
         let range = |size: f32| rerun::datatypes::Range1D([-8.0, f64::from(size)]);
-        let [w, h] = tactile::CELL;
-        let bounds =
-            rerun::datatypes::Range2D { x_range: range(columns * w), y_range: range(rows * h + tactile::HEAD) };
+        let [w, h] = tactile::CELL_SPACING;
+        let bounds = rerun::datatypes::Range2D {
+            x_range: range(columns * w),
+            y_range: range(rows * h + tactile::HEADER_HEIGHT),
+        };
         let view = Spatial2DView::new(name).with_origin(origin);
         let bounds = VisualBounds2D::new(bounds);
-        self.on(view, vec![("VisualBounds2D", Box::new(bounds)), ("Background", Box::new(background([24, 25, 28])))])
+        self.with_properties(
+            view,
+            vec![("VisualBounds2D", Box::new(bounds)), ("Background", Box::new(background([24, 25, 28])))],
+        )
     }
 }
 
@@ -102,12 +117,12 @@ fn layout() -> (Blueprint, Properties) {
     near.extend(arm.iter().map(String::as_str));
     let up = [0.0, 0.0, 1.0];
     let world = Tabs::new([
-        with.scene_of("Hand and objects", (entities::FOLLOW, &near), FOLLOWING, up),
-        with.scene("Whole scene", entities::WORLD, SCENE, up),
+        with.scene_of("Hand and objects", (entities::FOLLOW, &near), FOLLOW_VIEW, up),
+        with.scene("Whole scene", entities::WORLD, SCENE_VIEW, up),
     ]);
     // Seen from below, the table would hide everything.
     let palm = ["+ /world/**", "- /world/table", "- /world/arm/**", "- /world/ways/**"];
-    let palm = with.scene_of("From the palm", (entities::HAND, &palm), PALM, [0.0, 1.0, 0.0]);
+    let palm = with.scene_of("From the palm", (entities::HAND, &palm), PALM_VIEW, [0.0, 1.0, 0.0]);
     let plots = Vertical::new([
         Tabs::new([
             with.plot("Cable tensions (N)", &[entities::TENSIONS], true),
@@ -119,7 +134,7 @@ fn layout() -> (Blueprint, Properties) {
             with.plot("Force on pads (N)", &[entities::PAD_FORCES], false),
             with.plot("Pose error (mm, deg)", &[entities::POSE_ERROR_MM, entities::POSE_ERROR_DEG], true),
             with.plot("Arm joints (deg)", &[entities::ARM_ANGLES], true),
-            with.plot("Beyond the twin (N)", &[entities::TWIN_LOADS, entities::TWIN_FORCE], true),
+            with.plot("Beyond the twin (N)", &[entities::RESIDUAL_LOADS, entities::RESIDUAL_FORCE], true),
         ])
         .into(),
     ]);
@@ -133,7 +148,7 @@ fn layout() -> (Blueprint, Properties) {
         ])
         .into(),
         Tabs::new([
-            ContainerLike::from(TextDocumentView::new("Now").with_origin(entities::NOW)),
+            ContainerLike::from(TextDocumentView::new("Now").with_origin(entities::STATE_PAGE)),
             TextLogView::new("Log").with_origin("trial").into(),
         ])
         .into(),
@@ -154,33 +169,33 @@ fn background(color: [u8; 3]) -> Background {
 }
 
 /// Sends the layout into a recording.
-pub fn send(rec: &RecordingStream) -> Result<(), StreamError> {
-    deliver(rec, layout())
+pub fn send(rec: &RecordingStream) -> Result<(), TelemetryError> {
+    send_layout(rec, layout())
 }
 
 /// Sends the layout of a gallery of grasps: the hands with a text panel beside them.
-pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
+pub fn send_gallery(rec: &RecordingStream, eye: CameraViewpoint) -> Result<(), TelemetryError> {
     let mut with = Properties::default();
     let hands = with.scene("Grasps", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
     let text = TextDocumentView::new("Grasps in words").with_origin(entities::GALLERY_TEXT);
     let blueprint = Blueprint::new(Horizontal::new([hands, text.into()]).with_column_shares([0.75, 0.25]));
-    deliver(rec, (still(blueprint), with))
+    send_layout(rec, (static_layout(blueprint), with))
 }
 
 /// Sends the layout of a held object as felt by touch: the hand, with images and text beside it.
-pub fn send_felt(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
+pub fn send_estimated_scene(rec: &RecordingStream, eye: CameraViewpoint) -> Result<(), TelemetryError> {
     let mut with = Properties::default();
     let hand = with.scene("Felt on the hand", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
-    let sheet = Spatial2DView::new("Image, normals, height and patches").with_origin(entities::SHEET);
+    let sheet = Spatial2DView::new("Image, normals, height and patches").with_origin(entities::IMAGE_SHEET);
     let text = TextDocumentView::new("In words").with_origin(entities::GALLERY_TEXT);
     let left = Vertical::new([hand, text.into()]).with_row_shares([0.75, 0.25]);
     let blueprint =
         Blueprint::new(Horizontal::new([ContainerLike::from(left), sheet.into()]).with_column_shares([0.5, 0.5]));
-    deliver(rec, (still(blueprint), with))
+    send_layout(rec, (static_layout(blueprint), with))
 }
 
 /// Returns the layout for a static scene: panels collapsed, time panel hidden.
-fn still(blueprint: Blueprint) -> Blueprint {
+fn static_layout(blueprint: Blueprint) -> Blueprint {
     blueprint
         .with_auto_views(false)
         .with_auto_layout(false)
@@ -189,7 +204,7 @@ fn still(blueprint: Blueprint) -> Blueprint {
         .with_time_panel(TimePanel::new().with_state(PanelState::Hidden))
 }
 
-fn deliver(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), StreamError> {
+fn send_layout(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), TelemetryError> {
     // Rerun gives access to the builder's messages only through a recording, so they pass through one in memory.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
     blueprint.send(&scratch, BlueprintActivation::default())?;

@@ -17,13 +17,13 @@ pub const FOLLOW: &str = "world/follow";
 /// The cables, palm frame.
 pub const CABLES: &str = "world/hand/cables";
 /// Trajectories: of the rejected plan, and of the chosen action.
-pub const REJECTED: &str = "world/ways/rejected";
-pub const CHOSEN: &str = "world/ways/chosen";
+pub const REJECTED_PATH: &str = "world/ways/rejected";
+pub const CHOSEN_PATH: &str = "world/ways/chosen";
 /// Closest approach of the rejected trajectory to the target.
-pub const NEAREST: &str = "world/ways/nearest";
+pub const CLOSEST_APPROACH: &str = "world/ways/nearest";
 /// Root of the digital twin in mirror mode: the links of its arm, and its palm with the hand's links below that.
-pub const TWIN: &str = "world/twin";
-pub const TWIN_HAND: &str = "world/twin/hand";
+pub const REFERENCE_MODEL: &str = "world/twin";
+pub const REFERENCE_HAND: &str = "world/twin/hand";
 /// Contact forces.
 pub const CONTACTS: &str = "world/contacts";
 /// Root of the tactile images.
@@ -49,15 +49,15 @@ pub const POSE_ERROR_MM: &str = "signals/pose_error_mm";
 /// Errors of the estimated object poses, degrees.
 pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
 /// Residual cable load, robot minus twin, N.
-pub const TWIN_LOADS: &str = "signals/twin_load";
+pub const RESIDUAL_LOADS: &str = "signals/twin_load";
 /// Residual force on the hand, robot minus twin, N.
-pub const TWIN_FORCE: &str = "signals/twin_force";
+pub const RESIDUAL_FORCE: &str = "signals/twin_force";
 /// Phase of the trial, a state.
 pub const PHASE: &str = "trial/phase";
 /// Log of events, as text.
 pub const LOG: &str = "trial/log";
 /// Current state, as a page of text.
-pub const NOW: &str = "trial/now";
+pub const STATE_PAGE: &str = "trial/now";
 /// The outcome of the trial.
 pub const OUTCOME: &str = "trial/outcome";
 
@@ -67,11 +67,11 @@ pub const GALLERY: &str = "grasps";
 pub const GALLERY_TEXT: &str = "grasps_text";
 
 /// Sheet of images beside a held object.
-pub const SHEET: &str = "felt_sheet";
+pub const IMAGE_SHEET: &str = "felt_sheet";
 
 /// Path of grasp number `n` (from 0) of a gallery.
 pub fn gallery(n: usize, name: &str) -> String {
-    format!("{GALLERY}/{:02}_{}", n + 1, part(name))
+    format!("{GALLERY}/{:02}_{}", n + 1, path_part(name))
 }
 
 /// Path of link `k` (0..7) of the arm.
@@ -81,40 +81,40 @@ pub fn arm_link(k: usize) -> String {
 
 /// Path of a link of the hand.
 pub fn hand_link(name: &str) -> String {
-    format!("{HAND}/{}", part(name))
+    format!("{HAND}/{}", path_part(name))
 }
 
 /// Path of a link of the twin's arm.
-pub fn twin_arm_link(k: usize) -> String {
-    format!("{TWIN}/arm_link_{}", k + 1)
+pub fn reference_arm_link(k: usize) -> String {
+    format!("{REFERENCE_MODEL}/arm_link_{}", k + 1)
 }
 
 /// Path of a link of the twin's hand.
-pub fn twin_hand_link(name: &str) -> String {
-    format!("{TWIN_HAND}/{}", part(name))
+pub fn reference_hand_link(name: &str) -> String {
+    format!("{REFERENCE_HAND}/{}", path_part(name))
 }
 
 /// Path of an object that a mirror believes to be in the twin's hand.
-pub fn twin_object(name: &str) -> String {
-    format!("{TWIN}/objects/{}", part(name))
+pub fn reference_object(name: &str) -> String {
+    format!("{REFERENCE_MODEL}/objects/{}", path_part(name))
 }
 
 /// Path of a pad, below the link that carries it (`None`: the palm).
 pub fn pad(link: Option<&str>, name: &str) -> String {
     match link {
-        Some(link) => format!("{}/pad_{}", hand_link(link), part(name)),
-        None => format!("{HAND}/pad_{}", part(name)),
+        Some(link) => format!("{}/pad_{}", hand_link(link), path_part(name)),
+        None => format!("{HAND}/pad_{}", path_part(name)),
     }
 }
 
 /// Path of an object at its true pose.
 pub fn object(name: &str) -> String {
-    format!("world/objects/{}", part(name))
+    format!("world/objects/{}", path_part(name))
 }
 
 /// Path of an object at its pose estimate.
 pub fn estimate(name: &str) -> String {
-    format!("world/estimate/{}", part(name))
+    format!("world/estimate/{}", path_part(name))
 }
 
 /// Path of the covariance of an estimate, below the estimate's.
@@ -124,21 +124,21 @@ pub fn covariance(name: &str) -> String {
 
 /// Path of the difference between a camera's image and the untouched one.
 pub fn change(camera: &str) -> String {
-    format!("{CHANGES}/{}", part(camera))
+    format!("{CHANGES}/{}", path_part(camera))
 }
 
 /// Path of a camera's image.
 pub fn tactile(camera: &str) -> String {
-    format!("{TACTILE}/{}", part(camera))
+    format!("{TACTILE}/{}", path_part(camera))
 }
 
 /// Path of a camera's height map.
 pub fn height(camera: &str) -> String {
-    format!("{HEIGHTS}/{}", part(camera))
+    format!("{HEIGHTS}/{}", path_part(camera))
 }
 
 /// Lists every path that a recording of `hand`, an arm of `arm_links` links and these objects can have.
-pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
+pub fn all_paths(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
     let fixed = [
         WORLD,
         TABLE,
@@ -146,11 +146,11 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         HAND,
         FOLLOW,
         CABLES,
-        REJECTED,
-        NEAREST,
-        CHOSEN,
-        TWIN,
-        TWIN_HAND,
+        REJECTED_PATH,
+        CLOSEST_APPROACH,
+        CHOSEN_PATH,
+        REFERENCE_MODEL,
+        REFERENCE_HAND,
         CONTACTS,
         TACTILE,
         HEIGHTS,
@@ -163,27 +163,29 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         PAD_FORCES,
         POSE_ERROR_MM,
         POSE_ERROR_DEG,
-        TWIN_LOADS,
-        TWIN_FORCE,
+        RESIDUAL_LOADS,
+        RESIDUAL_FORCE,
         PHASE,
         LOG,
-        NOW,
+        STATE_PAGE,
         OUTCOME,
     ];
     let mut paths: Vec<String> = fixed.iter().map(ToString::to_string).collect();
     paths.extend((0..arm_links).map(arm_link));
-    paths.extend((0..arm_links).map(twin_arm_link));
-    paths.extend(hand.tree.joints.iter().flat_map(|joint| [hand_link(&joint.name), twin_hand_link(&joint.name)]));
+    paths.extend((0..arm_links).map(reference_arm_link));
+    paths.extend(hand.tree.joints.iter().flat_map(|joint| [hand_link(&joint.name), reference_hand_link(&joint.name)]));
     paths.extend(hand.pads.iter().map(|p| pad(p.link.map(|link| hand.tree.joints[link].name.as_str()), &p.name)));
     paths.extend(
         hand.cameras.iter().flat_map(|camera| [tactile(&camera.name), height(&camera.name), change(&camera.name)]),
     );
-    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name), covariance(name), twin_object(name)]));
+    paths.extend(
+        objects.iter().flat_map(|name| [object(name), estimate(name), covariance(name), reference_object(name)]),
+    );
     paths
 }
 
 /// Turns a name into one part of a path: every character but letters, digits, `-`, `_` and `.` becomes `_`.
-fn part(name: &str) -> String {
+fn path_part(name: &str) -> String {
     let keep = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
     name.chars().map(|c| if keep(c) { c } else { '_' }).collect()
 }
@@ -194,7 +196,7 @@ mod tests {
 
     #[test]
     fn paths_are_unique_and_valid() {
-        let paths = all(&Hand::ftac(), 7, &["ball", "water bottle", "cup/1"]);
+        let paths = all_paths(&Hand::ftac(), 7, &["ball", "water bottle", "cup/1"]);
         let mut sorted = paths.clone();
         sorted.sort();
         sorted.dedup();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
-pub enum StreamError {
+pub enum TelemetryError {
     /// The recording's file cannot be created, or cannot be written completely.
     #[error("cannot write the recording {path}: {source}")]
     Unwritable {
@@ -57,7 +57,7 @@ pub enum StreamError {
     },
 }
 
-impl From<rerun::RecordingStreamError> for StreamError {
+impl From<rerun::RecordingStreamError> for TelemetryError {
     fn from(error: rerun::RecordingStreamError) -> Self {
         Self::Rerun(Box::new(error))
     }

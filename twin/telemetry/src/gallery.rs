@@ -5,31 +5,31 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Arrows3D, Points3D, RecordingStream, TextDocument};
 
-use crate::blueprint::{self, Eye};
+use crate::blueprint::{self, CameraViewpoint};
 use crate::entities;
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::mesh::{DrawnObject, Mesh};
-use crate::recorder::Settings;
-use crate::scene::{drawn, link_color, log_hand_at, transform};
-use crate::sink::{Opened, Target};
+use crate::recorder::RecorderSettings;
+use crate::scene::{colored_mesh, link_color, log_hand_at, transform};
+use crate::sink::{OpenRecording, RecordingTarget};
 
 /// Distance between neighbours, m.
-const PITCH: f64 = 0.26;
+const GRASP_PITCH: f64 = 0.26;
 /// Height of a friction cone, m.
-const CONE: f64 = 0.012;
+const CONE_HEIGHT: f64 = 0.012;
 /// Sides of a cone.
-const SIDES: u32 = 20;
+const CONE_SIDES: u32 = 20;
 /// Opacity of objects and of cones, of 255.
-const VEIL: (u8, u8) = (150, 120);
+const OPACITIES: (u8, u8) = (150, 120);
 /// Colour of a hand other than the gallery's own.
-const OTHER_HAND: [u8; 3] = [176, 182, 192];
+const OTHER_HAND_COLOR: [u8; 3] = [176, 182, 192];
 const ARROW_COLOR: [u8; 3] = [255, 214, 10];
 /// Length of the arrow of a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.004;
 
 /// A contact to be drawn, palm frame.
 #[derive(Debug, Clone, Copy)]
-pub struct ShownContact {
+pub struct GalleryContact {
     /// Link of the hand; `None` is the palm.
     pub link: Option<usize>,
     /// Contact point, m.
@@ -42,7 +42,7 @@ pub struct ShownContact {
 
 /// A hand to be drawn.
 #[derive(Debug, Clone)]
-pub enum ShownHand {
+pub enum GalleryHand {
     /// The gallery's own hand, given by its joint angles, rad.
     Own(Vec<f64>),
     /// Another hand as a mesh in its posture, palm frame.
@@ -51,34 +51,34 @@ pub enum ShownHand {
 
 /// A grasp to be drawn.
 #[derive(Debug, Clone)]
-pub struct ShownGrasp {
+pub struct GalleryGrasp {
     /// Short name; also part of the entity path.
     pub name: String,
     /// Description, Markdown.
     pub text: String,
-    pub hand: ShownHand,
+    pub hand: GalleryHand,
     /// Pose of the object in the palm frame.
     pub palm_from_object: Isometry3<f64>,
-    pub contacts: Vec<ShownContact>,
+    pub contacts: Vec<GalleryContact>,
 }
 
 /// Returns the friction cone at a contact for friction coefficient `mu`: its apex is at the contact, and it opens along
 /// the normal.
-pub fn friction_cone(contact: &ShownContact, mu: f64) -> Mesh {
+pub fn friction_cone(contact: &GalleryContact, mu: f64) -> Mesh {
     let axis = contact.normal.into_inner();
     let x = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
     let y = axis.cross(&x);
     let mut mesh = Mesh::default();
-    for side in 0..SIDES {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(SIDES)).sin_cos();
+    for side in 0..CONE_SIDES {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(CONE_SIDES)).sin_cos();
         let out = x * cos + y * sin;
-        let rim = contact.point.coords + (axis + out * mu) * CONE;
+        let rim = contact.point.coords + (axis + out * mu) * CONE_HEIGHT;
         let normal = (out - axis * mu).normalize();
         for (place, normal) in [(contact.point.coords, normal), (rim, normal)] {
             mesh.vertices.push(place.cast::<f32>().into());
             mesh.normals.push(normal.cast::<f32>().into());
         }
-        let next = (side + 1) % SIDES;
+        let next = (side + 1) % CONE_SIDES;
         mesh.triangles.push([2 * side, 2 * next + 1, 2 * side + 1]);
     }
     mesh
@@ -86,32 +86,37 @@ pub fn friction_cone(contact: &ShownContact, mu: f64) -> Mesh {
 
 /// Writes `grasps` of one object to `targets`. `mu` is the friction coefficient of the drawn cones.
 pub fn write(
-    targets: &[Target],
+    targets: &[RecordingTarget],
     hand: &Hand,
     object: &DrawnObject,
     mu: f64,
-    grasps: &[ShownGrasp],
-) -> Result<(), StreamError> {
-    let opened = Opened::new(targets, ChunkBatcherConfig::DEFAULT)?;
+    grasps: &[GalleryGrasp],
+) -> Result<(), TelemetryError> {
+    let opened = OpenRecording::new(targets, ChunkBatcherConfig::DEFAULT)?;
     let rec = &opened.rec;
     let columns = (grasps.len() as f64).sqrt().ceil().max(1.0) as usize;
     let rows = grasps.len().div_ceil(columns);
-    let center = Vector3::new(0.5 * PITCH * (columns - 1) as f64, -0.5 * PITCH * rows.saturating_sub(1) as f64, -0.02);
-    let away = 0.25 + 0.9 * PITCH * columns.max(rows) as f64;
+    let center = Vector3::new(
+        0.5 * GRASP_PITCH * (columns - 1) as f64,
+        -0.5 * GRASP_PITCH * rows.saturating_sub(1) as f64,
+        -0.02,
+    );
+    let away = 0.25 + 0.9 * GRASP_PITCH * columns.max(rows) as f64;
     let eye = center + Vector3::new(0.2, 0.15, -1.0).normalize() * away;
-    let eye = Eye { position: eye.cast::<f32>().into(), target: center.cast::<f32>().into() };
+    let eye = CameraViewpoint { position: eye.cast::<f32>().into(), target: center.cast::<f32>().into() };
     blueprint::send_gallery(rec, eye)?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
     let gallery = Gallery { rec, hand, object, mu };
     let mut story = format!("# {}: {} grasps\n", object.name, grasps.len());
     for (n, grasp) in grasps.iter().enumerate() {
-        let place = Isometry3::translation(PITCH * (n % columns) as f64, -PITCH * (n / columns) as f64, 0.0);
+        let place =
+            Isometry3::translation(GRASP_PITCH * (n % columns) as f64, -GRASP_PITCH * (n / columns) as f64, 0.0);
         let root = entities::gallery(n, &grasp.name);
         gallery.show(&root, &place, grasp)?;
         story += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
     }
     rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(story))?;
-    opened.close(Settings::default().flush_timeout)
+    opened.close(RecorderSettings::default().flush_timeout)
 }
 
 /// Data common to all grasps of a gallery.
@@ -124,20 +129,20 @@ struct Gallery<'a> {
 }
 
 impl Gallery<'_> {
-    /// Logs a grasp below `root`, with the hand's palm at `place`.
-    fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &ShownGrasp) -> Result<(), StreamError> {
+    /// Logs a grasp below `root`, with the hand's palm at `image_place`.
+    fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &GalleryGrasp) -> Result<(), TelemetryError> {
         let &Self { rec, hand, object, mu } = self;
         rec.log_static(root, &transform(place))?;
         let path = format!("{root}/hand");
         match &grasp.hand {
-            ShownHand::Own(joints) => log_hand_at(rec, &path, hand, joints)?,
-            ShownHand::Other(mesh) => rec.log_static(path, &drawn(mesh, OTHER_HAND, 255))?,
+            GalleryHand::Own(joints) => log_hand_at(rec, &path, hand, joints)?,
+            GalleryHand::Other(mesh) => rec.log_static(path, &colored_mesh(mesh, OTHER_HAND_COLOR, 255))?,
         }
         let name = format!("{root}/object");
         rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
-        rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
-        let at = |contact: &ShownContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
-        let color = |contact: &ShownContact| link_color(hand, contact.link);
+        rec.log_static(name.as_str(), &colored_mesh(&object.mesh(), object.color, OPACITIES.0))?;
+        let at = |contact: &GalleryContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
+        let color = |contact: &GalleryContact| link_color(hand, contact.link);
         let points = Points3D::new(grasp.contacts.iter().map(at)).with_radii([0.0018f32]);
         rec.log_static(format!("{root}/contacts"), &points.with_colors(grasp.contacts.iter().map(color)))?;
         let forces = grasp.contacts.iter().map(|contact| {
@@ -146,7 +151,7 @@ impl Gallery<'_> {
         let arrows = Arrows3D::from_vectors(forces).with_origins(grasp.contacts.iter().map(at));
         rec.log_static(format!("{root}/forces"), &arrows.with_radii([0.0008f32]).with_colors([ARROW_COLOR]))?;
         for (n, contact) in grasp.contacts.iter().enumerate() {
-            let cone = drawn(&friction_cone(contact, mu), color(contact), VEIL.1);
+            let cone = colored_mesh(&friction_cone(contact, mu), color(contact), OPACITIES.1);
             rec.log_static(format!("{root}/cones/{n}"), &cone)?;
         }
         Ok(())
@@ -161,14 +166,14 @@ mod tests {
     #[test]
     fn cones_open_by_the_friction_angle() {
         let normal = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));
-        let contact = ShownContact { link: None, point: Point3::new(0.01, 0.02, 0.03), normal, force: 1.0 };
+        let contact = GalleryContact { link: None, point: Point3::new(0.01, 0.02, 0.03), normal, force: 1.0 };
         let cone = friction_cone(&contact, 0.6);
         for pair in cone.vertices.chunks(2) {
             let [tip, rim] = [pair[0], pair[1]].map(|v| Vector3::from(v).cast::<f64>());
             assert!((tip - contact.point.coords).norm() < 1e-6);
             assert!(((rim - tip).angle(&normal) - 0.6f64.atan()).abs() < 1e-4);
         }
-        assert_eq!(cone.triangles.len(), SIDES as usize);
+        assert_eq!(cone.triangles.len(), CONE_SIDES as usize);
     }
 
     #[test]
@@ -177,15 +182,15 @@ mod tests {
         let file = folder.path().join("grasps.rrd");
         let hand = Hand::ftac();
         let object = DrawnObject { name: "thing".into(), ..DrawnObject::default() };
-        let contact = ShownContact { link: Some(2), point: Point3::origin(), normal: Vector3::z_axis(), force: 2.0 };
-        let grasp = ShownGrasp {
+        let contact = GalleryContact { link: Some(2), point: Point3::origin(), normal: Vector3::z_axis(), force: 2.0 };
+        let grasp = GalleryGrasp {
             name: "one".into(),
             text: "holds".into(),
-            hand: ShownHand::Own(vec![0.3; hand.tree.len()]),
+            hand: GalleryHand::Own(vec![0.3; hand.tree.len()]),
             palm_from_object: Isometry3::identity(),
             contacts: vec![contact],
         };
-        write(&[Target::File(file.clone())], &hand, &object, 0.6, &[grasp.clone(), grasp]).expect("written");
+        write(&[RecordingTarget::File(file.clone())], &hand, &object, 0.6, &[grasp.clone(), grasp]).expect("written");
         assert!(std::fs::metadata(&file).expect("there").len() > 10_000);
     }
 }

@@ -11,18 +11,18 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use crate::mesh::Mesh;
 
 /// Steps of a rounding: for a stream that should stay small, and for a picture.
-pub const COARSE: u32 = 2;
-pub const FINE: u32 = 7;
+pub const COARSE_STEPS: u32 = 2;
+pub const FINE_STEPS: u32 = 7;
 /// Points of a pad's sheet along each side.
 pub const PAD_POINTS: u32 = 15;
 /// Offset of a pad's drawn gel above the sensing surface, m. It must hide the cover below.
-const LIFT: f64 = 5.0e-4;
+const PAD_OFFSET: f64 = 5.0e-4;
 /// Radius of a knuckle as a share of the half thickness of its cover.
-const KNUCKLE: f64 = 0.62;
+const KNUCKLE_RADIUS_RATIO: f64 = 0.62;
 /// Camera board: half thickness, m; half size as a share of its pad; its limit as a share of the cover's width.
-const BOARD: (f64, f64, f64) = (6.0e-4, 0.24, 0.30);
+const CAMERA_BOARD_SIZE: (f64, f64, f64) = (6.0e-4, 0.24, 0.30);
 /// Distance between the cables and the sides of the covers, m.
-const BESIDE: f64 = 4.0e-4;
+const CABLE_OFFSET: f64 = 4.0e-4;
 
 /// Component that a part belongs to; it decides the colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub enum Material {
 
 /// A rigid part that moves with one link.
 #[derive(Debug, Clone)]
-pub struct Part {
+pub struct RigidPart {
     /// Link that carries the part; `None` is the palm.
     pub link: Option<usize>,
     pub material: Material,
@@ -50,24 +50,24 @@ pub struct Part {
 }
 
 /// Returns every rigid part except the pads. Roundings take `steps` steps.
-pub fn parts(hand: &Hand, steps: u32) -> Vec<Part> {
+pub fn parts(hand: &Hand, steps: u32) -> Vec<RigidPart> {
     let cover = |shape: &CoverShape| Mesh::smooth_box(&shape.half, shape.radius, &shape.link_from_cover, steps);
     let pack = Isometry3::from(Vector3::from(hand.parameters.palm.servo_pack_com));
     let pack = Mesh::smooth_box(&Vector3::new(0.036, 0.018, 0.028), 0.008, &pack, steps);
     let mut parts = vec![
-        Part { link: None, material: Material::Palm, mesh: cover(&hand.palm_cover) },
-        Part { link: None, material: Material::ServoPack, mesh: pack },
+        RigidPart { link: None, material: Material::Palm, mesh: cover(&hand.palm_cover) },
+        RigidPart { link: None, material: Material::ServoPack, mesh: pack },
     ];
     for (link, shape) in hand.covers.iter().enumerate() {
-        parts.push(Part { link: Some(link), material: Material::Cover, mesh: cover(shape) });
+        parts.push(RigidPart { link: Some(link), material: Material::Cover, mesh: cover(shape) });
         // The cover of the thumb's first link lies beside its axis.
         if link != hand.links(Digit::Thumb)[0] {
-            parts.push(Part { link: Some(link), material: Material::Knuckle, mesh: knuckle(shape, steps) });
+            parts.push(RigidPart { link: Some(link), material: Material::Knuckle, mesh: knuckle(shape, steps) });
         }
     }
     for pad in &hand.pads {
         let shape = pad.link.map_or(&hand.palm_cover, |link| &hand.covers[link]);
-        parts.push(Part { link: pad.link, material: Material::Board, mesh: board(pad, shape, steps) });
+        parts.push(RigidPart { link: pad.link, material: Material::Board, mesh: board(pad, shape, steps) });
     }
     parts
 }
@@ -76,12 +76,12 @@ pub fn parts(hand: &Hand, steps: u32) -> Vec<Part> {
 fn knuckle(shape: &CoverShape, steps: u32) -> Mesh {
     let reach = 0.5 * shape.half.z;
     let ends = [-reach, reach].map(|z| Point3::new(0.0, 0.0, z));
-    Mesh::smooth_capsule(ends, KNUCKLE * shape.half.y, (4 * steps + 4, steps + 1))
+    Mesh::smooth_capsule(ends, KNUCKLE_RADIUS_RATIO * shape.half.y, (4 * steps + 4, steps + 1))
 }
 
 /// Returns the board of a pad's cameras, on the back of the cover that carries the pad.
 fn board(pad: &hand_model::pads::Pad, shape: &CoverShape, steps: u32) -> Mesh {
-    let (thickness, share, width) = BOARD;
+    let (thickness, share, width) = CAMERA_BOARD_SIZE;
     let cover_from_pad = shape.link_from_cover.inverse() * pad.link_from_pad;
     // Extents of the cover along the pad's axes.
     let along = |axis: Vector3<f64>| (cover_from_pad * axis).abs().dot(&shape.half);
@@ -98,15 +98,15 @@ fn board(pad: &hand_model::pads::Pad, shape: &CoverShape, steps: u32) -> Mesh {
 /// Returns the coordinates (m) of a pad sheet's points along an axis of length `size` (m), denser over the edges
 /// rounded by `radius` (m).
 pub fn pad_points(size: f64, radius: f64) -> [f64; PAD_POINTS as usize] {
-    const EDGE: usize = 3;
+    const EDGE_POINTS: usize = 3;
     let flat = 0.5 * size - radius;
     std::array::from_fn(|n| {
-        let inner = PAD_POINTS as usize - 2 * EDGE - 1;
-        let turn = |k: usize| flat + radius * (FRAC_PI_2 * k as f64 / EDGE as f64).sin();
+        let inner = PAD_POINTS as usize - 2 * EDGE_POINTS - 1;
+        let turn = |k: usize| flat + radius * (FRAC_PI_2 * k as f64 / EDGE_POINTS as f64).sin();
         match n {
-            n if n < EDGE => -turn(EDGE - n),
-            n if n > EDGE + inner => turn(n - EDGE - inner),
-            n => flat * (2.0 * (n - EDGE) as f64 / inner as f64 - 1.0),
+            n if n < EDGE_POINTS => -turn(EDGE_POINTS - n),
+            n if n > EDGE_POINTS + inner => turn(n - EDGE_POINTS - inner),
+            n => flat * (2.0 * (n - EDGE_POINTS) as f64 / inner as f64 - 1.0),
         }
     })
 }
@@ -126,7 +126,7 @@ pub fn pad_sheet(pad: &hand_model::pads::Pad) -> Mesh {
         let (x, y) = inside(x, y);
         let (ex, ey) = (beyond(x, pad.w) * x.signum(), beyond(y, pad.h) * y.signum());
         let normal = Vector3::new(ex, ey, (r * r - ex * ex - ey * ey).max(0.0).sqrt().max(0.05 * r)).normalize();
-        (Vector3::new(x, y, pad.surface_height(x, y)) + normal * LIFT, normal)
+        (Vector3::new(x, y, pad.surface_height(x, y)) + normal * PAD_OFFSET, normal)
     })
 }
 
@@ -141,7 +141,7 @@ pub fn cables(hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Vec<Point3<f64>>> {
             let mut run = Vec::new();
             for Crossing { joint, lever, .. } in &cable.joints {
                 let Lever::Guides(guides) = lever else { continue };
-                let z = side * (hand.covers[*joint].half.z + BESIDE);
+                let z = side * (hand.covers[*joint].half.z + CABLE_OFFSET);
                 let at = |[x, y]: [f64; 2]| Point3::new(x, y, z);
                 run.push(parent(*joint) * joints[*joint].origin * at(guides.before));
                 run.push(links[*joint] * at(guides.after));
@@ -177,8 +177,8 @@ mod tests {
     #[test]
     fn boards_lie_on_the_back_of_their_covers() {
         let hand = Hand::ftac();
-        let boards: Vec<Part> =
-            parts(&hand, COARSE).into_iter().filter(|part| part.material == Material::Board).collect();
+        let boards: Vec<RigidPart> =
+            parts(&hand, COARSE_STEPS).into_iter().filter(|part| part.material == Material::Board).collect();
         assert_eq!(boards.len(), hand.pads.len());
         for (pad, board) in hand.pads.iter().zip(&boards) {
             let shape = pad.link.map_or(&hand.palm_cover, |link| &hand.covers[link]);

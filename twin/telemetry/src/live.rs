@@ -13,9 +13,9 @@ use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink, SinkFlushError};
 use crate::viewer;
 
 /// Time limit for a viewer to answer; then it is given up.
-const PATIENCE: Duration = Duration::from_secs(5);
+const VIEWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Polling interval for a viewer that has not answered yet.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 enum Message {
     Log(Vec<LogMsg>),
@@ -23,7 +23,7 @@ enum Message {
     Flush(Sender<()>),
 }
 
-/// Non-blocking sink to a viewer. A lost viewer is reported by [`viewer::lost`].
+/// Non-blocking sink to a viewer. A lost viewer is reported by [`viewer::loss_reason`].
 pub struct LiveSink {
     to: Sender<Message>,
 }
@@ -33,7 +33,7 @@ impl LiveSink {
     pub fn new(sink: GrpcSink, address: &str) -> Self {
         let (to, from) = mpsc::channel();
         let address = address.to_owned();
-        std::thread::spawn(move || hand_over(sink, &from, &address));
+        std::thread::spawn(move || forward_messages(sink, &from, &address));
         Self { to }
     }
 }
@@ -51,7 +51,7 @@ impl LogSink for LiveSink {
     fn flush_blocking(&self, timeout: Duration) -> Result<(), SinkFlushError> {
         let (done, over) = mpsc::channel();
         if self.to.send(Message::Flush(done)).is_ok() && over.recv_timeout(timeout) == Err(RecvTimeoutError::Timeout) {
-            viewer::lose("it stopped taking what it is sent");
+            viewer::mark_lost("it stopped taking what it is sent");
         }
         Ok(())
     }
@@ -59,25 +59,25 @@ impl LogSink for LiveSink {
 
 impl Drop for LiveSink {
     fn drop(&mut self) {
-        let _ = self.flush_blocking(PATIENCE);
+        let _ = self.flush_blocking(VIEWER_TIMEOUT);
     }
 }
 
 /// Forwards messages to the viewer as soon as it is there and for as long as it stays.
-fn hand_over(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
+fn forward_messages(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
     let begun = Instant::now();
     let (mut waiting, mut asking) = (Vec::new(), Vec::new());
     loop {
-        match from.recv_timeout(LOOK) {
+        match from.recv_timeout(POLL_INTERVAL) {
             Ok(Message::Log(messages)) => waiting.extend(messages),
             Ok(Message::Flush(done)) => asking.push(done),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
         match sink.status() {
-            GrpcSinkConnectionState::Connecting { .. } if begun.elapsed() < PATIENCE => {}
+            GrpcSinkConnectionState::Connecting { .. } if begun.elapsed() < VIEWER_TIMEOUT => {}
             GrpcSinkConnectionState::Connecting { .. } => {
-                return viewer::lose(&format!("it does not answer at {address}"));
+                return viewer::mark_lost(&format!("it does not answer at {address}"));
             }
             GrpcSinkConnectionState::Connected => {
                 sink.send_all(std::mem::take(&mut waiting));
@@ -86,7 +86,7 @@ fn hand_over(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
                     asking.clear();
                 }
             }
-            GrpcSinkConnectionState::Disconnected(_) => return viewer::lose("it ended"),
+            GrpcSinkConnectionState::Disconnected(_) => return viewer::mark_lost("it ended"),
         }
     }
 }
@@ -112,8 +112,8 @@ mod tests {
         let messages = storage.take();
         assert!(messages.len() >= 300, "{}", messages.len());
         messages.into_iter().for_each(|message| sink.send(message));
-        sink.flush_blocking(4 * PATIENCE).expect("given up");
-        let lost = viewer::lost().expect("noticed");
+        sink.flush_blocking(4 * VIEWER_TIMEOUT).expect("given up");
+        let lost = viewer::loss_reason().expect("noticed");
         assert!(lost.contains("does not answer"), "{lost}");
     }
 }

@@ -50,10 +50,10 @@ impl DrawnObject {
 }
 
 impl Mesh {
-    /// Adds normals to a plain mesh; see [`DrawnObject::from_mesh`]. Vertices at the same position are merged for this;
+    /// Adds normals to a plain mesh; see [`PageObject::from_mesh`]. Vertices at the same position are merged for this;
     /// triangles with an invalid vertex index or without area are left out.
     pub fn with_normals(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
-        const CREASE: f64 = 0.766;
+        const CREASE_COSINE: f64 = 0.766;
         let place = |p: &Point3<f64>| p.coords.map(|x| (x * 1e6).round() as i64);
         let mut faces: Vec<([u32; 3], Vector3<f64>)> = Vec::with_capacity(triangles.len());
         let mut around: HashMap<Vector3<i64>, Vec<usize>> = HashMap::new();
@@ -76,7 +76,7 @@ impl Mesh {
                 let sum: Vector3<f64> = around[&place(point)]
                     .iter()
                     .map(|f| faces[*f].1)
-                    .filter(|n| n.normalize().dot(&unit) > CREASE)
+                    .filter(|n| n.normalize().dot(&unit) > CREASE_COSINE)
                     .sum();
                 let normal = sum.normalize();
                 let key = (place(point), [normal.x, normal.y, normal.z].map(|x| (x * 500.0).round() as i32));
@@ -88,7 +88,7 @@ impl Mesh {
     }
 
     /// Returns a rounded box with half extents `half` and edge radius `radius` (both m), centred in its frame and moved
-    /// to `pose`.
+    /// to `log_pose_if_moved`.
     pub fn rounded_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>) -> Self {
         Self::smooth_box(half, radius, pose, 2)
     }
@@ -168,7 +168,7 @@ impl Mesh {
     }
 
     /// Merges another mesh into this one.
-    pub fn and(mut self, other: Self) -> Self {
+    pub fn merged(mut self, other: Self) -> Self {
         let first = self.vertices.len() as u32;
         self.vertices.extend(other.vertices);
         self.normals.extend(other.normals);

@@ -3,11 +3,11 @@
 use rerun::{AnyValues, RecordingStream, StateChange, TextDocument, TextLog};
 
 use crate::entities;
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 
 /// Severity of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
+pub enum LogLevel {
     /// Detail for debugging.
     Debug,
     /// Normal event.
@@ -18,7 +18,7 @@ pub enum Level {
     Error,
 }
 
-impl Level {
+impl LogLevel {
     fn name(self) -> &'static str {
         match self {
             Self::Debug => rerun::TextLogLevel::DEBUG,
@@ -45,7 +45,7 @@ pub struct TrialProperties {
 }
 
 /// Logs the properties and names the recording after them.
-pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), StreamError> {
+pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), TelemetryError> {
     let text = |name: &str| [rerun::components::Text::from(name)];
     let values = AnyValues::default()
         .with_component::<rerun::components::Text>("combination", text(&p.combination))
@@ -58,19 +58,19 @@ pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), 
 }
 
 /// Logs a phase: a bar in the state view and a line in the log.
-pub fn log_phase(rec: &RecordingStream, phase: &str) -> Result<(), StreamError> {
+pub fn log_phase(rec: &RecordingStream, phase: &str) -> Result<(), TelemetryError> {
     rec.log(entities::PHASE, &StateChange::single(phase))?;
-    log_text(rec, Level::Info, &format!("phase: {phase}"))
+    log_text(rec, LogLevel::Info, &format!("phase: {phase}"))
 }
 
 /// Logs a line.
-pub fn log_text(rec: &RecordingStream, level: Level, text: &str) -> Result<(), StreamError> {
+pub fn log_text(rec: &RecordingStream, level: LogLevel, text: &str) -> Result<(), TelemetryError> {
     Ok(rec.log(entities::LOG, &TextLog::new(text).with_level(level.name()))?)
 }
 
 /// Logs the outcome: in the log, as a document, and as a property.
-pub fn log_outcome(rec: &RecordingStream, outcome: &str) -> Result<(), StreamError> {
-    log_text(rec, Level::Info, &format!("outcome: {outcome}"))?;
+pub fn log_outcome(rec: &RecordingStream, outcome: &str) -> Result<(), TelemetryError> {
+    log_text(rec, LogLevel::Info, &format!("outcome: {outcome}"))?;
     rec.log(entities::OUTCOME, &TextDocument::new(outcome))?;
     let value = AnyValues::default()
         .with_component::<rerun::components::Text>("outcome", [rerun::components::Text::from(outcome)]);

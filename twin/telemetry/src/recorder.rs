@@ -1,8 +1,8 @@
 //! Recorder of one trial: targets, rates, and everything that can be logged.
 
 mod beliefs;
+mod reference_model;
 mod touch;
-mod twin;
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,23 +14,23 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Clear, RecordingStream, TextDocument};
 
-pub use self::twin::TwinFrame;
+pub use self::reference_model::ReferenceFrame;
 use crate::blueprint;
-use crate::change::Changes;
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::mesh::DrawnObject;
-use crate::now::{Now, Weighed};
-use crate::phase::{self, Level, TrialProperties};
+use crate::phase::{self, LogLevel, TrialProperties};
+use crate::rate_limit::{LastPoses, RateLimiter};
 use crate::release::{SIM_TIME, TICK, WALL_TIME};
 use crate::signals::{self, SignalFrame};
-use crate::sink::Opened;
-pub use crate::sink::Target;
-use crate::thin::{Moved, Pace};
-use crate::{belief, entities, hand_mesh, scene, tactile};
+use crate::sink::OpenRecording;
+pub use crate::sink::RecordingTarget;
+use crate::state_page::{ScoredCandidate, StatePage};
+use crate::tactile_changes::TactileChanges;
+use crate::{entities, hand_mesh, pose_belief, scene, tactile};
 
 /// Rates, sizes and content of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct RecorderSettings {
     /// Rate of poses, Hz.
     pub pose_rate: f64,
     /// Rate of scalar signals, Hz.
@@ -51,11 +51,11 @@ pub struct Settings {
     pub cable_rate: f64,
     /// True if the true scene is recorded beside measurements and beliefs.
     pub truth: bool,
-    /// Time limit of [`Recorder::finish`] for slow targets.
+    /// Time limit of [`SessionRecorder::finish`] for slow targets.
     pub flush_timeout: Duration,
 }
 
-impl Default for Settings {
+impl Default for RecorderSettings {
     fn default() -> Self {
         Self {
             pose_rate: 30.0,
@@ -73,68 +73,68 @@ impl Default for Settings {
     }
 }
 
-const ROBOT: usize = 0;
-const CONTACTS: usize = 1;
-const CABLES: usize = 2;
-const PAGE: usize = 3;
-const TWIN: usize = 4;
-const TWIN_OBJECT: usize = 5;
-const FIRST_OBJECT: usize = 6;
+const ROBOT_KEY: usize = 0;
+const CONTACTS_KEY: usize = 1;
+const CABLES_KEY: usize = 2;
+const PAGE_KEY: usize = 3;
+const REFERENCE_KEY: usize = 4;
+const REFERENCE_OBJECT_KEY: usize = 5;
+const FIRST_OBJECT_KEY: usize = 6;
 /// Refresh rate of the page on the current state, Hz.
 const PAGE_RATE: f64 = 0.5;
 
-/// Recorder of one trial; see the crate's page. If dropped without [`Recorder::finish`], it still writes what it has.
+/// Recorder of one trial; see the crate's page. If dropped without [`SessionRecorder::finish`], it still writes what it has.
 pub struct Recorder {
     rec: RecordingStream,
-    opened: Opened,
-    settings: Settings,
+    opened: OpenRecording,
+    settings: RecorderSettings,
     robot: RobotModel,
     arm_links: usize,
     objects: Vec<DrawnObject>,
     time: f64,
     tick: i64,
-    moved: Moved,
-    poses: Pace,
-    scalars: Pace,
-    images: Pace,
-    heights: Pace,
+    last_poses: LastPoses,
+    poses: RateLimiter,
+    scalars: RateLimiter,
+    images: RateLimiter,
+    heights: RateLimiter,
     last_image: Vec<Option<TactileImage>>,
     /// Size of the last height map of each camera, and true if it was idle.
     last_height: Vec<Option<([usize; 2], bool)>>,
     no_contacts: bool,
-    changes: Changes,
-    cables: Pace,
+    changes: TactileChanges,
+    cables: RateLimiter,
     /// Drawn cable tensions, in colour steps.
-    pulled: DigitVector<u8>,
-    pages: Pace,
-    now: Now,
+    cable_steps: DigitVector<u8>,
+    pages: RateLimiter,
+    state_page: StatePage,
     page: String,
     /// Last touch of each object with its covariance.
-    felt: Vec<Option<belief::Felt>>,
+    felt: Vec<Option<pose_belief::LastContact>>,
     /// True if the twin of a mirror is shown; then the object that it believes to hold.
-    twin: bool,
-    twin_object: Option<usize>,
+    reference_model: bool,
+    reference_object: Option<usize>,
     /// True for each that is shown: the rejected trajectory, the chosen one, and the closest approach.
-    ways: [bool; 3],
+    shown_paths: [bool; 3],
 }
 
 impl Recorder {
     /// Records into the file at `path`, with the default settings.
-    pub fn create(path: impl AsRef<Path>, robot: &RobotModel, objects: &[DrawnObject]) -> Result<Self, StreamError> {
-        Self::open(&[Target::File(path.as_ref().to_owned())], Settings::default(), robot, objects)
+    pub fn create(path: impl AsRef<Path>, robot: &RobotModel, objects: &[DrawnObject]) -> Result<Self, TelemetryError> {
+        Self::open(&[RecordingTarget::File(path.as_ref().to_owned())], RecorderSettings::default(), robot, objects)
     }
 
     /// Records to `targets`. Without targets everything is dropped.
     pub fn open(
-        targets: &[Target],
-        settings: Settings,
+        targets: &[RecordingTarget],
+        settings: RecorderSettings,
         robot: &RobotModel,
         objects: &[DrawnObject],
-    ) -> Result<Self, StreamError> {
-        let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
+    ) -> Result<Self, TelemetryError> {
+        let live = targets.iter().any(|target| !matches!(target, RecordingTarget::File(_)));
         // Long batches make small files; a live view needs short ones.
         let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
-        let opened = Opened::new(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
+        let opened = OpenRecording::new(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         let rec = opened.rec.clone();
         blueprint::send(&rec)?;
         // Without ground truth nobody knows the true poses of the objects, so only their estimates are drawn.
@@ -150,24 +150,24 @@ impl Recorder {
             objects: objects.to_vec(),
             time: 0.0,
             tick: -1,
-            moved: Moved::default(),
-            poses: Pace::new(settings.pose_rate),
-            scalars: Pace::new(settings.scalar_rate),
-            images: Pace::new(settings.image_rate),
-            heights: Pace::new(settings.image_rate),
+            last_poses: LastPoses::default(),
+            poses: RateLimiter::new(settings.pose_rate),
+            scalars: RateLimiter::new(settings.scalar_rate),
+            images: RateLimiter::new(settings.image_rate),
+            heights: RateLimiter::new(settings.image_rate),
             last_image: vec![None; robot.hand.cameras.len()],
             last_height: vec![None; robot.hand.cameras.len()],
             no_contacts: true,
-            changes: Changes::new(robot.hand.cameras.len()),
-            cables: Pace::new(settings.cable_rate),
-            pulled: DigitVector::new(),
-            pages: Pace::new(PAGE_RATE),
-            now: Now::new(settings.truth),
+            changes: TactileChanges::new(robot.hand.cameras.len()),
+            cables: RateLimiter::new(settings.cable_rate),
+            cable_steps: DigitVector::new(),
+            pages: RateLimiter::new(PAGE_RATE),
+            state_page: StatePage::new(settings.truth),
             page: String::new(),
             felt: vec![None; objects.len()],
-            twin: false,
-            twin_object: None,
-            ways: [false; 3],
+            reference_model: false,
+            reference_object: None,
+            shown_paths: [false; 3],
         };
         recorder.set_time(0.0);
         recorder.log_pads()?;
@@ -181,14 +181,15 @@ impl Recorder {
         self.rec.set_time_sequence(TICK, self.tick);
     }
 
-    /// Sets the wall-clock time of all data that follow, ns since 1970. Call it before [`Recorder::set_time`].
+    /// Sets the wall-clock time of all data that follow, ns since 1970. Call it before [`SessionRecorder::set_time`].
     pub fn set_wall_time(&mut self, unix_ns: i64) {
         self.rec.set_timestamp_nanos_since_epoch(WALL_TIME, unix_ns);
     }
 
     /// Logs the identification of the trial.
-    pub fn log_properties(&mut self, properties: &TrialProperties) -> Result<(), StreamError> {
-        self.now.set_title(format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
+    pub fn log_properties(&mut self, properties: &TrialProperties) -> Result<(), TelemetryError> {
+        self.state_page
+            .set_title(format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
         phase::log_properties(&self.rec, properties)
     }
 
@@ -199,46 +200,46 @@ impl Recorder {
         arm_links: &[Isometry3<f64>],
         palm: &Isometry3<f64>,
         hand_links: &[Isometry3<f64>],
-    ) -> Result<(), StreamError> {
-        if !self.poses.due(ROBOT, self.time) {
+    ) -> Result<(), TelemetryError> {
+        if !self.poses.due(ROBOT_KEY, self.time) {
             return Ok(());
         }
         for (k, pose) in arm_links.iter().enumerate().take(self.arm_links) {
-            self.pose(&entities::arm_link(k), pose)?;
+            self.log_pose_if_moved(&entities::arm_link(k), pose)?;
         }
-        self.pose(entities::HAND, palm)?;
-        self.pose(entities::FOLLOW, &scene::beside(palm))?;
+        self.log_pose_if_moved(entities::HAND, palm)?;
+        self.log_pose_if_moved(entities::FOLLOW, &scene::follow_frame(palm))?;
         let paths: Vec<_> = self.robot.hand.tree.joints.iter().map(|joint| entities::hand_link(&joint.name)).collect();
         let mut moved = false;
         for (path, link) in paths.iter().zip(hand_links) {
-            moved |= self.pose(path, link)?;
+            moved |= self.log_pose_if_moved(path, link)?;
         }
         self.log_cables(hand_links, moved)?;
-        self.turn_page(false)
+        self.refresh_page(false)
     }
 
     /// Logs the cables from guide to guide, coloured by the tensions logged last.
-    fn log_cables(&mut self, hand_links: &[Isometry3<f64>], moved: bool) -> Result<(), StreamError> {
-        if moved && self.cables.due(CABLES, self.time) {
+    fn log_cables(&mut self, hand_links: &[Isometry3<f64>], moved: bool) -> Result<(), TelemetryError> {
+        if moved && self.cables.due(CABLES_KEY, self.time) {
             let runs = hand_mesh::cables(&self.robot.hand, hand_links);
-            self.rec.log(entities::CABLES, &scene::cables(&runs, &self.pulled))?;
+            self.rec.log(entities::CABLES, &scene::cable_lines(&runs, &self.cable_steps))?;
         }
         Ok(())
     }
 
     /// Logs the true pose `world_from_object`.
-    pub fn log_object(&mut self, name: &str, pose: &Isometry3<f64>) -> Result<(), StreamError> {
-        let index = self.object(name)?;
-        if self.settings.truth && self.poses.due(FIRST_OBJECT + 2 * index, self.time) {
-            self.pose(&entities::object(name), pose)?;
+    pub fn log_object(&mut self, name: &str, pose: &Isometry3<f64>) -> Result<(), TelemetryError> {
+        let index = self.object_index(name)?;
+        if self.settings.truth && self.poses.due(FIRST_OBJECT_KEY + 2 * index, self.time) {
+            self.log_pose_if_moved(&entities::object(name), pose)?;
         }
         Ok(())
     }
 
     /// Logs the candidates of a decision; an empty list when it is over.
-    pub fn log_options(&mut self, options: Vec<Weighed>) -> Result<(), StreamError> {
-        self.now.set_options(options);
-        self.turn_page(true)
+    pub fn log_candidates(&mut self, options: Vec<ScoredCandidate>) -> Result<(), TelemetryError> {
+        self.state_page.set_candidates(options);
+        self.refresh_page(true)
     }
 
     /// Logs contact forces (N, world frame) at points (m) on the hand, and between objects (pairs of point and force).
@@ -247,24 +248,24 @@ impl Recorder {
         points: &[Point3<f64>],
         forces: &[Vector3<f64>],
         between: &[(Point3<f64>, Vector3<f64>)],
-    ) -> Result<(), StreamError> {
+    ) -> Result<(), TelemetryError> {
         let none = (points.is_empty() || forces.is_empty()) && between.is_empty();
-        if (none && self.no_contacts) || !self.settings.truth || !self.poses.due(CONTACTS, self.time) {
+        if (none && self.no_contacts) || !self.settings.truth || !self.poses.due(CONTACTS_KEY, self.time) {
             return Ok(());
         }
         self.no_contacts = none;
         if none {
             return Ok(self.rec.log(entities::CONTACTS, &Clear::flat())?);
         }
-        Ok(self.rec.log(entities::CONTACTS, &scene::forces(points, forces, between))?)
+        Ok(self.rec.log(entities::CONTACTS, &scene::force_arrows(points, forces, between))?)
     }
 
     /// Logs the scalar signals of this moment.
-    pub fn log_scalars(&mut self, frame: &SignalFrame) -> Result<(), StreamError> {
+    pub fn log_scalars(&mut self, frame: &SignalFrame) -> Result<(), TelemetryError> {
         if let Some(tensions) = frame.tensions {
             let pulled: DigitVector<u8> = tensions.iter().map(|tension| scene::tension_step(*tension)).collect();
-            if pulled != self.pulled && self.cables.due(CABLES + 1, self.time) {
-                self.pulled = pulled;
+            if pulled != self.cable_steps && self.cables.due(CABLES_KEY + 1, self.time) {
+                self.cable_steps = pulled;
                 self.rec.log(entities::CABLES, &scene::cable_colors(&pulled))?;
             }
         }
@@ -272,61 +273,61 @@ impl Recorder {
     }
 
     /// Logs the start of a phase of the trial.
-    pub fn log_phase(&mut self, phase: &str) -> Result<(), StreamError> {
-        self.now.set_phase(phase);
-        self.turn_page(true)?;
+    pub fn log_phase(&mut self, phase: &str) -> Result<(), TelemetryError> {
+        self.state_page.set_phase(phase);
+        self.refresh_page(true)?;
         phase::log_phase(&self.rec, phase)
     }
 
     /// Logs a line of text.
-    pub fn log_text(&mut self, level: Level, text: &str) -> Result<(), StreamError> {
-        self.now.add(self.time, text);
-        self.turn_page(true)?;
+    pub fn log_text(&mut self, level: LogLevel, text: &str) -> Result<(), TelemetryError> {
+        self.state_page.add(self.time, text);
+        self.refresh_page(true)?;
         phase::log_text(&self.rec, level, text)
     }
 
     /// Logs the outcome of the trial.
-    pub fn log_outcome(&mut self, outcome: &str) -> Result<(), StreamError> {
-        self.now.set_outcome(outcome);
-        self.turn_page(true)?;
+    pub fn log_outcome(&mut self, outcome: &str) -> Result<(), TelemetryError> {
+        self.state_page.set_outcome(outcome);
+        self.refresh_page(true)?;
         phase::log_outcome(&self.rec, outcome)
     }
 
     /// Refreshes the page on the current state if it is `due` or its interval has passed.
-    fn turn_page(&mut self, due: bool) -> Result<(), StreamError> {
-        if !self.pages.due(PAGE, self.time) && !due {
+    fn refresh_page(&mut self, due: bool) -> Result<(), TelemetryError> {
+        if !self.pages.due(PAGE_KEY, self.time) && !due {
             return Ok(());
         }
-        let page = self.now.page(self.time);
+        let page = self.state_page.page(self.time);
         if page != self.page {
-            self.rec.log(entities::NOW, &TextDocument::from_markdown(page.clone()))?;
+            self.rec.log(entities::STATE_PAGE, &TextDocument::from_markdown(page.clone()))?;
             self.page = page;
         }
         Ok(())
     }
 
     /// Flushes everything and closes the recording. Returns an error if something could not be written.
-    pub fn finish(self) -> Result<(), StreamError> {
+    pub fn finish(self) -> Result<(), TelemetryError> {
         self.opened.close(self.settings.flush_timeout)
     }
 
     /// Logs a pose if it has moved, and returns true if it has.
-    fn pose(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<bool, StreamError> {
-        let moved = self.moved.check(path, pose);
+    fn log_pose_if_moved(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<bool, TelemetryError> {
+        let moved = self.last_poses.has_moved(path, pose);
         if moved {
             self.rec.log(path, &scene::transform(pose))?;
         }
         Ok(moved)
     }
 
-    fn object(&self, name: &str) -> Result<usize, StreamError> {
+    fn object_index(&self, name: &str) -> Result<usize, TelemetryError> {
         let index = self.objects.iter().position(|object| object.name == name);
-        index.ok_or_else(|| StreamError::Unknown(name.to_owned()))
+        index.ok_or_else(|| TelemetryError::Unknown(name.to_owned()))
     }
 
-    fn camera(&self, index: usize) -> Result<String, StreamError> {
+    fn camera_name(&self, index: usize) -> Result<String, TelemetryError> {
         let camera =
-            self.robot.hand.cameras.get(index).ok_or_else(|| StreamError::Unknown(format!("camera {index}")))?;
+            self.robot.hand.cameras.get(index).ok_or_else(|| TelemetryError::Unknown(format!("camera {index}")))?;
         Ok(camera.name.clone())
     }
 }

@@ -11,16 +11,16 @@ use rerun::external::re_log_encoding::{Encoder, rrd::EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
 
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 
 /// First error of a file, shared by the writer and the code that closes the recording.
 #[derive(Debug, Clone)]
-pub(crate) struct Fault {
+pub(crate) struct FileError {
     path: PathBuf,
     first: Arc<Mutex<Option<io::Error>>>,
 }
 
-impl Fault {
+impl FileError {
     fn note(&self, error: io::Error) {
         if let Ok(mut first) = self.first.lock() {
             first.get_or_insert(error);
@@ -28,21 +28,21 @@ impl Fault {
     }
 
     /// Takes the error, if there is one.
-    pub fn take(&self) -> Result<(), StreamError> {
+    pub fn take(&self) -> Result<(), TelemetryError> {
         match self.first.lock().ok().and_then(|mut first| first.take()) {
-            Some(source) => Err(StreamError::Unwritable { path: self.path.clone(), source }),
+            Some(source) => Err(TelemetryError::Unwritable { path: self.path.clone(), source }),
             None => Ok(()),
         }
     }
 }
 
 /// A file that remembers its first error.
-struct Noting {
+struct ErrorTrackingFile {
     file: File,
-    fault: Fault,
+    fault: FileError,
 }
 
-impl Write for Noting {
+impl Write for ErrorTrackingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.file.write(bytes);
         // The caller gets an error of the same kind and may or may not pass it on.
@@ -62,17 +62,17 @@ impl Write for Noting {
 
 /// Sink that writes into a file for as long as this works.
 pub(crate) struct RecordingFile {
-    encoder: Mutex<Encoder<Noting>>,
-    fault: Fault,
+    encoder: Mutex<Encoder<ErrorTrackingFile>>,
+    fault: FileError,
 }
 
 impl RecordingFile {
     /// Creates the file at `path`, replacing an existing one.
-    pub fn create(path: &Path) -> Result<(Self, Fault), StreamError> {
-        let unwritable = |source| StreamError::Unwritable { path: path.to_owned(), source };
+    pub fn create(path: &Path) -> Result<(Self, FileError), TelemetryError> {
+        let unwritable = |source| TelemetryError::Unwritable { path: path.to_owned(), source };
         let file = File::create(path).map_err(unwritable)?;
-        let fault = Fault { path: path.to_owned(), first: Arc::default() };
-        let noting = Noting { file, fault: fault.clone() };
+        let fault = FileError { path: path.to_owned(), first: Arc::default() };
+        let noting = ErrorTrackingFile { file, fault: fault.clone() };
         let version = rerun::build_info().version;
         let encoder = Encoder::new_eager(version, EncodingOptions::PROTOBUF_COMPRESSED, noting);
         let encoder = encoder.map_err(|error| match fault.take() {
@@ -93,7 +93,7 @@ impl LogSink for RecordingFile {
     }
 
     fn flush_blocking(&self, _: Duration) -> Result<(), SinkFlushError> {
-        // A failed write is reported through [`Fault::take`].
+        // A failed write is reported through [`FileError::take`].
         Ok(())
     }
 

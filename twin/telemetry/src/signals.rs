@@ -4,7 +4,7 @@ use hand_model::{ActuatorVector, ArmVector, DigitVector, HandVector, RobotModel}
 use rerun::{RecordingStream, Scalars, SeriesLines};
 
 use crate::entities;
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::mesh::DrawnObject;
 use crate::scene::{DIGIT_COLORS, PALM_COLOR, digit_name, link_color};
 
@@ -40,50 +40,50 @@ fn shade(color: [u8; 3], step: usize) -> [u8; 3] {
     color.map(|c| (f64::from(c) * factor) as u8)
 }
 
-fn lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
+fn series_lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
     SeriesLines::new().with_names(names).with_colors(colors).with_widths([1.6f32])
 }
 
 /// Logs names and colours of the lines, once.
-pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), StreamError> {
+pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObject]) -> Result<(), TelemetryError> {
     let RobotModel { hand, arm, .. } = robot;
     let digits: Vec<String> = (0..hand.cables.len()).map(|i| digit_name(i).to_owned()).collect();
-    rec.log_static(entities::TENSIONS, &lines(digits.clone(), DIGIT_COLORS.to_vec()))?;
+    rec.log_static(entities::TENSIONS, &series_lines(digits.clone(), DIGIT_COLORS.to_vec()))?;
     let servos = digits.iter().cloned().chain(["opposition".to_owned()]).collect();
-    rec.log_static(entities::CURRENTS, &lines(servos, DIGIT_COLORS.into_iter().chain([PALM_COLOR]).collect()))?;
+    rec.log_static(entities::CURRENTS, &series_lines(servos, DIGIT_COLORS.into_iter().chain([PALM_COLOR]).collect()))?;
     let joints = hand.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
     let along = |link: Option<usize>| {
         let chain = hand.digit_of(link).map(|digit| hand.links(digit));
         chain.and_then(|chain| chain.iter().position(|own| link == Some(*own))).unwrap_or(0)
     };
     let colors = (0..hand.tree.len()).map(|i| shade(link_color(hand, Some(i)), along(Some(i)))).collect();
-    rec.log_static(entities::JOINT_ANGLES, &lines(joints, colors))?;
+    rec.log_static(entities::JOINT_ANGLES, &series_lines(joints, colors))?;
     let palette = |i: usize| DIGIT_COLORS.get(i).copied().unwrap_or(shade(PALM_COLOR, i % 2));
     let arm_joints = arm.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
-    rec.log_static(entities::ARM_ANGLES, &lines(arm_joints, (0..arm.tree.len()).map(palette).collect()))?;
+    rec.log_static(entities::ARM_ANGLES, &series_lines(arm_joints, (0..arm.tree.len()).map(palette).collect()))?;
     let pads = hand.pads.iter().map(|pad| pad.name.replace('_', " ")).collect();
     let colors = hand.pads.iter().map(|pad| shade(link_color(hand, pad.link), along(pad.link))).collect();
-    rec.log_static(entities::PAD_FORCES, &lines(pads, colors))?;
-    rec.log_static(entities::TWIN_LOADS, &lines(digits, DIGIT_COLORS.to_vec()))?;
+    rec.log_static(entities::PAD_FORCES, &series_lines(pads, colors))?;
+    rec.log_static(entities::RESIDUAL_LOADS, &series_lines(digits, DIGIT_COLORS.to_vec()))?;
     let axes = ["x", "y", "z"].map(|axis| format!("{axis} (N)")).to_vec();
-    rec.log_static(entities::TWIN_FORCE, &lines(axes, DIGIT_COLORS[..3].to_vec()))?;
+    rec.log_static(entities::RESIDUAL_FORCE, &series_lines(axes, DIGIT_COLORS[..3].to_vec()))?;
     for (path, unit) in [(entities::POSE_ERROR_MM, "mm"), (entities::POSE_ERROR_DEG, "deg")] {
         let names = objects.iter().map(|object| format!("{} ({unit})", object.name)).collect();
         let step = if unit == "mm" { 0 } else { 1 };
-        rec.log_static(path, &lines(names, objects.iter().map(|object| shade(object.color, step)).collect()))?;
+        rec.log_static(path, &series_lines(names, objects.iter().map(|object| shade(object.color, step)).collect()))?;
     }
     Ok(())
 }
 
 /// Logs the residuals between a robot and its twin: cable loads (N), and the force on the hand (N, world axes).
-pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> Result<(), StreamError> {
+pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> Result<(), TelemetryError> {
     let rounded = |values: &[f64]| Scalars::new(values.iter().map(|v| (v * 1e3).round() * 1e-3).collect::<Vec<_>>());
-    rec.log(entities::TWIN_LOADS, &rounded(loads))?;
-    Ok(rec.log(entities::TWIN_FORCE, &rounded(force))?)
+    rec.log(entities::RESIDUAL_LOADS, &rounded(loads))?;
+    Ok(rec.log(entities::RESIDUAL_FORCE, &rounded(force))?)
 }
 
 /// Logs one moment.
-pub fn log(rec: &RecordingStream, frame: &SignalFrame) -> Result<(), StreamError> {
+pub fn log(rec: &RecordingStream, frame: &SignalFrame) -> Result<(), TelemetryError> {
     let send = |path: &str, values: Option<&[f64]>, scale: f64| match values {
         // Three decimals are enough for a plot, and short numbers compress better.
         Some(values) => rec.log(path, &Scalars::new(values.iter().map(|v| (v * scale * 1e3).round() * 1e-3))),

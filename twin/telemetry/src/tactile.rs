@@ -12,25 +12,25 @@ use image::{ExtendedColorType, RgbImage, imageops};
 use rerun::{AsComponents, Boxes2D, EncodedImage, RecordingStream, Transform3D};
 
 use crate::entities;
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::scene::{DIGIT_COLORS, link_color};
 
 /// Spacing of neighbouring cells, across and down, in the units of the 2D views.
-pub const CELL: [f32; 2] = [200.0, 196.0];
+pub const CELL_SPACING: [f32; 2] = [200.0, 196.0];
 /// Side of an image: of a pad that feels something, and of an untouched one.
-pub const SIDE: [f32; 2] = [164.0, 84.0];
+pub const IMAGE_SIDES: [f32; 2] = [164.0, 84.0];
 /// Room for the digits' names above the picture.
-pub const HEAD: f32 = 52.0;
+pub const HEADER_HEIGHT: f32 = 52.0;
 /// Entity roots of the maps that share this layout.
-const MAPS: [&str; 3] = [entities::TACTILE, entities::CHANGES, entities::HEIGHTS];
+const MAP_ROOTS: [&str; 3] = [entities::TACTILE, entities::CHANGES, entities::HEIGHTS];
 /// Columns and rows of the picture.
-pub const CELLS: [f32; 2] = [5.0, 4.0];
+pub const GRID_SIZE: [f32; 2] = [5.0, 4.0];
 /// Change threshold of a channel value, in levels of 255; camera noise stays below it.
-const CHANGE: u8 = 14;
+const CHANGE_THRESHOLD: u8 = 14;
 /// Share of changed values from which an image counts as changed.
-const CHANGED_PART: f64 = 5e-4;
+const CHANGED_SHARE: f64 = 5e-4;
 /// Longest side of a drawn height map, pixels.
-const HEIGHT_SIDE: usize = 80;
+const MAX_HEIGHT_SIDE: usize = 80;
 
 /// Returns column and row of a camera: fingers upwards, thumb on the left, palm below.
 pub fn cell(hand: &Hand, camera: usize) -> Option<[f32; 2]> {
@@ -47,26 +47,30 @@ pub fn cell(hand: &Hand, camera: usize) -> Option<[f32; 2]> {
 }
 
 /// Returns the upper left corner and the side of a camera's image.
-fn place(hand: &Hand, camera: usize, active: bool) -> Option<[f32; 3]> {
+fn image_place(hand: &Hand, camera: usize, active: bool) -> Option<[f32; 3]> {
     let [column, row] = cell(hand, camera)?;
-    let side = SIDE[usize::from(!active)];
-    Some([column * CELL[0] + 0.5 * (CELL[0] - side), row * CELL[1] + HEAD + 0.5 * (SIDE[0] - side), side])
+    let side = IMAGE_SIDES[usize::from(!active)];
+    Some([
+        column * CELL_SPACING[0] + 0.5 * (CELL_SPACING[0] - side),
+        row * CELL_SPACING[1] + HEADER_HEIGHT + 0.5 * (IMAGE_SIDES[0] - side),
+        side,
+    ])
 }
 
 /// Logs the names of the digits above their columns, once.
-pub fn log_static(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
-    let columns = [0.0, 1.0, 2.0, 3.0, 4.0].map(|column| (column + 0.5) * CELL[0]);
+pub fn log_static(rec: &RecordingStream, hand: &Hand) -> Result<(), TelemetryError> {
+    let columns = [0.0, 1.0, 2.0, 3.0, 4.0].map(|column| (column + 0.5) * CELL_SPACING[0]);
     let names = Digit::ALL.map(Digit::name);
     // The thumb starts lower.
     let rows = (0..hand.cameras.len()).filter_map(|camera| cell(hand, camera)).filter(|[column, _]| *column == 0.0);
-    let top = rows.map(|[_, row]| row * CELL[1]).fold(f32::INFINITY, f32::min);
+    let top = rows.map(|[_, row]| row * CELL_SPACING[1]).fold(f32::INFINITY, f32::min);
     let points = columns.iter().enumerate().map(|(n, x)| [*x, if n == 0 && top.is_finite() { top } else { 0.0 }]);
     let heads = rerun::Points2D::new(points)
         .with_labels(names)
         .with_show_labels(true)
         .with_colors(DIGIT_COLORS)
         .with_radii([0.5f32]);
-    for root in MAPS {
+    for root in MAP_ROOTS {
         rec.log_static(format!("{root}/digits"), &heads)?;
     }
     Ok(())
@@ -79,13 +83,13 @@ pub fn log_cells(
     hand: &Hand,
     (side, change_side): (usize, usize),
     active: impl Fn(usize) -> bool,
-) -> Result<(), StreamError> {
+) -> Result<(), TelemetryError> {
     let (mut centers, mut halves, mut colors) = (Vec::new(), Vec::new(), Vec::new());
     let (mut labelled, mut labels) = (Vec::new(), Vec::new());
     for (index, camera) in hand.cameras.iter().enumerate() {
-        let Some([x, y, size]) = place(hand, index, active(index)) else { continue };
-        rec.log(entities::tactile(&camera.name), &placed(x, y, size / side as f32))?;
-        rec.log(entities::change(&camera.name), &placed(x, y, size / change_side as f32))?;
+        let Some([x, y, size]) = image_place(hand, index, active(index)) else { continue };
+        rec.log(entities::tactile(&camera.name), &placement(x, y, size / side as f32))?;
+        rec.log(entities::change(&camera.name), &placement(x, y, size / change_side as f32))?;
         centers.push([x + 0.5 * size, y + 0.5 * size]);
         halves.push([0.5 * size + 2.0; 2]);
         colors.push(link_color(hand, hand.pads[camera.pad].link));
@@ -104,14 +108,14 @@ pub fn log_cells(
         .with_show_labels(true)
         .with_radii([0.5f32])
         .with_draw_order(60.0f32);
-    for root in MAPS {
+    for root in MAP_ROOTS {
         rec.log(format!("{root}/frames"), &frame)?;
         rec.log(format!("{root}/names"), &names)?;
     }
     Ok(())
 }
 
-fn placed(x: f32, y: f32, scale: f32) -> Transform3D {
+fn placement(x: f32, y: f32, scale: f32) -> Transform3D {
     Transform3D::from_translation_scale([x, y, 0.0], [scale, scale, 1.0])
 }
 
@@ -143,12 +147,12 @@ pub fn differ(a: &TactileImage, b: &TactileImage) -> bool {
     if a.rgb.len() != b.rgb.len() {
         return true;
     }
-    let changed = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > CHANGE).count();
-    changed as f64 > CHANGED_PART * a.rgb.len() as f64
+    let changed = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > CHANGE_THRESHOLD).count();
+    changed as f64 > CHANGED_SHARE * a.rgb.len() as f64
 }
 
 /// Renders a height map (m, row-major, `w` by `h`) in colour: black at 0, over violet and orange to light yellow at
-/// `range` (m). Returns the JPEG and the transform that makes it fill the cell of `camera`.
+/// `range` (m). Returns the JPEG and the transform that makes it fill the cell of `camera_name`.
 pub fn height_image(
     hand: &Hand,
     camera: usize,
@@ -160,23 +164,23 @@ pub fn height_image(
     if w == 0 || h == 0 || heights.len() != w * h {
         return Err(format!("{} heights, expected {w} x {h}", heights.len()));
     }
-    let step = w.max(h).div_ceil(HEIGHT_SIDE);
+    let step = w.max(h).div_ceil(MAX_HEIGHT_SIDE);
     let (columns, rows) = (w / step, h / step);
     let picture = RgbImage::from_fn(columns as u32, rows as u32, |i, j| {
         let (i, j) = (i as usize * step, j as usize * step);
         let cells = (0..step * step).map(|k| heights[(j + k / step) * w + i + k % step]);
         color(cells.sum::<f32>() / ((step * step) as f32 * range)).into()
     });
-    let [x, y, side] = place(hand, camera, true).unwrap_or_default();
+    let [x, y, side] = image_place(hand, camera, true).unwrap_or_default();
     let scale = side / columns.max(rows) as f32;
-    let place = placed(x + 0.5 * (side - columns as f32 * scale), y + 0.5 * (side - rows as f32 * scale), scale);
+    let place = placement(x + 0.5 * (side - columns as f32 * scale), y + 0.5 * (side - rows as f32 * scale), scale);
     Ok((jpeg(&picture, quality)?, place))
 }
 
 /// Maps 0..1 to a colour scale from black to light yellow with uniformly growing lightness ("inferno", six support
 /// points).
 fn color(value: f32) -> [u8; 3] {
-    const SCALE: [[f32; 3]; 6] = [
+    const COLOR_SCALE: [[f32; 3]; 6] = [
         [0.0, 0.0, 4.0],
         [66.0, 10.0, 104.0],
         [147.0, 38.0, 103.0],
@@ -187,7 +191,7 @@ fn color(value: f32) -> [u8; 3] {
     let x = if value.is_finite() { value.clamp(0.0, 1.0) * 5.0 } else { 0.0 };
     let below = (x as usize).min(4);
     let part = x - below as f32;
-    std::array::from_fn(|i| (SCALE[below][i] * (1.0 - part) + SCALE[below + 1][i] * part).round() as u8)
+    std::array::from_fn(|i| (COLOR_SCALE[below][i] * (1.0 - part) + COLOR_SCALE[below + 1][i] * part).round() as u8)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use ftac_platform::child;
 
-use crate::error::StreamError;
+use crate::error::TelemetryError;
 use crate::release::RERUN_VERSION;
 
 /// A viewer installed on this machine.
@@ -63,8 +63,8 @@ fn version_of(text: &str) -> Option<String> {
 }
 
 /// Lists the recordings at `path`: the file itself, or all `.rrd` files in the folder, sorted by name.
-pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
-    let nothing = || StreamError::NoRecording(path.to_owned());
+pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, TelemetryError> {
+    let nothing = || TelemetryError::NoRecording(path.to_owned());
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
@@ -79,7 +79,7 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
 
 /// Opens recordings in the viewer `program`, which outlives this process. Returns an error if it ends immediately, for
 /// instance for want of a display.
-pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
+pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), TelemetryError> {
     let mut command = child::command(program);
     // The viewer also listens for programs that log to it: on this machine only.
     command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(files);
@@ -88,8 +88,8 @@ pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
 
 /// Starts a viewer to connect to, or finds the one that already listens. Returns its address, or an error if the viewer
 /// ends immediately.
-pub fn spawn() -> Result<String, StreamError> {
-    let program = find_viewer().ok_or(StreamError::NoViewer)?;
+pub fn spawn() -> Result<String, TelemetryError> {
+    let program = find_viewer().ok_or(TelemetryError::NoViewer)?;
     let place = SocketAddr::from((Ipv4Addr::LOCALHOST, rerun::DEFAULT_SERVER_PORT));
     if TcpStream::connect_timeout(&place, Duration::from_secs(1)).is_err() {
         let mut command = child::command(&program);
@@ -101,13 +101,13 @@ pub fn spawn() -> Result<String, StreamError> {
 }
 
 /// Time within which a viewer that is about to fail has failed.
-const FIRST_LOOK: Duration = Duration::from_secs(2);
+const START_TIMEOUT: Duration = Duration::from_secs(2);
 /// The same time if no display is named: the viewer will fail, however slow the machine.
-const FIRST_LOOK_BLIND: Duration = Duration::from_secs(10);
+const START_TIMEOUT_HEADLESS: Duration = Duration::from_secs(10);
 
 /// Starts a viewer, and watches it for as long as a failure takes to show.
-fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
-    let failed = |source| StreamError::Start { program: program.to_owned(), source };
+fn start(program: &Path, mut command: Command) -> Result<(), TelemetryError> {
+    let failed = |source| TelemetryError::Start { program: program.to_owned(), source };
     // A file, not a pipe: the viewer outlives this program and may go on writing.
     let mut said = tempfile::tempfile().map_err(failed)?;
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said.try_clone().map_err(failed)?);
@@ -116,7 +116,7 @@ fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
     let mut viewer = command.spawn().map_err(failed)?;
     let named = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let blind = cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(named);
-    let deadline = Instant::now() + if blind { FIRST_LOOK_BLIND } else { FIRST_LOOK };
+    let deadline = Instant::now() + if blind { START_TIMEOUT_HEADLESS } else { START_TIMEOUT };
     while Instant::now() < deadline {
         match viewer.try_wait().map_err(failed)? {
             None => std::thread::sleep(Duration::from_millis(20)),
@@ -126,7 +126,7 @@ fn start(program: &Path, mut command: Command) -> Result<(), StreamError> {
                 let mut text = Vec::new();
                 said.rewind().and_then(|()| said.read_to_end(&mut text)).map_err(failed)?;
                 let reason = reason(&String::from_utf8_lossy(&text)).unwrap_or_else(|| status.to_string());
-                return Err(StreamError::Ended { program: program.to_owned(), reason });
+                return Err(TelemetryError::Ended { program: program.to_owned(), reason });
             }
         }
     }
@@ -141,17 +141,17 @@ fn reason(text: &str) -> Option<String> {
 }
 
 /// Reason why this process has lost its viewer, if it has.
-static LOST: Mutex<Option<String>> = Mutex::new(None);
+static LOSS_REASON: Mutex<Option<String>> = Mutex::new(None);
 
 /// Returns the reason why this process has lost, or could not start, the viewer that it was to stream to. Its files are
 /// complete all the same.
-pub fn lost() -> Option<String> {
-    LOST.lock().ok().and_then(|lost| lost.clone())
+pub fn loss_reason() -> Option<String> {
+    LOSS_REASON.lock().ok().and_then(|lost| lost.clone())
 }
 
 /// Notes that the viewer is lost, and prints the first reason.
-pub(crate) fn lose(why: &str) {
-    if let Ok(mut lost) = LOST.lock()
+pub(crate) fn mark_lost(why: &str) {
+    if let Ok(mut lost) = LOSS_REASON.lock()
         && lost.is_none()
     {
         let _ = writeln!(std::io::stderr(), "warning: the viewer is lost: {why}; files are written all the same");
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn the_error_says_how_to_install() {
-        let text = StreamError::NoViewer.to_string();
+        let text = TelemetryError::NoViewer.to_string();
         assert!(text.contains("pip install rerun-sdk==0.36.3\n"), "{text}");
         assert!(text.contains("cargo install rerun-cli --version 0.36.3 --locked"), "{text}");
     }
@@ -190,12 +190,12 @@ mod tests {
     #[test]
     fn recordings_of_a_folder() {
         let folder = tempfile::tempdir().expect("folder");
-        assert!(matches!(recordings(folder.path()), Err(StreamError::NoRecording(_))));
+        assert!(matches!(recordings(folder.path()), Err(TelemetryError::NoRecording(_))));
         for name in ["b.rrd", "a.rrd", "c.txt"] {
             std::fs::write(folder.path().join(name), b"x").expect("writes");
         }
         let found = recordings(folder.path()).expect("two");
         assert_eq!(found, [folder.path().join("a.rrd"), folder.path().join("b.rrd")]);
-        assert!(matches!(recordings(&folder.path().join("none")), Err(StreamError::NoRecording(_))));
+        assert!(matches!(recordings(&folder.path().join("none")), Err(TelemetryError::NoRecording(_))));
     }
 }

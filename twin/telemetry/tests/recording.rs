@@ -12,7 +12,10 @@ use rerun::{
     Arrows3D, ChunkStore, ChunkStoreConfig, Clear, Component, ComponentDescriptor, EncodedImage, EntityPath, Scalars,
     StoreKind, TextLog, Transform3D, components,
 };
-use telemetry::{DrawnObject, Level, PoseError, Recorder, Settings, SignalFrame, StreamError, Target, TrialProperties};
+use telemetry::{
+    DrawnObject, LogLevel, PoseError, Recorder, RecorderSettings, RecordingTarget, SignalFrame, TelemetryError,
+    TrialProperties,
+};
 use telemetry::{SIM_TIME, TICK, entities};
 
 fn tetrahedron() -> DrawnObject {
@@ -97,13 +100,13 @@ fn record(path: &Path, robot: &RobotModel) {
             recorder.log_tactile(3, &noise_image(tick as u32)).expect("logs");
         }
     }
-    recorder.log_text(Level::Warn, "nothing held").expect("logs");
+    recorder.log_text(LogLevel::Warn, "nothing held").expect("logs");
     recorder.log_outcome("failure").expect("logs");
     assert!(
-        matches!(recorder.log_object("cup", &Isometry3::identity()), Err(StreamError::Unknown(name)) if name == "cup")
+        matches!(recorder.log_object("cup", &Isometry3::identity()), Err(TelemetryError::Unknown(name)) if name == "cup")
     );
-    assert!(matches!(recorder.log_tactile(18, &noise_image(1)), Err(StreamError::Unknown(_))));
-    assert!(matches!(recorder.log_height(0, &[0.0; 5], 2, 2), Err(StreamError::Image { .. })));
+    assert!(matches!(recorder.log_tactile(18, &noise_image(1)), Err(TelemetryError::Unknown(_))));
+    assert!(matches!(recorder.log_height(0, &[0.0; 5], 2, 2), Err(TelemetryError::Image { .. })));
     recorder.finish().expect("writes");
 }
 
@@ -161,7 +164,7 @@ fn a_recording_is_read_back() {
     assert_eq!(images.len(), 10);
     for image in &images {
         let picture = image::load_from_memory(&image.values[0].0).expect("a JPEG");
-        let side = Settings::default().image_side as u32;
+        let side = RecorderSettings::default().image_side as u32;
         assert_eq!((picture.width(), picture.height()), (side, side));
     }
     let texts = rows::<components::Text>(&store, entities::LOG, TextLog::descriptor_text());
@@ -181,20 +184,20 @@ fn an_unwritable_path_is_an_error_that_names_it() {
     std::fs::write(&file, b"").expect("writes");
     for path in [folder.path().to_owned(), file.join("below.rrd")] {
         match Recorder::create(&path, &RobotModel::ftac_gen3(), &[]) {
-            Err(StreamError::Unwritable { path: named, .. }) => assert_eq!(named, path),
+            Err(TelemetryError::Unwritable { path: named, .. }) => assert_eq!(named, path),
             other => panic!("{:?}", other.map(|_| "a recorder")),
         }
     }
-    let address = Target::Connect("not an address".into());
-    let result = Recorder::open(&[address], Settings::default(), &RobotModel::ftac_gen3(), &[]);
-    assert!(matches!(result, Err(StreamError::Address(_))));
+    let address = RecordingTarget::Connect("not an address".into());
+    let result = Recorder::open(&[address], RecorderSettings::default(), &RobotModel::ftac_gen3(), &[]);
+    assert!(matches!(result, Err(TelemetryError::Address(_))));
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error() {
     let result = Recorder::create("/dev/full", &RobotModel::ftac_gen3(), &[]);
-    assert!(matches!(result, Err(StreamError::Unwritable { .. })));
+    assert!(matches!(result, Err(TelemetryError::Unwritable { .. })));
 }
 
 /// Records `count` images (one every 0.2 s) and as many height maps of a camera. Returns how many of each are in the
@@ -224,7 +227,7 @@ fn an_idle_pad_is_logged_once() {
 
 #[test]
 fn nothing_is_needed_to_record_nowhere() {
-    let mut recorder = Recorder::open(&[], Settings::default(), &RobotModel::ftac_gen3(), &[]).expect("opens");
+    let mut recorder = Recorder::open(&[], RecorderSettings::default(), &RobotModel::ftac_gen3(), &[]).expect("opens");
     recorder.set_time(1.0);
     recorder.log_phase("approach").expect("drops");
     recorder.finish().expect("nothing to write");
@@ -242,7 +245,7 @@ fn what_is_gone_is_taken_off() {
         recorder.set_time(time);
         recorder.log_height(3, &[1e-3; 400], 20, 20).expect("logs");
         recorder.log_estimate("tetrahedron", Some(&Isometry3::translation(0.1, 0.0, time))).expect("logs");
-        recorder.log_felt("tetrahedron", &(nalgebra::Matrix3::identity() * 1e-6)).expect("logs");
+        recorder.log_touch_covariance("tetrahedron", &(nalgebra::Matrix3::identity() * 1e-6)).expect("logs");
         for later in [0.4, 0.5] {
             recorder.set_time(time + later);
             recorder.clear_heights().expect("logs");
@@ -263,8 +266,8 @@ fn what_is_gone_is_taken_off() {
 fn truth_is_recorded_only_where_it_is_shown() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("believed.rrd");
-    let settings = Settings { truth: false, ..Settings::default() };
-    let targets = [Target::File(path.clone())];
+    let settings = RecorderSettings { truth: false, ..RecorderSettings::default() };
+    let targets = [RecordingTarget::File(path.clone())];
     let mut recorder = Recorder::open(&targets, settings, &RobotModel::ftac_gen3(), &[tetrahedron()]).expect("opens");
     recorder.set_time(0.1);
     recorder.log_object("tetrahedron", &Isometry3::translation(0.1, 0.0, 0.0)).expect("dropped");

@@ -3,29 +3,29 @@
 use std::sync::Arc;
 
 use anyhow::Result;
+use control::detection::{DetectionError, ObjectDetector, PoseDetection};
 use control::executor::{Executor, Skill};
-use control::motion::Protocol;
-use control::percept::{Eyes, EyesError, Sighted};
-use control::policy::Step;
-use control::policy::pick_sequence::plan::Pickup;
-use control::policy::pick_sequence::{Item, PickMode, PickSequence, PickTask};
-use control::sensing::Senses;
-use grasp_verification::rehearsal::Snapshot;
-use grasp_verification::simulated_world::World;
+use control::motion::MotionProtocol;
+use control::policy::PolicyStep;
+use control::policy::pick_sequence::plan::PickSkill;
+use control::policy::pick_sequence::{PickMode, PickObject, PickSequence, PickTask};
+use control::sensing::TouchPerception;
+use grasp_verification::rollout::RolloutSnapshot;
+use grasp_verification::simulated_world::SimulatedWorld;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use scenarios::generator::trial_rng;
 use scenarios::noise::{NoiseLevels, TrialNoise};
-use scenarios::transport::{Ball, PushStage, Transport};
+use scenarios::transport::{PushStage, TransportBall, TransportTask};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::SimulatedRobot;
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 use sim::tactile::TactileBoard;
 use tactile_perception::TouchPipeline;
 use world::Sensing;
 
-use super::site::{begin, in_hand, play};
+use super::site::{build_scene, is_in_hand, play_until_decision};
 
 /// Outcome of a transport.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -52,17 +52,17 @@ pub struct TransportRecord {
 }
 
 /// Data shared by all transports of a scenario.
-pub struct Site {
+pub struct TransportSite {
     /// Robot and protocol.
-    pub world: World,
+    pub world: SimulatedWorld,
     /// Objects to carry, goal, noise and protocol.
-    pub transport: Transport,
+    pub transport: TransportTask,
     /// Skills (rehearsed pick-ups), each marked with the number of the ball size that it is for.
-    pub skills: Vec<Pickup>,
+    pub skills: Vec<PickSkill>,
     /// For each ball, indices of the skills that suit it.
-    pub suited: Vec<Vec<usize>>,
+    pub suitable_skills: Vec<Vec<usize>>,
     /// Tactile cameras of the hand unit.
-    pub board: TactileBoard,
+    pub cameras: TactileBoard,
     /// Tactile perception pipeline.
     pub pipeline: TouchPipeline,
     /// Seed of all random draws.
@@ -70,49 +70,49 @@ pub struct Site {
 }
 
 /// Callback for every tick of a transport. The text, if any, tells the latest decision or event.
-pub type Witness<'a> = &'a mut dyn FnMut(&Truth, &Executor, Option<&str>) -> Result<()>;
+pub type TickCallback<'a> = &'a mut dyn FnMut(&GroundTruth, &Executor, Option<&str>) -> Result<()>;
 
 /// A transport in progress.
 struct Progress<'a> {
-    site: &'a Site,
-    branch: Snapshot,
+    site: &'a TransportSite,
+    branch: RolloutSnapshot,
     /// Balls truly in the hand at the newest tick of a hold.
     held: Vec<usize>,
     /// Simulated time at which the push began, s; none before it.
-    pushed: Option<f64>,
+    push_start: Option<f64>,
     /// Text for the witness at the next tick.
     note: Option<String>,
     record: TransportRecord,
 }
 
-impl Site {
+impl TransportSite {
     /// Returns the motion protocol (distances and times) with the lift height and hold time of this transport.
-    pub fn protocol(&self) -> Protocol {
+    pub fn protocol(&self) -> MotionProtocol {
         let times = &self.transport.protocol;
-        Protocol { lift: times.lift_height, hold: times.hold_time, ..self.world.protocol() }
+        MotionProtocol { lift: times.lift_height, hold_time: times.hold_time, ..self.world.protocol() }
     }
 
     /// Plays one transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
-    pub fn play(&self, trial: usize, policy: PickMode, witness: Witness) -> Result<TransportRecord> {
+    pub fn play(&self, trial: usize, policy: PickMode, witness: TickCallback) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
         let noise = TrialNoise::draw(&self.transport.noise, 2, &mut rng);
-        let board = self.board.with_noise(rand::RngExt::random(&mut rng));
+        let board = self.cameras.with_noise(rand::RngExt::random(&mut rng));
         let balls: Vec<_> = self.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
-        let items = self.items();
+        let items = self.known_balls();
         let goal = self.transport.goal;
         let task = PickTask {
             cell: &self.world.cell,
-            pickups: &self.skills,
+            skills: &self.skills,
             items: &items,
             goal: [goal.x, goal.y],
-            tries: self.transport.protocol.tries * balls.len(),
+            max_picks: self.transport.protocol.tries * balls.len(),
         };
-        let mut sequence = PickSequence::new(task, policy, Senses::new(&self.pipeline, Sensing::Full)?);
+        let mut sequence = PickSequence::new(task, policy, TouchPerception::new(&self.pipeline, Sensing::Full)?);
         let mut progress = Progress {
             site: self,
-            branch: begin(&self.world, self.protocol(), &balls, &noise, board)?,
+            branch: build_scene(&self.world, self.protocol(), &balls, &noise, board)?,
             held: Vec::new(),
-            pushed: None,
+            push_start: None,
             note: None,
             record: TransportRecord {
                 policy,
@@ -127,52 +127,52 @@ impl Site {
             },
         };
         loop {
-            let Snapshot { robot, executor } = &mut progress.branch;
-            let mut eyes = NoisyEyes { robot, noise: &self.transport.noise, rng: &mut rng };
+            let RolloutSnapshot { robot, executor } = &mut progress.branch;
+            let mut eyes = SimulatedDetector { robot, noise: &self.transport.noise, rng: &mut rng };
             let step = sequence.decide(executor, &mut eyes)?;
-            progress.tell(sequence.take_reasons());
+            progress.log_events(sequence.take_reasons());
             progress.record.picks = sequence.picks();
-            if step != Step::Play {
+            if step != PolicyStep::Continue {
                 return Ok(progress.record);
             }
-            if progress.branch.executor.phase().carries() {
-                progress.deliver(witness)?;
+            if progress.branch.executor.phase().has_begun_carry() {
+                progress.play_delivery(witness)?;
             } else {
-                progress.play_on(witness)?;
+                progress.play_to_decision(witness)?;
                 sequence.perceive(&mut progress.branch.executor)?;
-                progress.tell(sequence.take_reasons());
+                progress.log_events(sequence.take_reasons());
             }
         }
     }
 
     /// Returns the balls as the policy knows them: name, volume, suitable skills.
-    fn items(&self) -> Vec<Item> {
-        let balls = self.transport.ball.iter().zip(&self.suited);
-        let item = |(ball, pickups): (&Ball, &Vec<usize>)| Item {
+    fn known_balls(&self) -> Vec<PickObject> {
+        let balls = self.transport.ball.iter().zip(&self.suitable_skills);
+        let item = |(ball, pickups): (&TransportBall, &Vec<usize>)| PickObject {
             name: ball.name.clone(),
             volume: ball.volume(),
-            pickups: pickups.clone(),
+            skills: pickups.clone(),
         };
         balls.map(item).collect()
     }
 }
 
 /// Vision with noise: every look at a ball draws a new error.
-struct NoisyEyes<'a> {
+struct SimulatedDetector<'a> {
     robot: &'a SimulatedRobot,
     noise: &'a NoiseLevels,
     rng: &'a mut ChaCha8Rng,
 }
 
-impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
+impl ObjectDetector for SimulatedDetector<'_> {
+    fn detect(&mut self, object: usize) -> Result<Option<PoseDetection>, DetectionError> {
         let noise = TrialNoise::draw(self.noise, 2, self.rng).objects[0];
-        Ok(Some(noise.perceived(&self.robot.truth().objects[object]).into()))
+        Ok(Some(noise.perceived_pose(&self.robot.truth().objects[object]).into()))
     }
 }
 
 impl Progress<'_> {
-    fn tell(&mut self, texts: Vec<String>) {
+    fn log_events(&mut self, texts: Vec<String>) {
         for text in texts {
             self.record.story.push(text.clone());
             self.note = Some(match self.note.take() {
@@ -183,11 +183,11 @@ impl Progress<'_> {
     }
 
     /// Plays the motion to the goal and records the balls that arrive there in the hand.
-    fn deliver(&mut self, witness: Witness) -> Result<()> {
+    fn play_delivery(&mut self, witness: TickCallback) -> Result<()> {
         self.held.clear();
-        self.play_on(witness)?;
+        self.play_to_decision(witness)?;
         let balls = &self.site.transport.ball;
-        let carried: Vec<&Ball> = self.held.iter().map(|ball| &balls[*ball]).collect();
+        let carried: Vec<&TransportBall> = self.held.iter().map(|ball| &balls[*ball]).collect();
         self.record.volume_cm3 += carried.iter().map(|ball| ball.volume() * 1e6).sum::<f64>();
         let names: Vec<String> = carried.iter().map(|ball| ball.name.clone()).collect();
         self.record.carried.push(names.len());
@@ -195,17 +195,17 @@ impl Progress<'_> {
         let what = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
         let text = format!("trip {}: {what} in the hand over the goal", self.record.carried.len());
         self.record.names.extend(names);
-        self.tell(vec![text]);
+        self.log_events(vec![text]);
         Ok(())
     }
 
     /// Plays up to the next decision. Applies the push, updates the balls held over the goal and calls the witness at
     /// every tick.
-    fn play_on(&mut self, witness: Witness) -> Result<()> {
-        let Self { site, branch, pushed, held, note, record, .. } = self;
+    fn play_to_decision(&mut self, witness: TickCallback) -> Result<()> {
+        let Self { site, branch, push_start: pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();
         let first = record.picks == 1;
-        play(branch, |robot, executor| {
+        play_until_decision(branch, |robot, executor| {
             if let Some(push) = site.transport.push.as_ref().filter(|_| first) {
                 let skill = match push.stage {
                     PushStage::Approach => Skill::Approach,
@@ -221,12 +221,12 @@ impl Progress<'_> {
                 }
                 if pushed.is_some_and(|since| robot.time() - since < push.duration) {
                     let ball = site.transport.ball.iter().position(|ball| ball.name == push.ball);
-                    robot.pull(ball, Vector3::from(push.force));
+                    robot.apply_force(ball, Vector3::from(push.force));
                 }
             }
             let truth = robot.truth();
             if executor.phase().skill == Skill::Hold {
-                *held = (0..count).filter(|ball| in_hand(&truth, *ball)).collect();
+                *held = (0..count).filter(|ball| is_in_hand(&truth, *ball)).collect();
             }
             witness(&truth, executor, note.take().as_deref())?;
             Ok(true)

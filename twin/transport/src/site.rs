@@ -4,43 +4,43 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use control::executor::Executor;
-use control::motion::Protocol;
-use grasp_verification::rehearsal::Snapshot;
-use grasp_verification::simulated_world::{World, tick};
+use control::motion::MotionProtocol;
+use grasp_verification::rollout::RolloutSnapshot;
+use grasp_verification::simulated_world::{SimulatedWorld, tick};
 use nalgebra::Isometry3;
 use scenarios::noise::TrialNoise;
-use sim::robot::{SimulatedRobot, Truth};
+use sim::robot::{GroundTruth, SimulatedRobot};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup};
-use world::holding::{Support, TRANSPORTED};
+use world::holding::{SupportState, TRANSPORTED_RULE};
 use world::objects::ObjectModel;
 
 /// Builds the scene: the empty hand over balls at their places. Arm and perception are off by the execution error of
 /// `noise`.
-pub fn begin(
-    world: &World,
-    protocol: Protocol,
+pub fn build_scene(
+    world: &SimulatedWorld,
+    protocol: MotionProtocol,
     balls: &[(Arc<ObjectModel>, Isometry3<f64>)],
     noise: &TrialNoise,
     board: TactileBoard,
-) -> Result<Snapshot> {
+) -> Result<RolloutSnapshot> {
     let scene = SceneSetup {
         objects: balls.iter().map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose }).collect(),
-        ..world.bare_scene(world.cell.ready, noise)
+        ..world.bare_scene(world.cell.ready_posture, noise)
     };
     let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
-    let (hand, servo) = (world.cell.robot.hand.clone(), world.cell.arm_servo(world.cell.ready)?);
+    let (hand, servo) = (world.cell.robot.hand.clone(), world.cell.arm_servo(world.cell.ready_posture)?);
     let executor = Executor::new(hand, servo, protocol, Vec::new(), robot.tick_length())?;
-    Ok(Snapshot { robot, executor })
+    Ok(RolloutSnapshot { robot, executor })
 }
 
 /// Plays up to the next decision, or until `watch`, which is called after every tick, returns `false`. Returns true if
 /// it reached the decision.
-pub fn play(
-    Snapshot { robot, executor }: &mut Snapshot,
+pub fn play_until_decision(
+    RolloutSnapshot { robot, executor }: &mut RolloutSnapshot,
     mut watch: impl FnMut(&mut SimulatedRobot, &Executor) -> Result<bool>,
 ) -> Result<bool> {
-    while !executor.phase().waits() {
+    while !executor.phase().waits_for_decision() {
         tick(robot, executor)?;
         if !watch(robot, executor)? {
             return Ok(false);
@@ -50,9 +50,9 @@ pub fn play(
 }
 
 /// True if ball `index` is in the hand: held by it or leaning on another object, off the table, lifted and within reach
-/// of the palm ([`TRANSPORTED`]).
-pub fn in_hand(truth: &Truth, index: usize) -> bool {
+/// of the palm ([`TRANSPORTED_RULE`]).
+pub fn is_in_hand(truth: &GroundTruth, index: usize) -> bool {
     let ball = truth.support(index);
     let leaning = truth.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index);
-    TRANSPORTED.holds(&Support { held: ball.held || leaning, ..ball })
+    TRANSPORTED_RULE.holds(&SupportState { held: ball.held || leaning, ..ball })
 }

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::tags::Start;
+use super::tags::StartTag;
 use ftac_platform::data::DataError;
 
 /// Content of an attribute.
 #[derive(Clone, Copy)]
-enum Holds {
+enum AttributeContent {
     Text,
     /// This many numbers.
     Numbers(usize),
@@ -15,23 +15,23 @@ enum Holds {
 
 /// Treatment of a missing attribute.
 #[derive(Clone, Copy)]
-enum Missing {
+enum IfMissing {
     Refused,
     Allowed,
     Filled(&'static str),
 }
 
-use Holds::{Numbers, Text};
-use Missing::{Allowed, Filled, Refused};
+use AttributeContent::{Numbers, Text};
+use IfMissing::{Allowed, Filled, Refused};
 
-type Attribute = (&'static str, Holds, Missing);
+type Attribute = (&'static str, AttributeContent, IfMissing);
 
 /// Attributes of the elements, by the path of element names from the link or joint on.
-const ELEMENTS: [(&[&str], &[Attribute]); 19] = [
-    (&["joint", "origin"], ORIGIN),
-    (&["link", "inertial", "origin"], ORIGIN),
-    (&["link", "visual", "origin"], ORIGIN),
-    (&["link", "collision", "origin"], ORIGIN),
+const ELEMENT_ATTRIBUTES: [(&[&str], &[Attribute]); 19] = [
+    (&["joint", "origin"], ORIGIN_ATTRIBUTES),
+    (&["link", "inertial", "origin"], ORIGIN_ATTRIBUTES),
+    (&["link", "visual", "origin"], ORIGIN_ATTRIBUTES),
+    (&["link", "collision", "origin"], ORIGIN_ATTRIBUTES),
     (&["joint", "parent"], &[("link", Text, Refused)]),
     (&["joint", "child"], &[("link", Text, Refused)]),
     (&["joint", "axis"], &[("xyz", Numbers(3), Filled("1 0 0"))]),
@@ -65,23 +65,23 @@ const ELEMENTS: [(&[&str], &[Attribute]); 19] = [
     (&["link", "visual", "material"], &[("name", Text, Filled(""))]),
     (&["box"], &[("size", Numbers(3), Refused)]),
     (&["sphere"], &[("radius", Numbers(1), Refused)]),
-    (&["cylinder"], ROUND),
-    (&["capsule"], ROUND),
+    (&["cylinder"], ROUND_ATTRIBUTES),
+    (&["capsule"], ROUND_ATTRIBUTES),
     (&["mesh"], &[("filename", Text, Refused), ("scale", Numbers(3), Allowed)]),
 ];
 
-const ORIGIN: &[Attribute] = &[("xyz", Numbers(3), Allowed), ("rpy", Numbers(3), Allowed)];
-const ROUND: &[Attribute] = &[("radius", Numbers(1), Refused), ("length", Numbers(1), Refused)];
+const ORIGIN_ATTRIBUTES: &[Attribute] = &[("xyz", Numbers(3), Allowed), ("rpy", Numbers(3), Allowed)];
+const ROUND_ATTRIBUTES: &[Attribute] = &[("radius", Numbers(1), Refused), ("length", Numbers(1), Refused)];
 
 /// Checks the attributes of an element and returns those to fill in, as text. An attribute that is required and
 /// missing, or not a number, is an error. `names` is the path from the link or joint to the element.
 pub fn check_attributes(
     names: &[&str],
-    start: &Start<'_>,
+    start: &StartTag<'_>,
     fault: &dyn Fn(&str, String, &str) -> DataError,
 ) -> Result<String, DataError> {
     let shape = (names.len() >= 2 && names[names.len() - 2] == "geometry").then(|| &names[names.len() - 1..]);
-    let Some((_, attributes)) = ELEMENTS.iter().find(|(own, _)| Some(*own) == shape || *own == names) else {
+    let Some((_, attributes)) = ELEMENT_ATTRIBUTES.iter().find(|(own, _)| Some(*own) == shape || *own == names) else {
         return Ok(String::new());
     };
     let mut added = String::new();
@@ -104,7 +104,7 @@ pub fn check_attributes(
     Ok(added)
 }
 
-impl Holds {
+impl AttributeContent {
     fn text(self) -> String {
         match self {
             Text => "a name".into(),
@@ -115,7 +115,7 @@ impl Holds {
 }
 
 /// Applies the edits to `text`; each replaces its byte range.
-pub fn filled_in(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
+pub fn apply_edits(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
     edits.sort_by_key(|(range, _)| range.start);
     let (mut out, mut done) = (String::with_capacity(text.len()), 0);
     for (range, edit) in edits {

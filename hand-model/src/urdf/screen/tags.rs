@@ -5,10 +5,10 @@ use std::path::Path;
 use ftac_platform::data::DataError;
 
 /// Largest number of attributes of an element; a URDF's own have eight at most.
-const MOST_ATTRIBUTES: usize = 64;
+const MAX_ATTRIBUTES: usize = 64;
 
 /// A start tag.
-pub struct Start<'a> {
+pub struct StartTag<'a> {
     pub name: &'a str,
     pub attributes: Vec<(&'a str, &'a str)>,
     /// Line, from 1.
@@ -17,10 +17,10 @@ pub struct Start<'a> {
     pub attributes_end: usize,
     pub end: usize,
     /// True for a self-closing tag.
-    pub empty: bool,
+    pub self_closing: bool,
 }
 
-impl<'a> Start<'a> {
+impl<'a> StartTag<'a> {
     pub fn attribute(&self, name: &str) -> Option<&'a str> {
         self.attributes.iter().find(|(own, _)| *own == name).map(|(_, value)| *value)
     }
@@ -33,7 +33,7 @@ impl<'a> Start<'a> {
 
 /// A tag.
 pub enum Tag<'a> {
-    Open(Start<'a>),
+    Open(StartTag<'a>),
     /// The end of an element: its name, its line, and its byte offset.
     Close {
         name: &'a str,
@@ -81,7 +81,7 @@ impl<'a> Tags<'a> {
         }
     }
 
-    fn start(&mut self) -> Result<Start<'a>, DataError> {
+    fn start(&mut self) -> Result<StartTag<'a>, DataError> {
         let line = self.line();
         let text = self.text;
         let space = |c: char| c.is_ascii_whitespace();
@@ -101,10 +101,10 @@ impl<'a> Tags<'a> {
             at += text[at..].len() - text[at..].trim_start().len();
             let rest = &text[at..];
             if rest.starts_with("/>") {
-                return Ok(Start { name, attributes, line, attributes_end, end: at + 2, empty: true });
+                return Ok(StartTag { name, attributes, line, attributes_end, end: at + 2, self_closing: true });
             }
             if rest.starts_with('>') {
-                return Ok(Start { name, attributes, line, attributes_end, end: at + 1, empty: false });
+                return Ok(StartTag { name, attributes, line, attributes_end, end: at + 1, self_closing: false });
             }
             let end = name_end(at);
             let attribute = &text[at..end];
@@ -125,9 +125,9 @@ impl<'a> Tags<'a> {
                 return Err(self.fault(&format!("<{name}> with `{attribute}` twice"), "each attribute once"));
             }
             attributes.push((attribute, &value[1..=length]));
-            if attributes.len() > MOST_ATTRIBUTES {
-                let found = format!("<{name}> with more than {MOST_ATTRIBUTES} attributes");
-                return Err(self.fault(&found, &format!("at most {MOST_ATTRIBUTES}")));
+            if attributes.len() > MAX_ATTRIBUTES {
+                let found = format!("<{name}> with more than {MAX_ATTRIBUTES} attributes");
+                return Err(self.fault(&found, &format!("at most {MAX_ATTRIBUTES}")));
             }
             at = text.len() - value.len() + length + 2;
             attributes_end = at;

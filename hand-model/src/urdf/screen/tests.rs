@@ -74,7 +74,7 @@ fn size_and_nesting_are_bounded() {
     assert!(refused(deep.as_bytes()).contains("nesting: found <a> in line 1, 65 elements deep, expected at most 64"));
     let wide = format!("<robot {}/>", (0..100_000).map(|n| format!("a{n}=\"\" ")).collect::<String>());
     assert!(refused(wide.as_bytes()).contains("more than 64 attributes"));
-    assert!(refused(&vec![b' '; (LARGEST_FILE + 1) as usize]).contains("size: found 16 MB"));
+    assert!(refused(&vec![b' '; (MAX_FILE_SIZE + 1) as usize]).contains("size: found 16 MB"));
     let bomb = "<!DOCTYPE r [<!ENTITY a \"b\">]><robot/>";
     assert!(refused(bomb.as_bytes()).contains("a document type with declarations of its own"));
 }

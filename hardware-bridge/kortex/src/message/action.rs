@@ -91,7 +91,7 @@ pub struct ActionNotification {
     pub event: i32,
     #[prost(message, optional, tag = "2")]
     pub handle: Option<ActionHandle>,
-    /// Reason of an abort: a sub-code as in [`crate::refusal::Refusal`].
+    /// Reason of an abort: a sub-code as in [`crate::refusal::RefusalReason`].
     #[prost(uint32, tag = "5")]
     pub abort_details: u32,
 }

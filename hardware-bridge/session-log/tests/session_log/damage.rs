@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use robot_session_log::{Reader, SessionLogError, Sizes, Writer};
+use robot_session_log::{RobotSizes, SessionLogError, SessionReader, SessionWriter};
 
 use crate::support::*;
 
@@ -114,19 +114,19 @@ fn summary_length(path: &Path, bytes: &[u8]) -> usize {
 fn other_files_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("other.mcap");
-    assert!(matches!(Reader::open(&path, Sizes::Any), Err(SessionLogError::Io { .. })));
+    assert!(matches!(SessionReader::open(&path, RobotSizes::Any), Err(SessionLogError::Io { .. })));
     assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo runs").success());
-    let error = Reader::open(&path, Sizes::Any).err().expect("refused").to_string();
+    let error = SessionReader::open(&path, RobotSizes::Any).err().expect("refused").to_string();
     assert!(error.ends_with("other.mcap: found a pipe, expected a regular file"), "{error}");
     std::fs::remove_file(&path).expect("removed");
     std::fs::write(&path, "a session of another kind").expect("written");
-    assert!(matches!(Reader::open(&path, Sizes::Any), Err(SessionLogError::Mcap { .. })));
+    assert!(matches!(SessionReader::open(&path, RobotSizes::Any), Err(SessionLogError::Mcap { .. })));
     std::fs::remove_file(&path).expect("removed");
     // An MCAP file, but of another program.
     let file = std::fs::File::create(&path).expect("created");
     let mut other = mcap::Writer::new(file).expect("writes");
     other.finish().expect("finishes");
-    let error = Reader::open(&path, Sizes::Any).err().expect("refused");
+    let error = SessionReader::open(&path, RobotSizes::Any).err().expect("refused");
     assert!(error.to_string().contains("beginning is cut short"), "{error}");
 }
 
@@ -135,8 +135,11 @@ fn other_files_are_refused_by_name() {
 fn a_session_without_a_tick() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("empty.mcap");
-    Writer::create(&path, &session()).expect("created").finish().expect("finished");
+    SessionWriter::create(&path, &session()).expect("created").finish().expect("finished");
     let (events, ended) = read(&path);
     assert!(events.is_empty() && matches!(ended, Ok(true)));
-    assert_eq!(Reader::open(&path, Sizes::Any).expect("opens").session().configuration, session().configuration);
+    assert_eq!(
+        SessionReader::open(&path, RobotSizes::Any).expect("opens").session().configuration,
+        session().configuration
+    );
 }

@@ -5,21 +5,22 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use hand_model::robot::{Readings, RobotBackend};
-use robot_session_log::{Recorder, Writer};
+use robot_session_log::{SessionRecorder, SessionWriter};
 
 use crate::support::*;
 
-const PATH: &str = "FTAC_TEST_SESSION";
+const PATH_VARIABLE: &str = "FTAC_TEST_SESSION";
 
 /// Records until it is killed, and prints a line once each tick has been written.
 #[test]
 #[ignore = "run by the other test of this file"]
 fn recording_process() {
-    let path = PathBuf::from(std::env::var(PATH).expect("set by the parent"));
-    let mut recorder = Recorder::new(Toy::new(), Writer::create(&path, &session()).expect("a new file"));
+    let path = PathBuf::from(std::env::var(PATH_VARIABLE).expect("set by the parent"));
+    let mut recorder =
+        SessionRecorder::new(ToyRobot::new(), SessionWriter::create(&path, &session()).expect("a new file"));
     let mut told = std::io::stderr();
     loop {
-        let seen = recorder.observe().and_then(Readings::complete).expect("observed");
+        let seen = recorder.observe().and_then(Readings::into_observation).expect("observed");
         recorder.send(&decide(&seen)).expect("sent");
         recorder.wait_for_tick();
         assert!(recorder.error().is_none());
@@ -34,7 +35,7 @@ fn a_killed_recording_keeps_every_tick() {
         let path = folder.path().join(format!("{kill_after}.mcap"));
         let mut child = Command::new(std::env::current_exe().expect("this program"))
             .args(["--ignored", "--exact", "--nocapture", "kill::recording_process"])
-            .env(PATH, &path)
+            .env(PATH_VARIABLE, &path)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use robot_session_log::{Direction, Event, Writer};
+use robot_session_log::{Direction, SessionEvent, SessionWriter};
 use serde_json::Value;
 
 use crate::support::*;
@@ -58,10 +58,10 @@ fn pypi_mcap_reads_a_session() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("session.mcap");
-    let mut writer = Writer::create(&path, &session()).expect("a new file");
+    let mut writer = SessionWriter::create(&path, &session()).expect("a new file");
     let device = Duration::from_secs(5);
     writer.raw("arm_udp", Direction::Received, Duration::ZERO, device, &[0xDE, 0xAD, 0]).expect("written");
-    let mut recorder = robot_session_log::Recorder::new(Toy::new(), writer);
+    let mut recorder = robot_session_log::SessionRecorder::new(ToyRobot::new(), writer);
     drive(&mut recorder, 50);
     recorder.finish().1.expect("written");
 
@@ -80,7 +80,7 @@ fn pypi_mcap_reads_a_session() {
     // The numbers themselves, bit by bit.
     let (events, _) = read(&path);
     let sent = events.iter().filter_map(|event| match event {
-        Event::Sent(command) => Some(command),
+        SessionEvent::SentCommand(command) => Some(command),
         _ => None,
     });
     for (tick, command) in sent.enumerate() {

@@ -1,9 +1,11 @@
 //! A replay returns what was recorded, and holds a controller to it.
 
 use hand_model::robot::{Readings, RobotBackend, ServoGoal};
-use robot_session_log::message::bits;
-use robot_session_log::replay::{Divergence, Progress};
-use robot_session_log::{Event, Reader, Recorder, Replay, SessionLogError, Sizes, Writer};
+use robot_session_log::message::command_bits;
+use robot_session_log::replay::{ReplayDifference, ReplayProgress};
+use robot_session_log::{
+    Replay, RobotSizes, SessionEvent, SessionLogError, SessionReader, SessionRecorder, SessionWriter,
+};
 
 use crate::support::*;
 
@@ -17,25 +19,25 @@ fn recording() -> (tempfile::TempDir, std::path::PathBuf) {
 }
 
 fn replay(path: &std::path::Path) -> Replay {
-    Replay::new(Reader::open(path, Sizes::Any).expect("opens")).expect("reads")
+    Replay::new(SessionReader::open(path, RobotSizes::Any).expect("opens")).expect("reads")
 }
 
 #[test]
 fn a_session_is_what_it_was() {
     let (_folder, path) = recording();
-    let mut reader = Reader::open(&path, Sizes::Any).expect("opens");
+    let mut reader = SessionReader::open(&path, RobotSizes::Any).expect("opens");
     assert_eq!(*reader.session(), session());
     let mut times = Vec::new();
     while let Some((time, _)) = reader.next_event().expect("reads") {
         times.push(time.host);
     }
-    assert!(reader.is_whole());
+    assert!(reader.is_finished());
     assert_eq!(times.len(), 4 * TICKS);
     assert!(times.is_sorted(), "the host's clock is monotonic");
     // Asked and sent differ where the robot limited.
     let (events, _) = read(&path);
     let limited = events.windows(2).filter(|pair| match pair {
-        [Event::Asked(asked), Event::Sent(sent)] => asked != sent,
+        [SessionEvent::RequestedCommand(asked), SessionEvent::SentCommand(sent)] => asked != sent,
         _ => false,
     });
     assert!(limited.count() > 10);
@@ -47,10 +49,10 @@ fn the_same_controller_replays_identically() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
     drive(&mut replay, TICKS);
-    assert!(replay.is_over());
+    assert!(replay.has_ended());
     let (progress, divergence) = replay.finish().expect("read to its end");
     assert_eq!(divergence, None);
-    assert_eq!(progress, Progress { ticks: TICKS as u64, commands: TICKS as u64 });
+    assert_eq!(progress, ReplayProgress { ticks: TICKS as u64, commands: TICKS as u64 });
 }
 
 /// A robot that could neither observe nor send fails in the replay as it did, and the controller goes on as it did.
@@ -58,7 +60,8 @@ fn the_same_controller_replays_identically() {
 fn failures_are_replayed() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("session.mcap");
-    let mut recorder = Recorder::new(Toy::failing(20..23), Writer::create(&path, &session()).expect("a new file"));
+    let mut recorder =
+        SessionRecorder::new(ToyRobot::failing(20..23), SessionWriter::create(&path, &session()).expect("a new file"));
     let failed = drive(&mut recorder, 60);
     assert_eq!(failed.len(), 6);
     assert_eq!(failed[..2], ["nobody answers", "the command was not sent within 0.050 s"]);
@@ -66,7 +69,7 @@ fn failures_are_replayed() {
     let mut replay = replay(&path);
     assert_eq!(drive(&mut replay, 60), failed);
     let (progress, divergence) = replay.finish().expect("read to its end");
-    assert_eq!((progress, divergence), (Progress { ticks: 60, commands: 60 }, None));
+    assert_eq!((progress, divergence), (ReplayProgress { ticks: 60, commands: 60 }, None));
 }
 
 /// A replay recorded in turn is the same session, event by event, bit by bit.
@@ -74,18 +77,22 @@ fn failures_are_replayed() {
 fn a_replay_recorded_is_the_recording() {
     let (folder, path) = recording();
     let again = folder.path().join("again.mcap");
-    let mut recorder = Recorder::new(replay(&path), Writer::create(&again, &session()).expect("a new file"));
+    let mut recorder =
+        SessionRecorder::new(replay(&path), SessionWriter::create(&again, &session()).expect("a new file"));
     drive(&mut recorder, TICKS);
     recorder.finish().1.expect("written");
     let (first, second) = (read(&path).0, read(&again).0);
     assert_eq!(first.len(), second.len());
     for (first, second) in first.iter().zip(&second) {
         match (first, second) {
-            (Event::Asked(a), Event::Asked(b)) | (Event::Sent(a), Event::Sent(b)) => assert_eq!(bits(a), bits(b)),
-            (Event::Observation(a), Event::Observation(b)) => {
+            (SessionEvent::RequestedCommand(a), SessionEvent::RequestedCommand(b))
+            | (SessionEvent::SentCommand(a), SessionEvent::SentCommand(b)) => {
+                assert_eq!(command_bits(a), command_bits(b))
+            }
+            (SessionEvent::Observation(a), SessionEvent::Observation(b)) => {
                 assert_eq!(format!("{a:?}"), format!("{b:?}"));
             }
-            (Event::Tick(a), Event::Tick(b)) => assert_eq!(a.time.to_bits(), b.time.to_bits()),
+            (SessionEvent::Tick(a), SessionEvent::Tick(b)) => assert_eq!(a.time.to_bits(), b.time.to_bits()),
             _ => panic!("{first:?} became {second:?}"),
         }
     }
@@ -97,7 +104,7 @@ fn the_last_bit_is_noticed() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
     for tick in 0..TICKS {
-        let seen = replay.observe().and_then(Readings::complete).expect("recorded");
+        let seen = replay.observe().and_then(Readings::into_observation).expect("recorded");
         let mut command = decide(&seen);
         if tick == 37 {
             command.arm[2] = f64::from_bits(command.arm[2].to_bits() ^ 1);
@@ -108,7 +115,7 @@ fn the_last_bit_is_noticed() {
     let (progress, divergence) = replay.finish().expect("readable");
     assert_eq!(progress.commands, 37);
     match divergence {
-        Some(Divergence::Command { tick: 37, field, .. }) => assert_eq!(field, "arm joint 3"),
+        Some(ReplayDifference::Command { tick: 37, field, .. }) => assert_eq!(field, "arm joint 3"),
         other => panic!("{other:?}"),
     }
 }
@@ -117,10 +124,10 @@ fn the_last_bit_is_noticed() {
 fn another_kind_of_goal_is_noticed() {
     let (_folder, path) = recording();
     let mut replay = replay(&path);
-    let mut command = decide(&replay.observe().and_then(Readings::complete).expect("recorded"));
+    let mut command = decide(&replay.observe().and_then(Readings::into_observation).expect("recorded"));
     command.servos[1] = ServoGoal::Position { angle: 0.0, current_limit: 0.0 };
     replay.send(&command).expect("recorded");
-    let divergence = replay.divergence().expect("noticed").to_string();
+    let divergence = replay.difference().expect("noticed").to_string();
     assert_eq!(divergence, "tick 0: kind of goal is servo 2 angle, recorded as servo 2 current");
 }
 
@@ -130,8 +137,8 @@ fn another_order_is_noticed() {
     let mut replay = replay(&path);
     drive(&mut replay, 5);
     replay.wait_for_tick();
-    let expected = Divergence::Order { tick: 5, recorded: "an observation", found: "a tick" };
-    assert_eq!(replay.divergence(), Some(&expected));
+    let expected = ReplayDifference::Order { tick: 5, recorded: "an observation", found: "a tick" };
+    assert_eq!(replay.difference(), Some(&expected));
 }
 
 /// A controller that waits for something beyond the end of the recording sees time go on.
@@ -144,7 +151,7 @@ fn time_goes_on_after_the_end() {
     replay.wait_for_tick();
     let later = replay.observe().expect("repeated");
     assert!((later.time - end - 0.01).abs() < 1e-12 && later.tactile.is_empty());
-    assert!(replay.is_over() && replay.divergence().is_none());
+    assert!(replay.has_ended() && replay.difference().is_none());
 }
 
 /// An existing file is somebody's recording.
@@ -152,7 +159,7 @@ fn time_goes_on_after_the_end() {
 fn a_session_is_never_written_over() {
     let (_folder, path) = recording();
     let before = std::fs::read(&path).expect("readable");
-    let error = Writer::create(&path, &session()).err().expect("exists");
+    let error = SessionWriter::create(&path, &session()).err().expect("exists");
     assert!(matches!(error, SessionLogError::Io { .. }), "{error}");
     assert_eq!(std::fs::read(&path).expect("readable"), before);
 }

@@ -4,26 +4,26 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hand_model::robot::{
-    ArmState, Command, Observation, Readings, RobotBackend, RobotError, ServoGoal, ServoState, TactileFrame,
+    ArmState, Observation, Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, ServoState, TactileFrame,
     TactileImage, Tick,
 };
-use robot_session_log::{Event, Reader, Recorder, Session, Sizes, Writer};
+use robot_session_log::{RobotSizes, SessionEvent, SessionHeader, SessionReader, SessionRecorder, SessionWriter};
 
 /// Servos and joints that move a tenth of the way each tick; a camera takes a new image every third tick in which it is
 /// asked.
-pub struct Toy {
+pub struct ToyRobot {
     observation: Observation,
-    goal: Option<Command>,
+    goal: Option<RobotCommand>,
     captures: u64,
     image: Arc<TactileImage>,
     /// Ticks in which the robot can neither observe nor send.
     failing: std::ops::Range<u64>,
 }
 
-impl Toy {
+impl ToyRobot {
     pub fn new() -> Self {
         let image = Arc::new(TactileImage { rgb: vec![0; 48] });
-        let (servos, arm) = ([ServoState::default(); 6].into(), ArmState::still([0.0; 7].into()));
+        let (servos, arm) = ([ServoState::default(); 6].into(), ArmState::at_rest([0.0; 7].into()));
         let observation = Observation { servos, arm, ..Observation::default() };
         Self { observation, goal: None, captures: 0, image, failing: 0..0 }
     }
@@ -34,22 +34,22 @@ impl Toy {
     }
 }
 
-impl RobotBackend for Toy {
+impl RobotBackend for ToyRobot {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         let observation = self.observation.clone();
         self.observation.tactile.clear();
         if self.failing.contains(&observation.sequence) {
-            return Err(RobotError::Lost("nobody answers".to_owned()));
+            return Err(RobotError::ConnectionLost("nobody answers".to_owned()));
         }
         Ok(observation.into())
     }
 
     /// Limits the arm to 1 rad.
-    fn send(&mut self, command: &Command) -> Result<Command, RobotError> {
+    fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
         if self.failing.contains(&self.observation.sequence) {
             return Err(RobotError::NotSent(0.05));
         }
-        let sent = Command { arm: command.arm.iter().map(|angle| angle.clamp(-1.0, 1.0)).collect(), ..*command };
+        let sent = RobotCommand { arm: command.arm.iter().map(|angle| angle.clamp(-1.0, 1.0)).collect(), ..*command };
         self.goal = Some(sent);
         Ok(sent)
     }
@@ -87,7 +87,7 @@ impl RobotBackend for Toy {
 }
 
 /// Computes the next command of a controller that looks at every part of an observation.
-pub fn decide(seen: &Observation) -> Command {
+pub fn decide(seen: &Observation) -> RobotCommand {
     let light: f64 =
         seen.tactile.iter().map(|frame| frame.image.rgb.iter().map(|byte| f64::from(*byte)).sum::<f64>()).sum();
     let wave = (seen.time * 3.0).sin() + light * 1e-4;
@@ -95,7 +95,7 @@ pub fn decide(seen: &Observation) -> Command {
         0 => ServoGoal::Position { angle: wave + seen.servos[i].position, current_limit: 0.5 },
         _ => ServoGoal::Current(0.1 * wave - seen.servos[i].position),
     };
-    Command {
+    RobotCommand {
         arm: (0..7).map(|i| 1.3 * wave - seen.arm.position[i] / 3.0).collect(),
         servos: (0..6).map(goal).collect(),
         capture: seen.sequence.is_multiple_of(2),
@@ -106,7 +106,7 @@ pub fn decide(seen: &Observation) -> Command {
 pub fn drive(robot: &mut impl RobotBackend, ticks: usize) -> Vec<String> {
     let (mut errors, mut last) = (Vec::new(), None);
     for _ in 0..ticks {
-        match robot.observe().and_then(Readings::complete) {
+        match robot.observe().and_then(Readings::into_observation) {
             Ok(seen) => last = Some(decide(&seen)),
             Err(error) => errors.push(error.to_string()),
         }
@@ -118,8 +118,8 @@ pub fn drive(robot: &mut impl RobotBackend, ticks: usize) -> Vec<String> {
     errors
 }
 
-pub fn session() -> Session {
-    Session {
+pub fn session() -> SessionHeader {
+    SessionHeader {
         robot: "emulated".to_owned(),
         program: "test 1.0".to_owned(),
         seed: 7,
@@ -132,28 +132,28 @@ pub fn session() -> Session {
 
 /// Records a session of `ticks` ticks.
 pub fn record(path: &Path, ticks: usize) {
-    let writer = Writer::create(path, &session()).expect("a new file");
-    let mut recorder = Recorder::new(Toy::new(), writer);
+    let writer = SessionWriter::create(path, &session()).expect("a new file");
+    let mut recorder = SessionRecorder::new(ToyRobot::new(), writer);
     drive(&mut recorder, ticks);
     recorder.finish().1.expect("written");
 }
 
 /// Reads everything in a file up to its end or its first error; also returns whether it was finished.
-pub fn read(path: &Path) -> (Vec<Event>, Result<bool, robot_session_log::SessionLogError>) {
+pub fn read(path: &Path) -> (Vec<SessionEvent>, Result<bool, robot_session_log::SessionLogError>) {
     let mut events = Vec::new();
-    let mut reader = match Reader::open(path, Sizes::Any) {
+    let mut reader = match SessionReader::open(path, RobotSizes::Any) {
         Ok(reader) => reader,
         Err(error) => return (events, Err(error)),
     };
     loop {
         match reader.next_event() {
             Ok(Some((_, event))) => events.push(event),
-            Ok(None) => return (events, Ok(reader.is_whole())),
+            Ok(None) => return (events, Ok(reader.is_finished())),
             Err(error) => return (events, Err(error)),
         }
     }
 }
 
-pub fn ticks(events: &[Event]) -> usize {
-    events.iter().filter(|event| matches!(event, Event::Tick(_))).count()
+pub fn ticks(events: &[SessionEvent]) -> usize {
+    events.iter().filter(|event| matches!(event, SessionEvent::Tick(_))).count()
 }

@@ -5,11 +5,11 @@ use crate::protocol2::ServoError;
 use crate::xc330::{self, Indirect, Register};
 
 /// First address that may be pointed at: the first in RAM.
-const FIRST: u16 = xc330::TORQUE_ENABLE.address;
+const MIN_TARGET_ADDRESS: u16 = xc330::TORQUE_ENABLE.address;
 
 /// One change that a write makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Change {
+pub(super) enum MemoryWrite {
     /// A register and its value, in counts.
     Register(&'static Register, i64),
     /// A byte of the data area, by its slot number, and the address that it is to point at.
@@ -20,60 +20,61 @@ pub(super) enum Change {
 
 impl EmulatedServo {
     fn indirect(&self) -> Indirect {
-        Indirect::of(self.get(&xc330::FIRMWARE_VERSION) as u8)
+        Indirect::for_firmware(self.get(&xc330::FIRMWARE_VERSION) as u8)
     }
 
     /// Returns the address that slot number `slot` of the data area points at.
     fn target(&self, slot: u16) -> u16 {
-        let place = usize::from(Indirect::ADDRESSES + 2 * slot);
+        let place = usize::from(Indirect::ADDRESS_AREA_START + 2 * slot);
         u16::from_le_bytes([self.memory[place], self.memory[place + 1]])
     }
 
-    pub(super) fn point(&mut self, slot: u16, target: u16) {
-        let place = usize::from(Indirect::ADDRESSES + 2 * slot);
+    pub(super) fn set_pointer(&mut self, slot: u16, target: u16) {
+        let place = usize::from(Indirect::ADDRESS_AREA_START + 2 * slot);
         self.memory[place..place + 2].copy_from_slice(&target.to_le_bytes());
     }
 
     /// Resolves an address: the target of a byte in the data area, or `address` itself elsewhere.
-    pub(super) fn behind(&self, address: u16) -> u16 {
+    pub(super) fn resolve_address(&self, address: u16) -> u16 {
         let Indirect { data, slots } = self.indirect();
         if (data..data + slots).contains(&address) { self.target(address - data) } else { address }
     }
 
     /// Resets the pointers as at power-up: every byte of the data area points at itself.
-    pub(super) fn forget_pointers(&mut self) {
+    pub(super) fn reset_pointers(&mut self) {
         let Indirect { data, slots } = self.indirect();
         for slot in 0..slots {
-            self.point(slot, data + slot);
+            self.set_pointer(slot, data + slot);
             self.memory[usize::from(data + slot)] = 0;
         }
     }
 
     /// Returns the changes that a write would make, or the error with which it is refused. Only whole registers can be
     /// written, also by way of the data area (our reading).
-    pub(super) fn plan(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
+    pub(super) fn decode_write(&self, address: u16, data: &[u8]) -> Result<Vec<MemoryWrite>, ServoError> {
         let area = self.indirect();
         let (mut place, mut rest, mut changes) = (address, data, Vec::new());
         while let Some(&byte) = rest.first() {
-            let taken = if (Indirect::ADDRESSES..Indirect::ADDRESSES + 2 * area.slots).contains(&place) {
-                changes.push(pointer(area, place, rest)?);
-                2
-            } else if (area.data..area.data + area.slots).contains(&place) {
-                let target = self.behind(place);
-                if (area.data..area.data + area.slots).contains(&target) {
-                    changes.push(Change::Byte(target, byte));
-                    1
+            let taken =
+                if (Indirect::ADDRESS_AREA_START..Indirect::ADDRESS_AREA_START + 2 * area.slots).contains(&place) {
+                    changes.push(decode_pointer(area, place, rest)?);
+                    2
+                } else if (area.data..area.data + area.slots).contains(&place) {
+                    let target = self.resolve_address(place);
+                    if (area.data..area.data + area.slots).contains(&target) {
+                        changes.push(MemoryWrite::Byte(target, byte));
+                        1
+                    } else {
+                        let run = self.contiguous_run(area, place, rest.len() as u16);
+                        changes.extend(self.decode_register_writes(target, &rest[..usize::from(run)])?);
+                        run
+                    }
                 } else {
-                    let run = self.run(area, place, rest.len() as u16);
-                    changes.extend(self.plan_registers(target, &rest[..usize::from(run)])?);
-                    run
-                }
-            } else {
-                let before_area = Indirect::ADDRESSES.saturating_sub(place);
-                let run = if before_area == 0 { rest.len() } else { rest.len().min(before_area.into()) };
-                changes.extend(self.plan_registers(place, &rest[..run])?);
-                run as u16
-            };
+                    let before_area = Indirect::ADDRESS_AREA_START.saturating_sub(place);
+                    let run = if before_area == 0 { rest.len() } else { rest.len().min(before_area.into()) };
+                    changes.extend(self.decode_register_writes(place, &rest[..run])?);
+                    run as u16
+                };
             rest = &rest[usize::from(taken)..];
             place += taken;
         }
@@ -82,24 +83,24 @@ impl EmulatedServo {
 
     /// Returns the number of bytes of the data area from `place` on, at most `most`, that point at consecutive
     /// addresses.
-    fn run(&self, area: Indirect, place: u16, most: u16) -> u16 {
-        let target = self.behind(place);
+    fn contiguous_run(&self, area: Indirect, place: u16, most: u16) -> u16 {
+        let target = self.resolve_address(place);
         let most = most.min(area.data + area.slots - place);
-        (1..most).find(|n| self.behind(place + n) != target + n).unwrap_or(most)
+        (1..most).find(|n| self.resolve_address(place + n) != target + n).unwrap_or(most)
     }
 }
 
 /// Decodes a write to the stored addresses.
-fn pointer(area: Indirect, place: u16, rest: &[u8]) -> Result<Change, ServoError> {
-    let offset = place - Indirect::ADDRESSES;
+fn decode_pointer(area: Indirect, place: u16, rest: &[u8]) -> Result<MemoryWrite, ServoError> {
+    let offset = place - Indirect::ADDRESS_AREA_START;
     let [low, high] = *rest.first_chunk::<2>().filter(|_| offset.is_multiple_of(2)).ok_or(ServoError::DataLength)?;
     let target = u16::from_le_bytes([low, high]);
-    let pointable = FIRST..Indirect::ADDRESSES;
+    let pointable = MIN_TARGET_ADDRESS..Indirect::ADDRESS_AREA_START;
     let itself = area.data..area.data + area.slots;
     if !pointable.contains(&target) && !itself.contains(&target) {
         return Err(ServoError::DataRange);
     }
-    Ok(Change::Pointer(offset / 2, target))
+    Ok(MemoryWrite::Pointer(offset / 2, target))
 }
 
 #[cfg(test)]
@@ -108,7 +109,7 @@ mod tests {
 
     fn addresses(servo: &mut EmulatedServo, slot: u16, targets: &[u16]) -> Result<(), ServoError> {
         let bytes: Vec<u8> = targets.iter().flat_map(|target| target.to_le_bytes()).collect();
-        servo.write(Indirect::ADDRESSES + 2 * slot, &bytes)
+        servo.write(Indirect::ADDRESS_AREA_START + 2 * slot, &bytes)
     }
 
     fn registers(all: &[Register]) -> Vec<u16> {
@@ -145,7 +146,7 @@ mod tests {
         assert_eq!(servo.write(224, &[50]), Err(ServoError::DataLength), "half a register");
         assert_eq!(servo.read(xc330::GOAL_CURRENT.address, 2), before);
         assert_eq!(addresses(&mut servo, 0, &[11]), Err(ServoError::DataRange), "EEPROM");
-        assert_eq!(servo.write(Indirect::ADDRESSES, &[64]), Err(ServoError::DataLength));
+        assert_eq!(servo.write(Indirect::ADDRESS_AREA_START, &[64]), Err(ServoError::DataLength));
     }
 
     /// Bytes that point at themselves keep what is written, and a restart forgets all of it.
@@ -159,6 +160,6 @@ mod tests {
         assert_eq!(servo.read(xc330::LED.address, 1), Ok(vec![1]));
         servo.reboot(0.0);
         assert_eq!(servo.read(224, 3), Ok(vec![0, 0, 0]));
-        assert_eq!(servo.read(Indirect::ADDRESSES, 4), Ok(vec![224, 0, 225, 0]));
+        assert_eq!(servo.read(Indirect::ADDRESS_AREA_START, 4), Ok(vec![224, 0, 225, 0]));
     }
 }

@@ -5,7 +5,7 @@ use crate::xc330::{self, mode};
 
 /// Maximum lead of the velocity-control goal ahead of the shaft, counts: a blocked shaft does not run after its goal
 /// once free.
-const LEAD: f64 = 100.0;
+const MAX_GOAL_LEAD: f64 = 100.0;
 /// Stall current (A) and no-load speed (rad/s) at the supply (V) for which the e-Manual states them.
 const STALL_CURRENT: f64 = 0.80;
 const NO_LOAD_SPEED: f64 = 6.81;
@@ -13,14 +13,14 @@ const NOMINAL_VOLTAGE: f64 = 11.1;
 
 impl EmulatedServo {
     /// Advances the goal of velocity control by `dt` (s).
-    pub(super) fn sweep_on(&mut self, dt: f64) {
+    pub(super) fn advance_velocity_goal(&mut self, dt: f64) {
         if !self.torque() || self.get(&xc330::OPERATING_MODE) != mode::VELOCITY {
             return;
         }
         let speed = self.get(&xc330::GOAL_VELOCITY) as f64 * xc330::Unit::Velocity.per_count();
         let position = self.position() as f64;
-        let wanted = self.sweep + speed * dt / xc330::Unit::Angle.per_count();
-        self.sweep = wanted.clamp(position - LEAD, position + LEAD);
+        let wanted = self.velocity_goal + speed * dt / xc330::Unit::Angle.per_count();
+        self.velocity_goal = wanted.clamp(position - MAX_GOAL_LEAD, position + MAX_GOAL_LEAD);
     }
 
     /// Computes the current of a DC motor under the goal duty cycle, A, signed as the shaft's angle: the supply drives
@@ -62,14 +62,14 @@ mod tests {
         let mut position = 0.0;
         for step in 1..=100 {
             servo.advance(0.01 * f64::from(step), 0.01, shaft(position, speed));
-            let ServoGoal::Position { angle, .. } = servo.drive() else { panic!("no position") };
+            let ServoGoal::Position { angle, .. } = servo.applied_goal() else { panic!("no position") };
             position = angle;
         }
         assert!((position - speed).abs() < 2e-3, "{position} after a second at {speed} rad/s");
         for step in 0..100 {
             servo.advance(1.0 + 0.01 * f64::from(step), 0.01, shaft(position, 0.0));
         }
-        let ServoGoal::Position { angle, .. } = servo.drive() else { panic!("no position") };
+        let ServoGoal::Position { angle, .. } = servo.applied_goal() else { panic!("no position") };
         assert!(angle - position < 0.16, "{angle} is far ahead of {position}");
         assert_eq!(write(&mut servo, &xc330::GOAL_VELOCITY, 400), Err(ServoError::DataLimit));
     }
@@ -78,12 +78,14 @@ mod tests {
     #[test]
     fn bare_duty_cycle() {
         let mut servo = on(mode::PWM);
-        assert!(matches!(servo.drive(), ServoGoal::Current(current) if (current - STALL_CURRENT).abs() < 1e-12));
+        assert!(matches!(servo.applied_goal(), ServoGoal::Current(current) if (current - STALL_CURRENT).abs() < 1e-12));
         servo.advance(0.01, 0.01, shaft(0.0, NO_LOAD_SPEED));
-        assert!(matches!(servo.drive(), ServoGoal::Current(current) if current.abs() < 1e-12));
+        assert!(matches!(servo.applied_goal(), ServoGoal::Current(current) if current.abs() < 1e-12));
         write(&mut servo, &xc330::GOAL_PWM, -443).expect("half, backwards");
         servo.advance(0.02, 0.01, shaft(0.0, 0.0));
-        assert!(matches!(servo.drive(), ServoGoal::Current(current) if (current + 0.5 * STALL_CURRENT).abs() < 1e-3));
+        assert!(
+            matches!(servo.applied_goal(), ServoGoal::Current(current) if (current + 0.5 * STALL_CURRENT).abs() < 1e-3)
+        );
     }
 
     /// A tripped bus watchdog stops both modes.
@@ -97,7 +99,7 @@ mod tests {
             servo.advance(0.2, 0.01, shaft(1.0, 0.0));
             assert!(servo.watchdog_tripped());
             servo.advance(0.4, 0.01, shaft(1.0, 0.0));
-            match servo.drive() {
+            match servo.applied_goal() {
                 ServoGoal::Position { angle, .. } => assert!((angle - 1.0).abs() < 2e-3, "{angle}"),
                 ServoGoal::Current(current) => assert_eq!(current, 0.0),
             }

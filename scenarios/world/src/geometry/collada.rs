@@ -10,16 +10,16 @@ use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Limits: number of elements of a file, and depth of nodes above a geometry.
-const MOST_ELEMENTS: u32 = 1_000_000;
-const DEEPEST: usize = 64;
+const MAX_ELEMENTS: u32 = 1_000_000;
+const MAX_NODE_DEPTH: usize = 64;
 
 /// Creates an error from element, value found, and value expected.
-type Fault<'a> = &'a dyn Fn(&str, String, &str) -> DataError;
+type ErrorFn<'a> = &'a dyn Fn(&str, String, &str) -> DataError;
 
 /// Returns three corners per triangle, m.
-pub fn corners(text: &str, path: &Path) -> Result<Vec<[Point3<f64>; 3]>, DataError> {
+pub fn triangle_corners(text: &str, path: &Path) -> Result<Vec<[Point3<f64>; 3]>, DataError> {
     let fault = |field: &str, found: String, expected: &str| DataError::field(path, field, found, expected);
-    let options = ParsingOptions { nodes_limit: MOST_ELEMENTS, ..ParsingOptions::default() };
+    let options = ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)
         .map_err(|error| fault("text", error.to_string(), "a COLLADA file"))?;
     let root = document.root_element();
@@ -39,7 +39,7 @@ pub fn corners(text: &str, path: &Path) -> Result<Vec<[Point3<f64>; 3]>, DataErr
     let ids: HashMap<&str, Node<'_, '_>> =
         document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let mut found = Vec::new();
-    for placed in placed(&document, &root, &ids, &fault)? {
+    for placed in placed_geometries(&document, &root, &ids, &fault)? {
         let (geometry, pose) = placed;
         let place = |point: Point3<f64>| Point3::from(pose.transform_point(&point).coords * unit);
         found.extend(geometry_corners(&geometry, &ids, &fault)?.into_iter().map(|corners| corners.map(place)));
@@ -53,11 +53,11 @@ fn named<'a, 'i>(node: &Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
 }
 
 /// Returns the element that a reference such as `#id` names.
-fn referred<'a, 'i>(
+fn resolve_reference<'a, 'i>(
     node: &Node<'a, 'i>,
     attribute: &str,
     ids: &HashMap<&str, Node<'a, 'i>>,
-    fault: Fault<'_>,
+    fault: ErrorFn<'_>,
 ) -> Result<Node<'a, 'i>, DataError> {
     let text = node.attribute(attribute).unwrap_or_default();
     text.strip_prefix('#').and_then(|id| ids.get(id)).copied().ok_or_else(|| {
@@ -67,11 +67,11 @@ fn referred<'a, 'i>(
 }
 
 /// Returns geometries with their poses: those of the scene's nodes, or all geometries if there is no scene.
-fn placed<'a, 'i>(
+fn placed_geometries<'a, 'i>(
     document: &'a Document<'i>,
     root: &Node<'a, 'i>,
     ids: &HashMap<&str, Node<'a, 'i>>,
-    fault: Fault<'_>,
+    fault: ErrorFn<'_>,
 ) -> Result<Vec<(Node<'a, 'i>, Matrix4<f64>)>, DataError> {
     let scene = named(root, "scene").and_then(|scene| named(&scene, "instance_visual_scene"));
     let Some(scene) = scene else {
@@ -79,10 +79,10 @@ fn placed<'a, 'i>(
         return Ok(all.map(|geometry| (geometry, Matrix4::identity())).collect());
     };
     let mut found = Vec::new();
-    let mut open = vec![(referred(&scene, "url", ids, fault)?, Matrix4::identity(), 0)];
+    let mut open = vec![(resolve_reference(&scene, "url", ids, fault)?, Matrix4::identity(), 0)];
     while let Some((node, parent, depth)) = open.pop() {
-        if depth > DEEPEST {
-            return Err(fault("node", format!("{depth} nodes above each other"), &format!("at most {DEEPEST}")));
+        if depth > MAX_NODE_DEPTH {
+            return Err(fault("node", format!("{depth} nodes above each other"), &format!("at most {MAX_NODE_DEPTH}")));
         }
         let mut pose = parent;
         for child in node.children().filter(Node::is_element) {
@@ -94,8 +94,8 @@ fn placed<'a, 'i>(
         for child in node.children().filter(Node::is_element) {
             match child.tag_name().name() {
                 "node" => open.push((child, pose, depth + 1)),
-                "instance_node" => open.push((referred(&child, "url", ids, fault)?, pose, depth + 1)),
-                "instance_geometry" => found.push((referred(&child, "url", ids, fault)?, pose)),
+                "instance_node" => open.push((resolve_reference(&child, "url", ids, fault)?, pose, depth + 1)),
+                "instance_geometry" => found.push((resolve_reference(&child, "url", ids, fault)?, pose)),
                 _ => {}
             }
         }
@@ -103,7 +103,7 @@ fn placed<'a, 'i>(
     Ok(found)
 }
 
-fn transform(node: &Node<'_, '_>, name: &str, fault: Fault<'_>) -> Result<Matrix4<f64>, DataError> {
+fn transform(node: &Node<'_, '_>, name: &str, fault: ErrorFn<'_>) -> Result<Matrix4<f64>, DataError> {
     let values: Vec<f64> = numbers(node, fault)?;
     match (name, &values[..]) {
         ("matrix", all) if all.len() == 16 => Ok(Matrix4::from_row_slice(all)),
@@ -119,7 +119,7 @@ fn transform(node: &Node<'_, '_>, name: &str, fault: Fault<'_>) -> Result<Matrix
 }
 
 /// Returns the numbers in an element's text.
-fn numbers<T: std::str::FromStr>(node: &Node<'_, '_>, fault: Fault<'_>) -> Result<Vec<T>, DataError> {
+fn numbers<T: std::str::FromStr>(node: &Node<'_, '_>, fault: ErrorFn<'_>) -> Result<Vec<T>, DataError> {
     let words = node.text().unwrap_or_default().split_whitespace();
     words.map(|word| word.parse().map_err(|_| fault(node.tag_name().name(), format!("`{word}`"), "numbers"))).collect()
 }
@@ -127,7 +127,7 @@ fn numbers<T: std::str::FromStr>(node: &Node<'_, '_>, fault: Fault<'_>) -> Resul
 fn geometry_corners(
     geometry: &Node<'_, '_>,
     ids: &HashMap<&str, Node<'_, '_>>,
-    fault: Fault<'_>,
+    fault: ErrorFn<'_>,
 ) -> Result<Vec<[Point3<f64>; 3]>, DataError> {
     let mut found = Vec::new();
     // Curves and other kinds of surfaces have no <mesh>.
@@ -143,10 +143,10 @@ fn geometry_corners(
         let Some(vertex) = inputs.iter().find(|input| input.attribute("semantic") == Some("VERTEX")) else {
             return Err(fault(name, "no input VERTEX".into(), "one"));
         };
-        let vertices = referred(vertex, "source", ids, fault)?;
+        let vertices = resolve_reference(vertex, "source", ids, fault)?;
         let position = vertices.children().find(|node| node.attribute("semantic") == Some("POSITION"));
         let Some(position) = position else { return Err(fault("vertices", "no input POSITION".into(), "one")) };
-        let points = points(&referred(&position, "source", ids, fault)?, fault)?;
+        let points = points(&resolve_reference(&position, "source", ids, fault)?, fault)?;
         let lists = primitive.children().filter(|node| node.tag_name().name() == "p");
         let counts: Option<Vec<usize>> = named(&primitive, "vcount").map(|node| numbers(&node, fault)).transpose()?;
         for list in lists {
@@ -163,7 +163,7 @@ fn geometry_corners(
                 .collect::<Result<_, _>>()?;
             match name {
                 "triangles" => found.extend(at.chunks_exact(3).map(|three| [three[0], three[1], three[2]])),
-                "polygons" | "trifans" => fan(&at, &mut found),
+                "polygons" | "trifans" => fan_triangles(&at, &mut found),
                 "tristrips" => found.extend(at.windows(3).enumerate().map(|(n, three)| {
                     if n % 2 == 0 { [three[0], three[1], three[2]] } else { [three[1], three[0], three[2]] }
                 })),
@@ -174,7 +174,7 @@ fn geometry_corners(
                             let found = format!("{} corners left of {count}", rest.len());
                             return Err(fault("polylist.vcount", found, "as many corners as it counts"));
                         };
-                        fan(polygon, &mut found);
+                        fan_triangles(polygon, &mut found);
                         rest = after;
                     }
                 }
@@ -185,12 +185,12 @@ fn geometry_corners(
 }
 
 /// Splits a polygon into triangles.
-fn fan(at: &[Point3<f64>], found: &mut Vec<[Point3<f64>; 3]>) {
+fn fan_triangles(at: &[Point3<f64>], found: &mut Vec<[Point3<f64>; 3]>) {
     found.extend((2..at.len()).map(|n| [at[0], at[n - 1], at[n]]));
 }
 
 /// Returns the points of a <source>.
-fn points(source: &Node<'_, '_>, fault: Fault<'_>) -> Result<Vec<Point3<f64>>, DataError> {
+fn points(source: &Node<'_, '_>, fault: ErrorFn<'_>) -> Result<Vec<Point3<f64>>, DataError> {
     let Some(array) = named(source, "float_array") else {
         return Err(fault("source", "no float_array".into(), "one"));
     };
@@ -226,7 +226,7 @@ mod tests {
     /// Every node places its own copy of a polygon, in metres, with unchanged axes.
     #[test]
     fn a_geometry_is_placed_by_every_node() {
-        let found = corners(FILE, Path::new("tip.dae")).expect("read");
+        let found = triangle_corners(FILE, Path::new("tip.dae")).expect("read");
         assert_eq!(found.len(), 4);
         for place in [Point3::new(0.01, 0.02, 0.005), Point3::new(-0.02, 0.01, 0.005)] {
             assert!(found.iter().flatten().any(|corner| (corner - place).norm() < 1e-12), "{place}: {found:?}");
@@ -245,7 +245,7 @@ mod tests {
             (FILE.replace("</COLLADA>", ""), "text: found"),
         ];
         for (text, expected) in cases {
-            let error = corners(&text, Path::new("tip.dae")).expect_err(expected).to_string();
+            let error = triangle_corners(&text, Path::new("tip.dae")).expect_err(expected).to_string();
             assert!(error.starts_with(&format!("tip.dae: {expected}")), "{error}\n{expected}");
         }
     }

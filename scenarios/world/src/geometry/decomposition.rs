@@ -11,22 +11,22 @@ use super::mesh::{Mesh, from_parry};
 use super::revolution::hull_mesh;
 
 /// (voxels along the mesh, concavity), from coarse to fine.
-const LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
+const RESOLUTION_LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
 /// Greatest number of parts: more would slow the physics down, and the finer cut is then not used.
-const MOST_PARTS: usize = 96;
+const MAX_PARTS: usize = 96;
 /// Spacing of the points on a part at which it is compared with the mesh, m.
-const SPACING: f64 = 1.5e-3;
+const SAMPLE_SPACING: f64 = 1.5e-3;
 
 /// Returns convex point sets that together fill `mesh`, and the greatest distance by which they stand out of it, m. It
 /// is the first cut within `tolerance`, m, or the best of those with few enough parts.
 pub(super) fn decompose(mesh: &Mesh, tolerance: f64) -> (Vec<Vec<Point3<f64>>>, f64) {
     let mut best: Option<(Vec<Vec<Point3<f64>>>, f64)> = None;
-    for (resolution, concavity) in LEVELS {
-        let parts = cut(mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
-        if best.is_some() && parts.len() > MOST_PARTS {
+    for (resolution, concavity) in RESOLUTION_LEVELS {
+        let parts = run_vhacd(mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
+        if best.is_some() && parts.len() > MAX_PARTS {
             break;
         }
-        let out = excess(mesh, &parts);
+        let out = protrusion(mesh, &parts);
         if best.as_ref().is_none_or(|(_, least)| out < *least) {
             best = Some((parts, out));
         }
@@ -37,8 +37,8 @@ pub(super) fn decompose(mesh: &Mesh, tolerance: f64) -> (Vec<Vec<Point3<f64>>>, 
     best.unwrap_or_default()
 }
 
-pub(super) fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
-    let (points, triangles) = mesh.surface();
+pub(super) fn run_vhacd(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
+    let (points, triangles) = mesh.decomposition_input();
     VHACD::decompose(&parameters, points, triangles, true)
         .compute_exact_convex_hulls(points, triangles)
         .into_iter()
@@ -48,13 +48,13 @@ pub(super) fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f6
         .collect()
 }
 
-/// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SPACING`] apart on their faces.
-pub(super) fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
+/// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SAMPLE_SPACING`] apart on their faces.
+pub(super) fn protrusion(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
     let mut most = 0.0f64;
     for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {
         for [a, b, c] in hull.triangles().iter().map(|corners| corners.map(|n| hull.vertices()[n as usize])) {
             let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
-            let steps = (longest / SPACING).ceil().max(1.0) as usize;
+            let steps = (longest / SAMPLE_SPACING).ceil().max(1.0) as usize;
             for i in 0..=steps {
                 for j in 0..=steps - i {
                     let (u, v) = (i as f64 / steps as f64, j as f64 / steps as f64);
@@ -77,15 +77,15 @@ impl Mesh {
             }
             decompose(self, self.tolerance).0
         };
-        self.given.as_deref().unwrap_or_else(|| self.found.get_or_init(find))
+        self.known_parts.as_deref().unwrap_or_else(|| self.computed_parts.get_or_init(find))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::mesh::TOLERANCE;
+    use super::super::mesh::DEFAULT_PART_TOLERANCE;
     use super::*;
-    use crate::geometry::Shape;
+    use crate::geometry::ObjectShape;
     use crate::objects::ObjectSet;
 
     /// Returns a cup: a pot of 60 x 70 mm with walls of 4 mm, without known parts.
@@ -117,19 +117,19 @@ mod tests {
     #[test]
     fn parts_follow_a_cavity() {
         let cup = cup();
-        let whole = excess(&cup, &[cup.vertices().to_vec()]);
+        let whole = protrusion(&cup, &[cup.vertices().to_vec()]);
         assert!((whole - 0.026).abs() < 0.002, "{whole}");
-        let coarse = cut(&cup, VHACDParameters::default());
-        let (parts, out) = decompose(&cup, TOLERANCE);
+        let coarse = run_vhacd(&cup, VHACDParameters::default());
+        let (parts, out) = decompose(&cup, DEFAULT_PART_TOLERANCE);
         println!(
             "{} parts, {:.2} mm; coarse {} parts, {:.2} mm",
             parts.len(),
             1e3 * out,
             coarse.len(),
-            1e3 * excess(&cup, &coarse)
+            1e3 * protrusion(&cup, &coarse)
         );
-        assert!(out < 0.5 * excess(&cup, &coarse) && parts.len() <= MOST_PARTS);
-        assert_eq!(out, excess(&cup, &parts));
+        assert!(out < 0.5 * protrusion(&cup, &coarse) && parts.len() <= MAX_PARTS);
+        assert_eq!(out, protrusion(&cup, &parts));
     }
 
     /// A mesh with a larger tolerance keeps its first cut.
@@ -137,11 +137,13 @@ mod tests {
     fn what_is_good_enough_stays_coarse() {
         let set = ObjectSet::standard();
         for name in ["l_block", "caddy"] {
-            let Some(Shape::Mesh(mesh)) = set.get(name).map(|object| &object.shape) else { panic!("{name} is a mesh") };
-            let first = cut(mesh, VHACDParameters::default());
+            let Some(ObjectShape::Mesh(mesh)) = set.get(name).map(|object| &object.shape) else {
+                panic!("{name} is a mesh")
+            };
+            let first = run_vhacd(mesh, VHACDParameters::default());
             assert_eq!(mesh.convex_parts(), first, "{name}: its own tolerance");
-            let (finer, out) = decompose(mesh, TOLERANCE);
-            assert!(finer.len() > first.len() && out < excess(mesh, &first), "{name}: {out} m");
+            let (finer, out) = decompose(mesh, DEFAULT_PART_TOLERANCE);
+            assert!(finer.len() > first.len() && out < protrusion(mesh, &first), "{name}: {out} m");
         }
     }
 }

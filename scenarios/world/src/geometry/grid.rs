@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::shape::Shape;
+use super::shape::ObjectShape;
 
 /// A sampled signed distance field, in the shape's frame.
 #[derive(Debug, Clone)]
@@ -19,7 +19,7 @@ pub struct DistanceGrid {
 
 impl DistanceGrid {
     /// Samples `shape` with cells of `cell` (m), `margin` (m) beyond its bounding box.
-    pub fn new(shape: &Shape, cell: f64, margin: f64) -> Self {
+    pub fn new(shape: &ObjectShape, cell: f64, margin: f64) -> Self {
         let (low, high) = shape.aabb();
         let origin = low - Vector3::repeat(margin);
         let extent = high - low + Vector3::repeat(2.0 * margin);
@@ -86,7 +86,7 @@ mod tests {
     /// (half a cell's diagonal seen from 12 mm is 4.1).
     #[test]
     fn agrees_with_a_ball() {
-        let ball = Shape::Sphere { radius: 0.02 };
+        let ball = ObjectShape::Sphere { radius: 0.02 };
         let grid = DistanceGrid::new(&ball, 0.001, 0.008);
         for n in 0..500 {
             let turn = f64::from(n) * 0.7;

@@ -6,23 +6,23 @@ use std::path::Path;
 
 use ftac_platform::data::DataError;
 use hand_model::hand_mechanism::Triangles;
-use hand_model::urdf_hand::{Cut, MeshTools};
+use hand_model::urdf_hand::{ConvexDecomposition, MeshTools};
 use nalgebra::Point3;
 use parry3d_f64::transformation::vhacd::VHACDParameters;
 
-use super::decomposition::{cut, excess};
+use super::decomposition::{protrusion, run_vhacd};
 use super::mesh::Mesh;
 use super::mesh_file::read_triangles;
 
 /// Reader and cutter for the meshes of a URDF.
-pub const LINK_MESHES: MeshTools = MeshTools { read: read_link, cut: cut_link };
+pub const LINK_MESHES: MeshTools = MeshTools { read: read_link, decompose: decompose_link };
 
 /// Distance beyond which parts that stand out of a link's surface are cut more finely, m.
-const TOLERANCE: f64 = 1.5e-3;
+const PROTRUSION_TOLERANCE: f64 = 1.5e-3;
 /// (voxels along the mesh, concavity), from coarse to fine.
-const LEVELS: [(u32, f64); 3] = [(40, 0.02), (64, 0.01), (96, 0.003)];
+const RESOLUTION_LEVELS: [(u32, f64); 3] = [(40, 0.02), (64, 0.01), (96, 0.003)];
 /// Greatest number of parts of a link: with more, self-collision costs more than the rest of the physics.
-const MOST_PARTS: usize = 32;
+const MAX_PARTS: usize = 32;
 
 /// Reads the triangles of a link's mesh file. Unlike objects, robot descriptions use glTF's axes unchanged.
 fn read_link(path: &Path) -> Result<Triangles, DataError> {
@@ -35,28 +35,28 @@ fn read_link(path: &Path) -> Result<Triangles, DataError> {
 }
 
 /// Returns the hull of a surface if it stands out only slightly, otherwise its convex parts: the first cut within
-/// [`TOLERANCE`], or the best of those with few enough parts. An open surface is mended first.
-pub fn cut_link(surface: &Triangles) -> Cut {
+/// [`PROTRUSION_TOLERANCE`], or the best of those with few enough parts. An open surface is mended first.
+pub fn decompose_link(surface: &Triangles) -> ConvexDecomposition {
     let (vertices, triangles) = surface;
     let whole = vec![vertices.clone()];
     let closed = Mesh::new(vertices.clone(), triangles.clone());
     let Some(mesh) = closed.ok().or_else(|| Some(Mesh::repaired(vertices, triangles).ok()?.0)) else {
         // Nothing to cut or to measure against.
-        return Cut { parts: whole, excess: 0.0 };
+        return ConvexDecomposition { parts: whole, protrusion: 0.0 };
     };
-    let mut best = Cut { excess: excess(&mesh, &whole), parts: whole };
-    for (resolution, concavity) in LEVELS {
-        if best.excess <= TOLERANCE {
+    let mut best = ConvexDecomposition { protrusion: protrusion(&mesh, &whole), parts: whole };
+    for (resolution, concavity) in RESOLUTION_LEVELS {
+        if best.protrusion <= PROTRUSION_TOLERANCE {
             break;
         }
-        let parts = cut(&mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
+        let parts = run_vhacd(&mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
         let parts: Vec<Vec<Point3<f64>>> = parts.into_iter().filter(|part| part.len() >= 4).collect();
-        if parts.is_empty() || parts.len() > MOST_PARTS {
+        if parts.is_empty() || parts.len() > MAX_PARTS {
             break;
         }
-        let out = excess(&mesh, &parts);
-        if out < best.excess {
-            best = Cut { parts, excess: out };
+        let out = protrusion(&mesh, &parts);
+        if out < best.protrusion {
+            best = ConvexDecomposition { parts, protrusion: out };
         }
     }
     best
@@ -65,7 +65,7 @@ pub fn cut_link(surface: &Triangles) -> Cut {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Shape;
+    use crate::geometry::ObjectShape;
     use nalgebra::Vector3;
 
     /// An angle bracket of two plates: its hull stands out by the depth of the corner, its parts by less than the
@@ -84,20 +84,20 @@ mod tests {
             triangles.extend([[n, next, next + 6], [n, next + 6, n + 6]]);
         }
         let mesh = Mesh::new(vertices.clone(), triangles.clone()).expect("closed");
-        let whole = excess(&mesh, std::slice::from_ref(&vertices));
-        let cut = cut_link(&(vertices, triangles));
-        println!("hull {:.2} mm, {} parts {:.2} mm", 1e3 * whole, cut.parts.len(), 1e3 * cut.excess);
+        let whole = protrusion(&mesh, std::slice::from_ref(&vertices));
+        let cut = decompose_link(&(vertices, triangles));
+        println!("hull {:.2} mm, {} parts {:.2} mm", 1e3 * whole, cut.parts.len(), 1e3 * cut.protrusion);
         assert!(whole > 0.018 && cut.parts.len() > 1, "{whole} m, {} parts", cut.parts.len());
-        assert!(cut.excess <= TOLERANCE, "{} m", cut.excess);
+        assert!(cut.protrusion <= PROTRUSION_TOLERANCE, "{} m", cut.protrusion);
     }
 
     /// A convex link remains a single hull.
     #[test]
     fn a_convex_link_is_one_part() {
-        let shape = Shape::Cuboid { half: Vector3::new(0.02, 0.01, 0.03), radius: 0.0 };
+        let shape = ObjectShape::Cuboid { half: Vector3::new(0.02, 0.01, 0.03), radius: 0.0 };
         let (vertices, triangles, _) = shape.triangles();
-        let cut = cut_link(&(vertices, triangles));
+        let cut = decompose_link(&(vertices, triangles));
         assert_eq!(cut.parts.len(), 1);
-        assert!(cut.excess < 1e-6, "{}", cut.excess);
+        assert!(cut.protrusion < 1e-6, "{}", cut.protrusion);
     }
 }

@@ -15,13 +15,13 @@ pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// Default tolerance of convex parts: greatest distance by which a part may stand out of the mesh, m. It is less than a
 /// fingertip's pad yields.
-pub(super) const TOLERANCE: f64 = 1e-3;
+pub(super) const DEFAULT_PART_TOLERANCE: f64 = 1e-3;
 
 /// Greatest allowed extent of a mesh, m: a larger one is probably in millimetres.
 pub const MAX_EXTENT: f64 = 1.0;
 
 /// Least volume of a closed surface, m3: below it, centre and inertia are undefined.
-const LEAST_VOLUME: f64 = 1e-15;
+const MIN_VOLUME: f64 = 1e-15;
 
 /// Faults of a mesh or its file.
 #[derive(Debug, thiserror::Error)]
@@ -52,7 +52,7 @@ pub enum GeometryError {
         "mesh is not watertight: edge {from}-{to} found {forward} times one way and {backward} times the other, expected once each \
          ({faults} such edges)"
     )]
-    Open {
+    NotWatertight {
         /// Index of the edge's first vertex.
         from: u32,
         /// Index of the edge's second vertex.
@@ -66,7 +66,7 @@ pub enum GeometryError {
     },
     /// A fault that no repair could mend without inventing geometry.
     #[error("{fault}; it cannot be mended: {reason}")]
-    Unmended {
+    NotRepaired {
         /// Fault of the mesh.
         fault: String,
         /// Reason why the repair failed.
@@ -76,7 +76,7 @@ pub enum GeometryError {
     #[error(
         "mesh extent: found {found:.3} m, expected at most {MAX_EXTENT} m: the file is probably in millimetres, scale it by 0.001"
     )]
-    Units {
+    ImplausibleSize {
         /// Extent found, m.
         found: f64,
     },
@@ -92,9 +92,9 @@ pub struct Mesh {
     center: Point3<f64>,
     unit_inertia: Matrix3<f64>,
     /// Convex point sets that fill the mesh, known to its builder.
-    pub(super) given: Option<Vec<Vec<Point3<f64>>>>,
+    pub(super) known_parts: Option<Vec<Vec<Point3<f64>>>>,
     /// Convex parts from a decomposition, if none were given.
-    pub(super) found: OnceLock<Vec<Vec<Point3<f64>>>>,
+    pub(super) computed_parts: OnceLock<Vec<Vec<Point3<f64>>>>,
     /// Greatest distance by which convex parts may stand out of the mesh, m.
     pub(super) tolerance: f64,
 }
@@ -133,7 +133,7 @@ impl Mesh {
             triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
             volume = -volume;
         }
-        if volume < LEAST_VOLUME {
+        if volume < MIN_VOLUME {
             return Err(GeometryError::Element {
                 element: "mesh".into(),
                 found: format!("{volume:.1e} m3 within its surface"),
@@ -155,15 +155,15 @@ impl Mesh {
             volume,
             center,
             unit_inertia: Matrix3::identity() * second.trace() - second,
-            given: None,
-            found: OnceLock::new(),
-            tolerance: TOLERANCE,
+            known_parts: None,
+            computed_parts: OnceLock::new(),
+            tolerance: DEFAULT_PART_TOLERANCE,
         })
     }
 
     /// Returns the mesh with `parts`, convex point sets known to fill it, in the same frame.
     pub fn with_parts(self, parts: Vec<Vec<Point3<f64>>>) -> Self {
-        Self { given: Some(parts), ..self }
+        Self { known_parts: Some(parts), ..self }
     }
 
     /// Returns the mesh with a tolerance for its decomposition: convex parts may stand out of it by at most
@@ -177,7 +177,7 @@ impl Mesh {
         let shift = self.center.coords;
         let moved = Self::new(self.vertices.iter().map(|vertex| vertex - shift).collect(), self.triangles)?
             .with_tolerance(self.tolerance);
-        Ok(match self.given {
+        Ok(match self.known_parts {
             Some(parts) => moved.with_parts(
                 parts.into_iter().map(|part| part.into_iter().map(|point| point - shift).collect()).collect(),
             ),
@@ -223,7 +223,7 @@ impl Mesh {
         extent(&self.vertices)
     }
 
-    /// Implements [`super::Shape::signed_distance`].
+    /// Implements [`super::ObjectShape::signed_distance`].
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let (projection, (triangle, _)) = self.surface.project_local_point_and_get_location(to_parry(point), false);
         let away = point.coords - vector(projection.point);
@@ -237,7 +237,7 @@ impl Mesh {
         }
     }
 
-    /// Implements [`super::Shape::ray`].
+    /// Implements [`super::ObjectShape::ray`].
     pub fn ray(&self, origin: &Point3<f64>, direction: &Unit<Vector3<f64>>) -> Option<f64> {
         let ray = Ray::new(to_parry(origin), Vector::new(direction.x, direction.y, direction.z));
         let hit = self.surface.cast_local_ray_and_get_normal(&ray, f64::MAX, false)?;
@@ -246,7 +246,7 @@ impl Mesh {
         Some(if normal.dot(direction) > 0.0 { 0.0 } else { hit.time_of_impact })
     }
 
-    /// Implements [`super::Shape::support`].
+    /// Implements [`super::ObjectShape::support`].
     pub fn support(&self, direction: &Vector3<f64>) -> Point3<f64> {
         let mut best = (f64::NEG_INFINITY, Point3::origin());
         for vertex in &self.vertices {
@@ -270,7 +270,7 @@ impl Mesh {
     }
 
     /// Returns vertices and triangles in the format of the decomposition.
-    pub(super) fn surface(&self) -> (&[Vector], &[[u32; 3]]) {
+    pub(super) fn decomposition_input(&self) -> (&[Vector], &[[u32; 3]]) {
         (self.surface.vertices(), self.surface.indices())
     }
 }
@@ -315,7 +315,7 @@ fn check_elements(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<()
     }
     let (low, high) = extent(vertices);
     let found = (high - low).max();
-    if found > MAX_EXTENT { Err(GeometryError::Units { found }) } else { Ok(()) }
+    if found > MAX_EXTENT { Err(GeometryError::ImplausibleSize { found }) } else { Ok(()) }
 }
 
 fn check_closed(triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
@@ -328,7 +328,9 @@ fn check_closed(triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
     }
     let faults = edges.values().filter(|uses| **uses != [1, 1]).count();
     match edges.into_iter().filter(|(_, uses)| *uses != [1, 1]).min() {
-        Some(((from, to), [forward, backward])) => Err(GeometryError::Open { from, to, forward, backward, faults }),
+        Some(((from, to), [forward, backward])) => {
+            Err(GeometryError::NotWatertight { from, to, forward, backward, faults })
+        }
         None => Ok(()),
     }
 }

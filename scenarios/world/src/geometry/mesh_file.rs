@@ -8,7 +8,7 @@ use std::path::Path;
 
 use ftac_platform::data::DataError;
 use ftac_platform::file::read_regular;
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use gltf::buffer::Source;
 use nalgebra::{Matrix4, Point3};
 use ply_rs_bw::parser::Parser;
@@ -17,12 +17,12 @@ use ply_rs_bw::ply::{DefaultElement, Property};
 use super::collada;
 use super::mesh::{GeometryError, Mesh, Triangles};
 use super::obj::parse_triangles;
-use super::repair::Repair;
+use super::repair::RepairReport;
 
 impl Mesh {
     /// Reads a mesh file of any of these formats, in metres, and mends its faults. Also returns a report of the
     /// repairs.
-    pub fn load(path: &Path) -> Result<(Self, Repair), GeometryError> {
+    pub fn load(path: &Path) -> Result<(Self, RepairReport), GeometryError> {
         let (vertices, triangles) = read_triangles(path)?;
         Self::repaired(&vertices, &triangles)
             .map_err(|source| GeometryError::File { path: path.into(), source: Box::new(source) })
@@ -30,12 +30,12 @@ impl Mesh {
 }
 
 /// Greatest size of a mesh file, bytes.
-const LARGEST: u64 = 256 << 20;
+const MAX_FILE_SIZE: u64 = 256 << 20;
 
 /// Reads the vertices and triangles of a mesh file, whether or not they form a closed surface.
 pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
     let io = |source| DataError::Io { path: path.into(), source };
-    let bytes = read_regular(path, LARGEST).map_err(io)?;
+    let bytes = read_regular(path, MAX_FILE_SIZE).map_err(io)?;
     let extension = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
         "obj" => {
@@ -49,7 +49,7 @@ pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
         "dae" => {
             let text = String::from_utf8(bytes)
                 .map_err(|error| DataError::field(path, "text", error, "a COLLADA file in UTF-8"))?;
-            welded(collada::corners(&text, path)?.into_iter(), path)
+            weld_corners(collada::triangle_corners(&text, path)?.into_iter(), path)
         }
         _ => Err(DataError::field(path, "name", format!("`.{extension}`"), ".obj, .stl, .ply, .gltf, .glb or .dae")),
     }
@@ -68,7 +68,7 @@ fn stl(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
     let corners = scene.meshes.iter().flat_map(|mesh| {
         mesh.faces.iter().map(|face| face.map(|n| Point3::from(mesh.vertices[n as usize]).cast::<f64>()))
     });
-    welded(corners, path)
+    weld_corners(corners, path)
 }
 
 fn ply(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
@@ -99,7 +99,7 @@ fn ply(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
         })?;
         corners.extend((2..at.len()).map(|k| [at[0], at[k - 1], at[k]]));
     }
-    welded(corners.into_iter(), path)
+    weld_corners(corners.into_iter(), path)
 }
 
 fn number(property: &Property) -> Option<f64> {
@@ -140,8 +140,8 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
             )),
             Source::Uri(uri) => {
                 let field = format!("buffers[{}].uri", buffer.index());
-                let beside = Reach::beside(path).resolve(path, &field, Path::new(uri))?;
-                read_regular(&beside, LARGEST).map_err(|error| {
+                let beside = FileAccess::in_folder_of(path).resolve(path, &field, Path::new(uri))?;
+                read_regular(&beside, MAX_FILE_SIZE).map_err(|error| {
                     let found = format!("{}: {error}", beside.display());
                     fault(format!("buffers[{}].uri", buffer.index()), found, "a file beside this one")
                 })
@@ -185,12 +185,12 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
             }
         }
     }
-    welded(corners.into_iter(), path)
+    weld_corners(corners.into_iter(), path)
 }
 
 /// Builds an indexed mesh from the corners of triangles: corners in the same place become one vertex, and triangles
 /// that thereby lose their area are dropped.
-fn welded(corners: impl Iterator<Item = [Point3<f64>; 3]>, path: &Path) -> Result<Triangles, DataError> {
+fn weld_corners(corners: impl Iterator<Item = [Point3<f64>; 3]>, path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let mut known: HashMap<[u64; 3], u32> = HashMap::new();
     for (n, corners) in corners.enumerate() {

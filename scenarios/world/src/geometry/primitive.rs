@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 use nalgebra::{Point3, Unit, Vector3};
 
 /// Distance below which a direction is not normalised, m.
-const TINY: f64 = 1e-14;
+const MIN_NORM: f64 = 1e-14;
 
 pub fn sphere_distance(radius: f64, point: &Point3<f64>) -> (f64, Vector3<f64>) {
     let distance = point.coords.norm();
-    let outward = if distance > TINY { point.coords / distance } else { Vector3::z() };
+    let outward = if distance > MIN_NORM { point.coords / distance } else { Vector3::z() };
     (distance - radius, outward)
 }
 
@@ -27,7 +27,7 @@ pub fn sphere_ray(radius: f64, origin: &Point3<f64>, direction: &Unit<Vector3<f6
 
 pub fn cylinder_distance(radius: f64, half_height: f64, point: &Point3<f64>) -> (f64, Vector3<f64>) {
     let across = point.x.hypot(point.y);
-    let radial = if across > TINY { Vector3::new(point.x / across, point.y / across, 0.0) } else { Vector3::x() };
+    let radial = if across > MIN_NORM { Vector3::new(point.x / across, point.y / across, 0.0) } else { Vector3::x() };
     let axial = Vector3::new(0.0, 0.0, 1.0_f64.copysign(point.z));
     let (side, end) = (across - radius, point.z.abs() - half_height);
     if side > 0.0 && end > 0.0 {
@@ -48,7 +48,7 @@ pub fn cylinder_ray(
 ) -> Option<f64> {
     // The solid is the intersection of a slab and an infinite cylinder, and so are the spans of the ray inside them.
     let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
-    if direction.z.abs() > TINY {
+    if direction.z.abs() > MIN_NORM {
         let ends = [(-half_height - origin.z) / direction.z, (half_height - origin.z) / direction.z];
         enter = enter.max(ends[0].min(ends[1]));
         leave = leave.min(ends[0].max(ends[1]));
@@ -57,7 +57,7 @@ pub fn cylinder_ray(
     }
     let a = direction.x * direction.x + direction.y * direction.y;
     let c = origin.x * origin.x + origin.y * origin.y - radius * radius;
-    if a > TINY {
+    if a > MIN_NORM {
         let b = origin.x * direction.x + origin.y * direction.y;
         let discriminant = b * b - a * c;
         if discriminant < 0.0 {
@@ -77,7 +77,7 @@ pub fn cuboid_distance(half: &Vector3<f64>, radius: f64, point: &Point3<f64>) ->
     let sign = point.coords.map(|x| 1.0_f64.copysign(x));
     let outside = q.map(|x| x.max(0.0));
     let distance = outside.norm();
-    if distance > TINY {
+    if distance > MIN_NORM {
         (distance - radius, outside.component_mul(&sign) / distance)
     } else {
         let axis = q.imax();

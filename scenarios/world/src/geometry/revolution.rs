@@ -80,7 +80,7 @@ fn slices(profile: &Profile) -> Vec<Vec<Point3<f64>>> {
     let mut start = 0;
     while start + 1 < profile.len() {
         let mut end = start + 1;
-        while end + 1 < profile.len() && excess(&profile[start..=end + 1]) <= PART_TOLERANCE {
+        while end + 1 < profile.len() && hull_protrusion(&profile[start..=end + 1]) <= PART_TOLERANCE {
             end += 1;
         }
         let outline = simplify(&upper_hull(&profile[start..=end]), PART_TOLERANCE);
@@ -102,7 +102,7 @@ fn slices(profile: &Profile) -> Vec<Vec<Point3<f64>>> {
 }
 
 /// Returns the height of `point` over the line through `a` and `b`, radius being up, times the line's length.
-fn over(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
+fn height_over_line(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
     (b[1] - a[1]) * (point[0] - a[0]) - (b[0] - a[0]) * (point[1] - a[1])
 }
 
@@ -110,7 +110,7 @@ fn over(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
 fn upper_hull(run: &[[f64; 2]]) -> Profile {
     let mut hull: Profile = Vec::new();
     for &point in run {
-        while hull.len() > 1 && over(hull[hull.len() - 2], point, hull[hull.len() - 1]) <= 0.0 {
+        while hull.len() > 1 && height_over_line(hull[hull.len() - 2], point, hull[hull.len() - 1]) <= 0.0 {
             hull.pop();
         }
         hull.push(point);
@@ -119,18 +119,18 @@ fn upper_hull(run: &[[f64; 2]]) -> Profile {
 }
 
 /// Returns the distance of `point` from the line through `a` and `b`, m.
-fn gap(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
+fn distance_to_line(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
     let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-    if length > 0.0 { over(a, b, point).abs() / length } else { (point[0] - a[0]).hypot(point[1] - a[1]) }
+    if length > 0.0 { height_over_line(a, b, point).abs() / length } else { (point[0] - a[0]).hypot(point[1] - a[1]) }
 }
 
 /// Returns the greatest distance by which the hull of a run stands out of it, m.
-fn excess(run: &[[f64; 2]]) -> f64 {
+fn hull_protrusion(run: &[[f64; 2]]) -> f64 {
     let hull = upper_hull(run);
     let gap_at = |point: [f64; 2]| {
         hull.windows(2)
             .filter(|edge| edge[0][1] <= point[1] && point[1] <= edge[1][1])
-            .map(|edge| gap(edge[0], edge[1], point))
+            .map(|edge| distance_to_line(edge[0], edge[1], point))
             .fold(f64::INFINITY, f64::min)
     };
     run.iter().map(|&point| gap_at(point)).filter(|gap| gap.is_finite()).fold(0.0, f64::max)
@@ -140,7 +140,7 @@ fn excess(run: &[[f64; 2]]) -> f64 {
 fn simplify(outline: &[[f64; 2]], tolerance: f64) -> Profile {
     let (first, last) = (outline[0], outline[outline.len() - 1]);
     let worst = (1..outline.len() - 1)
-        .map(|n| (gap(first, last, outline[n]), n))
+        .map(|n| (distance_to_line(first, last, outline[n]), n))
         .fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a });
     if worst.0 <= tolerance {
         return vec![first, last];

@@ -10,7 +10,7 @@ use super::tessellation::{self, Tessellation};
 
 /// The shape of an object, in the object's frame, m.
 #[derive(Debug, Clone)]
-pub enum Shape {
+pub enum ObjectShape {
     /// A ball around the origin.
     Sphere {
         /// Radius, m.
@@ -34,7 +34,7 @@ pub enum Shape {
     Mesh(Arc<Mesh>),
 }
 
-impl Shape {
+impl ObjectShape {
     /// Returns the shape scaled by `factor` about the frame's origin.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
         Ok(match self {
@@ -134,7 +134,7 @@ impl Shape {
 
     /// Returns the height of the lowest point relative to the frame's origin (negative, m) when the shape is rotated by
     /// `rotation`. On the table z = 0, the origin is at minus this height.
-    pub fn lowest(&self, rotation: &UnitQuaternion<f64>) -> f64 {
+    pub fn lowest_height(&self, rotation: &UnitQuaternion<f64>) -> f64 {
         let down = rotation.inverse_transform_vector(&-Vector3::z());
         -self.support(&down).coords.dot(&down)
     }

@@ -9,11 +9,11 @@ use std::collections::BinaryHeap;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Least cosine of the rotation of a triangle's normal in one collapse.
-const LEAST_COSINE: f64 = 0.2;
+const MIN_NORMAL_COSINE: f64 = 0.2;
 /// Least value of twice the area of a triangle, m2.
-const LEAST_DOUBLE_AREA: f64 = 1e-14;
+const MIN_DOUBLE_AREA: f64 = 1e-14;
 /// Determinant, relative to the cube of the trace, above which the best position of a vertex is well determined.
-const WELL_DETERMINED: f64 = 1e-4;
+const MIN_DETERMINANT: f64 = 1e-4;
 
 /// Sum of squared distances to planes, weighted by their triangles' areas: x'Ax + 2 b'x + c.
 #[derive(Debug, Clone, Copy, Default)]
@@ -33,7 +33,7 @@ impl Quadric {
         Self { a: self.a + other.a, b: self.b + other.b, c: self.c + other.c }
     }
 
-    fn at(&self, point: &Point3<f64>) -> f64 {
+    fn error_at(&self, point: &Point3<f64>) -> f64 {
         let x = point.coords;
         (x.dot(&(self.a * x)) + 2.0 * self.b.dot(&x) + self.c).max(0.0)
     }
@@ -105,13 +105,13 @@ impl Surface {
         let (low, high) = (from.min(to), from.max(to));
         let quadric = self.quadrics[low as usize].plus(&self.quadrics[high as usize]);
         let (a, b) = (self.vertices[low as usize], self.vertices[high as usize]);
-        let determined = quadric.a.determinant() > WELL_DETERMINED * quadric.a.trace().powi(3);
+        let determined = quadric.a.determinant() > MIN_DETERMINANT * quadric.a.trace().powi(3);
         let best =
             determined.then(|| quadric.a.try_inverse()).flatten().map(|inverse| Point3::from(-(inverse * quadric.b)));
         // A position far from the edge results from nearly parallel planes.
         let near = best.filter(|place| (place - nalgebra::center(&a, &b)).norm() < 2.0 * (b - a).norm());
         let choices = [near, Some(nalgebra::center(&a, &b)), Some(a), Some(b)];
-        let costs = choices.into_iter().flatten().map(|place| (quadric.at(&place), place));
+        let costs = choices.into_iter().flatten().map(|place| (quadric.error_at(&place), place));
         let (cost, place) = costs.min_by(|x, y| x.0.total_cmp(&y.0)).unwrap_or((f64::INFINITY, a));
         let versions = (self.versions[low as usize], self.versions[high as usize]);
         Candidate { cost, ends: (low, high), versions, place }
@@ -139,7 +139,7 @@ impl Surface {
                 let before = double_area(triangle.map(|index| self.vertices[index as usize]));
                 let moved = |index: u32| if index == vertex { candidate.place } else { self.vertices[index as usize] };
                 let after = double_area(triangle.map(moved));
-                after.norm() > LEAST_DOUBLE_AREA && after.dot(&before) > LEAST_COSINE * after.norm() * before.norm()
+                after.norm() > MIN_DOUBLE_AREA && after.dot(&before) > MIN_NORMAL_COSINE * after.norm() * before.norm()
             })
         };
         shared == 2 && keeps(low, high) && keeps(high, low)

@@ -11,7 +11,7 @@ pub type Tessellation = (Vec<Point3<f64>>, Vec<[u32; 3]>, Vec<Vector3<f64>>);
 
 const SEGMENTS: usize = 48;
 /// Cosine of the angle between faces below which their edge is drawn smooth.
-const CREASE: f64 = 0.819;
+const SMOOTH_EDGE_COSINE: f64 = 0.819;
 
 /// Adds a grid of `rows` x `columns` quads whose points (rows + 1) x (columns + 1) come from `point`.
 fn grid(
@@ -112,7 +112,7 @@ pub fn mesh(mesh: &Mesh) -> Tessellation {
             let smooth: Vector3<f64> = around[index as usize]
                 .iter()
                 .map(|&other| scaled[other])
-                .filter(|other| other.normalize().dot(&own) > CREASE)
+                .filter(|other| other.normalize().dot(&own) > SMOOTH_EDGE_COSINE)
                 .sum();
             out.0.push(corners[face][corner]);
             out.2.push(smooth.normalize());

@@ -6,10 +6,10 @@ use proptest::prelude::*;
 use super::*;
 use crate::objects::ObjectSet;
 
-fn shapes() -> &'static [(String, Shape)] {
-    static SHAPES: std::sync::OnceLock<Vec<(String, Shape)>> = std::sync::OnceLock::new();
+fn shapes() -> &'static [(String, ObjectShape)] {
+    static SHAPES: std::sync::OnceLock<Vec<(String, ObjectShape)>> = std::sync::OnceLock::new();
     SHAPES.get_or_init(|| {
-        let sharp = Shape::Cuboid { half: Vector3::new(0.02, 0.03, 0.025), radius: 0.0 };
+        let sharp = ObjectShape::Cuboid { half: Vector3::new(0.02, 0.03, 0.025), radius: 0.0 };
         let set = ObjectSet::standard();
         set.iter()
             .map(|object| (object.name.clone(), object.shape.clone()))
@@ -124,8 +124,8 @@ fn drawings_are_closed_outward_and_have_the_shapes_mass() {
 #[test]
 fn rounded_box_mass_is_exact() {
     // A box rounded into a ball.
-    let ball = Shape::Cuboid { half: Vector3::repeat(0.03), radius: 0.03 };
-    let sphere = Shape::Sphere { radius: 0.03 };
+    let ball = ObjectShape::Cuboid { half: Vector3::repeat(0.03), radius: 0.03 };
+    let sphere = ObjectShape::Sphere { radius: 0.03 };
     assert!((ball.volume() / sphere.volume() - 1.0).abs() < 1e-12);
     assert!((ball.inertia(1.0).1 - sphere.inertia(1.0).1).norm() < 1e-12);
 }

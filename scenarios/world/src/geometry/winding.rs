@@ -8,12 +8,12 @@ use nalgebra::{Point3, Vector3};
 
 /// Distance, in radii of a cluster, beyond which the cluster is approximated by a dipole; the error is below a
 /// hundredth.
-const FAR: f64 = 3.0;
+const DIPOLE_DISTANCE: f64 = 3.0;
 /// Greatest number of triangles of a leaf.
-const LEAF: usize = 8;
+const MAX_LEAF_TRIANGLES: usize = 8;
 
 /// Tree over the triangles.
-pub struct Winding {
+pub struct WindingTree {
     triangles: Vec<[Point3<f64>; 3]>,
     nodes: Vec<Node>,
 }
@@ -38,7 +38,7 @@ fn middle(triangle: &[Point3<f64>; 3]) -> Vector3<f64> {
     (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0
 }
 
-impl Winding {
+impl WindingTree {
     /// Builds the tree for triangles in any order, counter-clockwise seen from outside.
     pub fn new(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         let corners = triangles.iter().map(|triangle| triangle.map(|index| vertices[index as usize])).collect();
@@ -48,7 +48,7 @@ impl Winding {
         let mut open = vec![0];
         while let Some(index) = open.pop() {
             let range = tree.nodes[index].range.clone();
-            if range.len() <= LEAF {
+            if range.len() <= MAX_LEAF_TRIANGLES {
                 continue;
             }
             let own = &mut tree.triangles[range.clone()];
@@ -80,13 +80,13 @@ impl Winding {
     }
 
     /// Returns the winding number at `point`.
-    pub fn at(&self, point: &Point3<f64>) -> f64 {
+    pub fn winding_number(&self, point: &Point3<f64>) -> f64 {
         let (mut sum, mut open) = (0.0, vec![0]);
         while let Some(index) = open.pop() {
             let node = &self.nodes[index];
             let away = node.center - point;
             let distance = away.norm();
-            if distance > FAR * node.radius {
+            if distance > DIPOLE_DISTANCE * node.radius {
                 sum += node.dipole.dot(&away) / distance.powi(3);
             } else if let Some(first) = node.children {
                 open.extend([first, first + 1]);
@@ -110,27 +110,27 @@ fn solid_angle(triangle: &[Point3<f64>; 3], point: &Point3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Shape;
+    use crate::geometry::ObjectShape;
 
     /// A ball's surface has winding number 1 inside and 0 outside, with clusters and without. Without its cap, this is
     /// still nearly so.
     #[test]
     fn a_ball_winds_once() {
-        let (points, triangles, _) = Shape::Sphere { radius: 0.03 }.triangles();
-        let whole = Winding::new(&points, &triangles);
+        let (points, triangles, _) = ObjectShape::Sphere { radius: 0.03 }.triangles();
+        let whole = WindingTree::new(&points, &triangles);
         let cap: Vec<[u32; 3]> =
             triangles.iter().filter(|t| t.iter().all(|i| points[*i as usize].z < 0.027)).copied().collect();
         assert!(cap.len() < triangles.len());
-        let open = Winding::new(&points, &cap);
+        let open = WindingTree::new(&points, &cap);
         for n in 0..200 {
             let turn = 0.7 * f64::from(n);
             let way = Vector3::new(turn.cos(), turn.sin(), (0.31 * turn).sin()).normalize();
             for (radius, expected) in [(0.01, 1.0), (0.027, 1.0), (0.033, 0.0), (0.08, 0.0)] {
-                let found = whole.at(&Point3::from(way * radius));
+                let found = whole.winding_number(&Point3::from(way * radius));
                 assert!((found - expected).abs() < 0.02, "{found} at {radius}");
             }
-            assert!(open.at(&Point3::from(way * 0.015)) > 0.7);
-            assert!(open.at(&Point3::from(way * 0.05)) < 0.1);
+            assert!(open.winding_number(&Point3::from(way * 0.015)) > 0.7);
+            assert!(open.winding_number(&Point3::from(way * 0.05)) < 0.1);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 
 use super::file::ObjectFile;
 use super::set::ObjectSet;
@@ -15,7 +15,7 @@ macro_rules! files {
 }
 
 /// Eighteen compact objects.
-const COMPACT: &[(&str, &str)] = files![
+const COMPACT_OBJECTS: &[(&str, &str)] = files![
     "golf_ball",
     "ball_45",
     "ball_50",
@@ -38,14 +38,15 @@ const COMPACT: &[(&str, &str)] = files![
 
 /// Larger or flatter objects. They include those that the paper's multi-object landscape names (vase, multimeter, board
 /// eraser, coffee bottle, Coke can), except its pawn, which is among the compact ones.
-const LARGE: &[(&str, &str)] = files!["ball", "coke_can", "board_eraser", "multimeter", "vase", "coffee_bottle"];
+const LARGE_OBJECTS: &[(&str, &str)] =
+    files!["ball", "coke_can", "board_eraser", "multimeter", "vase", "coffee_bottle"];
 
 /// Long or irregular objects: held across the palm, they reach into the workspace of the digits that are still free.
-const LONG: &[(&str, &str)] =
+const LONG_OBJECTS: &[(&str, &str)] =
     files!["pillar", "bar", "slab", "bottle", "shampoo", "glue_stick", "salt_mill", "l_block", "caddy",];
 
 /// Object left out of the synthesized repertoire: the middle one of the three small balls, because two are enough.
-const LEFT_OUT: &str = "ball_45";
+const OMITTED_OBJECT: &str = "ball_45";
 
 impl ObjectSet {
     /// Returns all objects that come with the program.
@@ -53,7 +54,7 @@ impl ObjectSet {
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
     pub fn standard() -> Self {
-        Self::builtin(&[COMPACT, LARGE, LONG])
+        Self::builtin(&[COMPACT_OBJECTS, LARGE_OBJECTS, LONG_OBJECTS])
     }
 
     /// Returns the 23 objects of the synthesized repertoire: as many as in the paper, but a set of our own.
@@ -61,8 +62,8 @@ impl ObjectSet {
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
     pub fn repertoire() -> Self {
-        let mut set = Self::builtin(&[COMPACT, LARGE]);
-        set.remove(LEFT_OUT);
+        let mut set = Self::builtin(&[COMPACT_OBJECTS, LARGE_OBJECTS]);
+        set.remove(OMITTED_OBJECT);
         set
     }
 
@@ -70,7 +71,7 @@ impl ObjectSet {
         let mut set = Self::default();
         for (name, text) in groups.iter().copied().flatten() {
             let path = Path::new(name);
-            let object = ObjectFile::parse(text, path, Reach::Nothing).and_then(|file| file.model(path));
+            let object = ObjectFile::parse(text, path, FileAccess::Nothing).and_then(|file| file.model(path));
             set.insert(object.expect("the built-in objects are valid"));
         }
         set
@@ -84,14 +85,14 @@ mod tests {
     use nalgebra::{Unit, UnitQuaternion, Vector3};
 
     use super::*;
-    use crate::geometry::{Shape, hull_mesh};
+    use crate::geometry::{ObjectShape, hull_mesh};
     use crate::objects::Symmetry;
 
     #[test]
     fn the_set_has_what_it_promises() {
-        let compact = ObjectSet::builtin(&[COMPACT]);
+        let compact = ObjectSet::builtin(&[COMPACT_OBJECTS]);
         assert_eq!(compact.iter().len(), 18);
-        assert!(compact.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 5);
+        assert!(compact.iter().filter(|object| matches!(object.shape, ObjectShape::Mesh(_))).count() >= 5);
         for object in compact.iter() {
             let (low, high) = object.shape.aabb();
             let size = high - low;
@@ -99,7 +100,7 @@ mod tests {
         }
         let set = ObjectSet::standard();
         assert_eq!(set.iter().len(), 33);
-        assert!(set.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 11);
+        assert!(set.iter().filter(|object| matches!(object.shape, ObjectShape::Mesh(_))).count() >= 11);
         for object in set.iter() {
             let (low, high) = object.shape.aabb();
             let size = high - low;
@@ -120,7 +121,7 @@ mod tests {
                 let angle = TAU * f64::from(k) / 16.0;
                 let axis = Unit::new_normalize(Vector3::new(angle.cos(), angle.sin(), 0.0));
                 let tipped = UnitQuaternion::from_axis_angle(&axis, 0.05) * object.rest;
-                let change = -object.shape.lowest(&tipped) - height;
+                let change = -object.shape.lowest_height(&tipped) - height;
                 assert!(change > -2e-5, "{} falls over: {change}", object.name);
             }
         }
@@ -129,7 +130,7 @@ mod tests {
     #[test]
     fn convex_parts_fill_the_mesh() {
         for object in ObjectSet::standard().iter() {
-            let Shape::Mesh(mesh) = &object.shape else { continue };
+            let ObjectShape::Mesh(mesh) = &object.shape else { continue };
             let parts = object.shape.convex_parts();
             println!("{}: {} triangles, {} parts", object.name, mesh.triangles().len(), parts.len());
             let volume: f64 = parts.iter().map(|part| hull_mesh(part).unwrap().volume()).sum();
@@ -147,7 +148,7 @@ mod tests {
         let set = ObjectSet::standard();
         let yaw = |name: &str, turn: UnitQuaternion<f64>| {
             let object = set.get(name).unwrap();
-            object.standing_yaw(&(turn * object.rest))
+            object.resting_yaw(&(turn * object.rest))
         };
         let about = |axis: Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(&axis, angle);
         let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
@@ -185,7 +186,7 @@ mod tests {
     #[test]
     fn symmetric_turns_map_the_surface_onto_itself() {
         for object in ObjectSet::repertoire().iter() {
-            let mut turns = object.symmetry.turns();
+            let mut turns = object.symmetry.rotations();
             let about = |axis: Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(&axis, angle);
             match object.symmetry {
                 Symmetry::Full => turns.extend([about(Vector3::x_axis(), 1.0), about(Vector3::z_axis(), 2.0)]),

@@ -9,13 +9,13 @@ use super::set::ObjectSet;
 use super::symmetry::Symmetry;
 
 /// Number of evenly spread directions in the coarse search.
-const DIRECTIONS: usize = 1500;
+const DIRECTION_COUNT: usize = 1500;
 /// Half angle of the neighbourhood in which a resting pose must be the lowest, rad.
-const NEIGHBOURHOOD: f64 = 0.15;
+const POSE_NEIGHBOURHOOD: f64 = 0.15;
 /// Number of resting poses kept, the lowest ones.
-const KEPT: usize = 3;
+const MAX_POSES: usize = 3;
 /// Step sizes of the refinement, rad.
-const STEPS: [f64; 4] = [0.02, 0.004, 0.0008, 0.0002];
+const REFINEMENT_STEPS: [f64; 4] = [0.02, 0.004, 0.0008, 0.0002];
 
 impl ObjectModel {
     /// Returns the object in each of its other stable resting poses, named `<name>_fallen`, `<name>_fallen_2`, ..., the
@@ -25,11 +25,12 @@ impl ObjectModel {
             return Vec::new();
         }
         let height = |down: &Vector3<f64>| self.shape.support(down).coords.dot(down);
-        let spread: Vec<(Vector3<f64>, f64)> = fibonacci(DIRECTIONS).map(|down| (down, height(&down))).collect();
+        let spread: Vec<(Vector3<f64>, f64)> =
+            fibonacci_sphere(DIRECTION_COUNT).map(|down| (down, height(&down))).collect();
         let mut lowest: Vec<(Vector3<f64>, f64)> = spread
             .iter()
             .filter(|(down, at)| {
-                let beside = |other: &Vector3<f64>| other.dot(down) > NEIGHBOURHOOD.cos();
+                let beside = |other: &Vector3<f64>| other.dot(down) > POSE_NEIGHBOURHOOD.cos();
                 spread.iter().all(|(other, there)| !beside(other) || there >= at)
             })
             .map(|(down, _)| refine(*down, &height))
@@ -39,8 +40,8 @@ impl ObjectModel {
         for (down, _) in lowest {
             let rest = UnitQuaternion::rotation_between(&down, &-Vector3::z())
                 .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-            let known = std::iter::once(self).chain(&found).any(|pose| pose.standing_yaw(&rest).is_some());
-            if !known && found.len() < KEPT {
+            let known = std::iter::once(self).chain(&found).any(|pose| pose.resting_yaw(&rest).is_some());
+            if !known && found.len() < MAX_POSES {
                 let number = if found.is_empty() { String::new() } else { format!("_{}", found.len() + 1) };
                 found.push(Self { name: format!("{}_fallen{number}", self.name), rest, ..self.clone() });
             }
@@ -68,7 +69,7 @@ impl ObjectSet {
 }
 
 /// Returns `count` evenly spread unit vectors (Fibonacci sphere).
-fn fibonacci(count: usize) -> impl Iterator<Item = Vector3<f64>> {
+fn fibonacci_sphere(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |n| {
         let z = 1.0 - (2.0 * n as f64 + 1.0) / count as f64;
@@ -81,7 +82,7 @@ fn fibonacci(count: usize) -> impl Iterator<Item = Vector3<f64>> {
 /// Refines `down` by pattern search with decreasing rotation steps, to a local minimum of `height`.
 fn refine(down: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64) -> (Vector3<f64>, f64) {
     let mut best = (down, height(&down));
-    for step in STEPS {
+    for step in REFINEMENT_STEPS {
         loop {
             let (at, before) = best;
             for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
@@ -118,7 +119,7 @@ mod tests {
             let tipped = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle) * object.rest;
             for axis in [Vector3::x_axis(), Vector3::y_axis()] {
                 for angle in [0.03, -0.03] {
-                    let rise = -object.shape.lowest(&tipped(axis, angle)) - object.rest_height();
+                    let rise = -object.shape.lowest_height(&tipped(axis, angle)) - object.rest_height();
                     assert!(rise > -5e-5, "{} does not lie still: {rise}", object.name);
                 }
             }

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ftac_platform::data::{DataError, parse_toml, read_text};
-use ftac_platform::reach::Reach;
+use ftac_platform::file_access::FileAccess;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -34,21 +34,21 @@ use super::lathe;
 use super::model::ObjectModel;
 use super::symmetry::Symmetry;
 use crate::geometry::{
-    GeometryError, MAX_EXTENT, Mesh, Repair, Shape, Triangles, hull_mesh, read_triangles, revolve, to_obj,
+    GeometryError, MAX_EXTENT, Mesh, ObjectShape, RepairReport, Triangles, hull_mesh, read_triangles, revolve, to_obj,
 };
 
 /// Smallest length that the physics engine can handle, m.
-const SMALLEST: f64 = 0.005;
+const MIN_LENGTH: f64 = 0.005;
 /// Smallest plausible mass, kg: that of a feather.
-const LIGHTEST: f64 = 1e-4;
+const MIN_MASS: f64 = 1e-4;
 /// Greatest mass that the arm can lift with the hand on it, kg.
-const HEAVIEST: f64 = 4.0;
+const MAX_MASS: f64 = 4.0;
 /// Least and greatest tolerance of convex parts, m.
-const TOLERANCES: (f64, f64) = (1e-4, 0.02);
+const PART_TOLERANCE_RANGE: (f64, f64) = (1e-4, 0.02);
 /// Greatest order of rotational symmetry; beyond it, use a surface of revolution.
-const MOST_FOLDS: u32 = 360;
+const MAX_FOLDS: u32 = 360;
 /// Default colour.
-const GREY: [u8; 3] = [160, 160, 160];
+const DEFAULT_COLOR: [u8; 3] = [160, 160, 160];
 
 /// Contents of an object's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,9 +63,9 @@ pub struct ObjectFile {
     /// Colour, RGB.
     #[serde(default = "grey")]
     pub color: [u8; 3],
-    /// Resting pose; if left out, that of [`ObjectModel::at_rest`].
+    /// Resting pose; if left out, that of [`ObjectModel::in_stable_pose`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rest: Option<Rest>,
+    pub rest: Option<RestingPose>,
     /// Rotational symmetry.
     #[serde(default)]
     pub symmetry: Symmetry,
@@ -75,7 +75,7 @@ pub struct ObjectFile {
 /// Resting pose of an object on the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Rest {
+pub enum RestingPose {
     /// Upright: as its shape is given.
     Upright,
     /// On its side, where its centre is lowest; for surfaces of revolution.
@@ -141,7 +141,7 @@ pub enum ShapeFile {
 }
 
 fn grey() -> [u8; 3] {
-    GREY
+    DEFAULT_COLOR
 }
 
 fn one() -> f64 {
@@ -150,8 +150,8 @@ fn one() -> f64 {
 
 impl ObjectFile {
     /// Parses a file's text. `path` is named in errors; a mesh file is looked up relative to it and must be within
-    /// `reach`.
-    pub fn parse(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
+    /// `file_access`.
+    pub fn parse(text: &str, path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
         if let ShapeFile::Mesh { file, obj: obj @ None, unit, mended, .. } = &mut object.shape {
             check_unit("shape.mesh.unit", *unit, path)?;
@@ -159,7 +159,7 @@ impl ObjectFile {
             let expected = "a mesh file (.obj, .stl, .ply, .gltf, .glb), relative to this file";
             let found =
                 read_triangles(&beside).map_err(|error| DataError::field(path, "shape.mesh.file", error, expected))?;
-            let (triangles, repair) = mend(found, *unit).map_err(|error| {
+            let (triangles, repair) = repair_triangles(found, *unit).map_err(|error| {
                 let found = format!("{}: {error}", file.display());
                 DataError::field(path, "shape.mesh.file", found, "a closed triangle mesh in metres")
             })?;
@@ -169,8 +169,8 @@ impl ObjectFile {
         Ok(object)
     }
 
-    /// Reads an object's file and its mesh file, which must be within `reach`.
-    pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
+    /// Reads an object's file and its mesh file, which must be within `file_access`.
+    pub fn read(path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         Self::parse(&read_text(path)?, path, reach)
     }
 
@@ -179,10 +179,10 @@ impl ObjectFile {
         self.check(path)?;
         let shape = self.shape.build(path)?;
         let rest = match self.rest {
-            None | Some(Rest::Upright) => UnitQuaternion::identity(),
-            Some(Rest::Turned([roll, pitch, yaw])) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-            Some(Rest::Lying) if matches!(self.shape, ShapeFile::Lathe { .. }) => lathe::lying(&shape),
-            Some(Rest::Lying) => {
+            None | Some(RestingPose::Upright) => UnitQuaternion::identity(),
+            Some(RestingPose::Turned([roll, pitch, yaw])) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            Some(RestingPose::Lying) if matches!(self.shape, ShapeFile::Lathe { .. }) => lathe::lying_rotation(&shape),
+            Some(RestingPose::Lying) => {
                 let expected = "\"upright\" or { turned = [roll, pitch, yaw] }: only a [shape.lathe] can be laid down";
                 return Err(DataError::field(path, "rest", "\"lying\"", expected));
             }
@@ -193,7 +193,7 @@ impl ObjectFile {
             return Ok(object);
         }
         let found = "a pose from which the object falls over";
-        let stable = object.at_rest();
+        let stable = object.in_stable_pose();
         match (stable, self.rest) {
             (Some(stable), None) => Ok(stable),
             (Some(stable), Some(_)) => {
@@ -222,19 +222,19 @@ impl ObjectFile {
             let expected = "small letters, digits and _, without \"_fallen\", which is another way to lie";
             return Err(DataError::field(path, "name", format!("{:?}", self.name), expected));
         }
-        if !(self.mass >= LIGHTEST && self.mass <= HEAVIEST) {
-            let expected = format!("{LIGHTEST} to {HEAVIEST} kg");
+        if !(self.mass >= MIN_MASS && self.mass <= MAX_MASS) {
+            let expected = format!("{MIN_MASS} to {MAX_MASS} kg");
             return Err(DataError::field(path, "mass", self.mass, expected));
         }
         if !(0.0..=2.0).contains(&self.friction) {
             return Err(DataError::field(path, "friction", self.friction, "0 to 2"));
         }
         if let Symmetry::Fold { n, .. } = self.symmetry
-            && !(1..=MOST_FOLDS).contains(&n)
+            && !(1..=MAX_FOLDS).contains(&n)
         {
-            return Err(DataError::field(path, "symmetry.fold.n", n, format!("1 to {MOST_FOLDS}")));
+            return Err(DataError::field(path, "symmetry.fold.n", n, format!("1 to {MAX_FOLDS}")));
         }
-        if let Some(Rest::Turned(angles)) = self.rest
+        if let Some(RestingPose::Turned(angles)) = self.rest
             && angles.iter().any(|angle| !angle.is_finite())
         {
             return Err(DataError::field(path, "rest.turned", format!("{angles:?}"), "three angles in rad"));
@@ -244,20 +244,22 @@ impl ObjectFile {
 }
 
 impl ShapeFile {
-    fn build(&self, path: &Path) -> Result<Shape, DataError> {
+    fn build(&self, path: &Path) -> Result<ObjectShape, DataError> {
         let length = |field: &str, value: f64| {
-            let good = (SMALLEST..=MAX_EXTENT).contains(&value);
-            let expected = || format!("{SMALLEST} to {MAX_EXTENT} m");
+            let good = (MIN_LENGTH..=MAX_EXTENT).contains(&value);
+            let expected = || format!("{MIN_LENGTH} to {MAX_EXTENT} m");
             if good { Ok(value) } else { Err(DataError::field(path, format!("shape.{field}"), value, expected())) }
         };
         let mesh = |field: &str, mesh: Result<Mesh, GeometryError>, expected: &str| {
             mesh.and_then(Mesh::centered)
-                .map(|mesh| Shape::Mesh(Arc::new(mesh)))
+                .map(|mesh| ObjectShape::Mesh(Arc::new(mesh)))
                 .map_err(|error| DataError::field(path, format!("shape.{field}"), error, expected))
         };
         match self {
-            Self::Sphere { diameter } => Ok(Shape::Sphere { radius: 0.5 * length("sphere.diameter", *diameter)? }),
-            Self::Cylinder { diameter, height } => Ok(Shape::Cylinder {
+            Self::Sphere { diameter } => {
+                Ok(ObjectShape::Sphere { radius: 0.5 * length("sphere.diameter", *diameter)? })
+            }
+            Self::Cylinder { diameter, height } => Ok(ObjectShape::Cylinder {
                 radius: 0.5 * length("cylinder.diameter", *diameter)?,
                 half_height: 0.5 * length("cylinder.height", *height)?,
             }),
@@ -270,13 +272,13 @@ impl ShapeFile {
                     let expected = format!("0 to less than half the smallest side, {} m", half.min());
                     return Err(DataError::field(path, "shape.box.rounding", rounding, expected));
                 }
-                Ok(Shape::Cuboid { half, radius: *rounding })
+                Ok(ObjectShape::Cuboid { half, radius: *rounding })
             }
             Self::Lathe { outline, spline, unit } => {
                 check_lathe(outline, *spline, *unit, path)?;
                 let profile = match spline {
-                    Some(steps) => lathe::smooth(outline, *steps, *unit),
-                    None => lathe::straight(outline, *unit),
+                    Some(steps) => lathe::smooth_profile(outline, *steps, *unit),
+                    None => lathe::straight_profile(outline, *unit),
                 };
                 let expected = "(radius, z) from bottom to top, every radius but the ends' above 0, z never falling";
                 mesh("lathe.outline", revolve(&profile, lathe::SEGMENTS), expected)
@@ -296,9 +298,9 @@ impl ShapeFile {
             Self::Mesh { file, obj, unit, tolerance, .. } => {
                 check_unit("shape.mesh.unit", *unit, path)?;
                 if let Some(tolerance) =
-                    tolerance.filter(|tolerance| !(TOLERANCES.0..=TOLERANCES.1).contains(tolerance))
+                    tolerance.filter(|tolerance| !(PART_TOLERANCE_RANGE.0..=PART_TOLERANCE_RANGE.1).contains(tolerance))
                 {
-                    let expected = format!("{} to {} m", TOLERANCES.0, TOLERANCES.1);
+                    let expected = format!("{} to {} m", PART_TOLERANCE_RANGE.0, PART_TOLERANCE_RANGE.1);
                     return Err(DataError::field(path, "shape.mesh.tolerance", tolerance, expected));
                 }
                 let read = Mesh::parse_obj_in(obj.as_deref().unwrap_or_default(), *unit, file);
@@ -329,7 +331,10 @@ fn check_unit(field: &str, unit: f64, path: &Path) -> Result<(), DataError> {
 }
 
 /// Mends the triangles of a file whose lengths are in `unit` (m). The result is in the same unit.
-fn mend((mut vertices, triangles): Triangles, unit: f64) -> Result<(Triangles, Repair), GeometryError> {
+fn repair_triangles(
+    (mut vertices, triangles): Triangles,
+    unit: f64,
+) -> Result<(Triangles, RepairReport), GeometryError> {
     let original = vertices.clone();
     vertices.iter_mut().for_each(|vertex| vertex.coords *= unit);
     let (mesh, repair) = Mesh::repaired(&vertices, &triangles)?;

@@ -40,7 +40,7 @@ impl Symmetry {
                 if *flip { angle.min(PI - angle) } else { angle }
             }
             Self::Fold { .. } | Self::Cube | Self::None => {
-                self.turns().iter().map(|turn| a.angle_to(&(b * turn))).fold(f64::INFINITY, f64::min)
+                self.rotations().iter().map(|turn| a.angle_to(&(b * turn))).fold(f64::INFINITY, f64::min)
             }
         }
     }
@@ -55,14 +55,14 @@ impl Symmetry {
                 UnitQuaternion::rotation_between(&wanted, &own).map_or(*of, |turn| turn * to)
             }
             Self::Fold { .. } | Self::Cube | Self::None => {
-                let all = self.turns().into_iter().map(|turn| of * turn);
+                let all = self.rotations().into_iter().map(|turn| of * turn);
                 all.min_by(|a, b| a.angle_to(to).total_cmp(&b.angle_to(to))).unwrap_or(*of)
             }
         }
     }
 
     /// Returns the rotations of a discrete symmetry, the identity first; only the identity for a continuous one.
-    pub fn turns(&self) -> Vec<UnitQuaternion<f64>> {
+    pub fn rotations(&self) -> Vec<UnitQuaternion<f64>> {
         let about = |axis: &Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(axis, angle);
         let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
         let folds = |n: u32| (0..n.max(1)).map(move |k| about(&z, TAU * f64::from(k) / f64::from(n.max(1))));
@@ -115,7 +115,7 @@ mod tests {
         let about = |axis: Unit<Vector3<f64>>, angle: f64| turn * UnitQuaternion::from_axis_angle(&axis, angle);
         let quarter = about(Vector3::y_axis(), FRAC_PI_2);
         assert!(Symmetry::Cube.angle(&turn, &quarter) < 1e-7);
-        assert_eq!(Symmetry::Cube.turns().len(), 24);
+        assert_eq!(Symmetry::Cube.rotations().len(), 24);
         assert!((Symmetry::Fold { n: 4, flip: true }.angle(&turn, &quarter) - FRAC_PI_2).abs() < 1e-7);
         assert!(Symmetry::Axis { flip: true }.angle(&turn, &about(Vector3::x_axis(), PI)) < 1e-7);
         assert!((Symmetry::Axis { flip: false }.angle(&turn, &about(Vector3::x_axis(), PI)) - PI).abs() < 1e-7);

@@ -9,35 +9,35 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::calibration::folder::{BallPress, PressFolder};
-use crate::calibration::samples::UNTOUCHED;
+use crate::calibration::samples::UNTOUCHED_RADII;
 
 /// Smallest number of presses that must leave a pixel untouched for their median to be its background.
-const ENOUGH: usize = 3;
+const MIN_UNTOUCHED_PRESSES: usize = 3;
 /// Coefficients of a brightness polynomial: 1, u, v, u^2, uv, v^2.
-const TERMS: usize = 6;
+const TERM_COUNT: usize = 6;
 /// Stride of the pixels used for a fit, along both axes.
-const STRIDE: usize = 4;
+const PIXEL_STRIDE: usize = 4;
 /// Grey level below which a pixel gives no reliable ratio.
-const DARK: u8 = 12;
+const MIN_GREY_LEVEL: u8 = 12;
 /// Outlier threshold: a pixel whose ratio is farther from the polynomial than this many median deviations (a shadow, or
 /// gel that moved) is left out of the second fit.
-const OUTLIER: f64 = 4.0;
+const OUTLIER_THRESHOLD: f64 = 4.0;
 
-type Terms = SVector<f64, TERMS>;
+type Terms = SVector<f64, TERM_COUNT>;
 
 /// Brightness of the three channels relative to the background image.
 type Brightness = [Terms; 3];
 
 /// Estimates the untouched gel (row-major RGB, grey levels). Pixels that too few presses leave untouched take the
 /// background image's value, scaled to the mean brightness of the presses.
-pub fn background_of(folder: &PressFolder) -> Vec<f32> {
+pub fn estimate_background(folder: &PressFolder) -> Vec<f32> {
     let (width, height) = (folder.background.width, folder.background.height);
     let terms = |column: usize, row: usize| terms(column, row, [width, height]);
     let brightness: Vec<Brightness> = folder.presses.iter().map(|press| brightness(folder, press)).collect();
     let mut mean = [Terms::zeros(); 3];
     for (c, mean) in mean.iter_mut().enumerate() {
         let sum: Terms = brightness.iter().map(|of_press| of_press[c]).sum();
-        *mean = if brightness.is_empty() { unity() } else { sum / brightness.len() as f64 };
+        *mean = if brightness.is_empty() { constant_term() } else { sum / brightness.len() as f64 };
     }
     let mut background = Vec::with_capacity(folder.background.rgb.len());
     let (mut far, mut values) = (Vec::new(), Vec::new());
@@ -48,7 +48,7 @@ pub fn background_of(folder: &PressFolder) -> Vec<f32> {
         far.extend((0..folder.presses.len()).filter(|&n| untouched(&folder.presses[n], column, row)));
         for c in 0..3 {
             let one = f64::from(folder.background.rgb[3 * pixel + c]);
-            let own = if far.len() < ENOUGH {
+            let own = if far.len() < MIN_UNTOUCHED_PRESSES {
                 one
             } else {
                 let value =
@@ -64,7 +64,7 @@ pub fn background_of(folder: &PressFolder) -> Vec<f32> {
 }
 
 fn untouched(press: &BallPress, column: usize, row: usize) -> bool {
-    (press.center[0] - column as f64).hypot(press.center[1] - row as f64) > UNTOUCHED * press.radius
+    (press.center[0] - column as f64).hypot(press.center[1] - row as f64) > UNTOUCHED_RADII * press.radius
 }
 
 fn terms(column: usize, row: usize, [width, height]: [usize; 2]) -> Terms {
@@ -73,7 +73,7 @@ fn terms(column: usize, row: usize, [width, height]: [usize; 2]) -> Terms {
     Terms::from([1.0, u, v, u * u, u * v, v * v])
 }
 
-fn unity() -> Terms {
+fn constant_term() -> Terms {
     let mut terms = Terms::zeros();
     terms[0] = 1.0;
     terms
@@ -90,35 +90,36 @@ fn brightness(folder: &PressFolder, press: &BallPress) -> Brightness {
     let (width, height) = (folder.background.width, folder.background.height);
     std::array::from_fn(|c| {
         let mut ratios = Vec::new();
-        for row in (0..height).step_by(STRIDE) {
-            for column in (0..width).step_by(STRIDE) {
+        for row in (0..height).step_by(PIXEL_STRIDE) {
+            for column in (0..width).step_by(PIXEL_STRIDE) {
                 let at = 3 * (row * width + column) + c;
                 let before = folder.background.rgb[at];
                 // A saturated pixel shows the sensor's limit, not its brightness.
-                if before > DARK && before < 250 && press.photo.rgb[at] < 250 && untouched(press, column, row) {
+                if before > MIN_GREY_LEVEL && before < 250 && press.photo.rgb[at] < 250 && untouched(press, column, row)
+                {
                     let ratio = f64::from(press.photo.rgb[at]) / f64::from(before);
                     ratios.push((terms(column, row, [width, height]), ratio));
                 }
             }
         }
-        let Some(first) = fitted(&ratios) else { return unity() };
+        let Some(first) = fit_terms(&ratios) else { return constant_term() };
         let off = |(terms, ratio): &(Terms, f64)| (ratio - first.dot(terms)).abs();
         let typical = median(&mut ratios.iter().map(off).collect::<Vec<f64>>());
-        ratios.retain(|pair| off(pair) <= OUTLIER * typical);
-        let found = fitted(&ratios).unwrap_or(first);
+        ratios.retain(|pair| off(pair) <= OUTLIER_THRESHOLD * typical);
+        let found = fit_terms(&ratios).unwrap_or(first);
         // Far from any untouched pixel, a polynomial may diverge.
         let corners = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), (width / 2, height / 2)];
         let sane = corners.iter().all(|&(x, y)| (0.3..3.0).contains(&found.dot(&terms(x, y, [width, height]))));
-        if sane { found } else { unity() }
+        if sane { found } else { constant_term() }
     })
 }
 
 /// Fits by least squares; `None` with too few points.
-fn fitted(points: &[(Terms, f64)]) -> Option<Terms> {
-    if points.len() < 20 * TERMS {
+fn fit_terms(points: &[(Terms, f64)]) -> Option<Terms> {
+    if points.len() < 20 * TERM_COUNT {
         return None;
     }
-    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut normal = SMatrix::<f64, TERM_COUNT, TERM_COUNT>::zeros();
     let mut right = Terms::zeros();
     for (terms, value) in points {
         normal += terms * terms.transpose();

@@ -6,11 +6,11 @@
 use crate::calibration::rgb_image::Photo;
 
 /// Largest side, pixels.
-const MOST_SIDE: i32 = 16_384;
+const MAX_SIDE: i32 = 16_384;
 /// Length of a BMP file's own header, bytes.
-const FILE_HEADER: usize = 14;
+const FILE_HEADER_SIZE: usize = 14;
 /// Masks of red, green and blue of 32 bits in the usual order.
-const MASKS: [u32; 3] = [0x00ff_0000, 0x0000_ff00, 0x0000_00ff];
+const COLOR_MASKS: [u32; 3] = [0x00ff_0000, 0x0000_ff00, 0x0000_00ff];
 
 /// True if the bytes are those of a BMP file.
 pub(crate) fn is_bmp(bytes: &[u8]) -> bool {
@@ -19,7 +19,7 @@ pub(crate) fn is_bmp(bytes: &[u8]) -> bool {
 
 /// Size and coding of a bitmap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Layout {
+pub struct BitmapLayout {
     pub width: usize,
     pub height: usize,
     top_down: bool,
@@ -30,16 +30,16 @@ pub struct Layout {
     bits: u32,
 }
 
-impl Layout {
+impl BitmapLayout {
     /// Reads a BITMAPINFOHEADER. The coding is not checked.
-    pub fn of(header: &[u8]) -> Result<Self, String> {
-        let (width, height) = (word(header, 4)?.cast_signed(), word(header, 8)?.cast_signed());
-        let possible = |side: i32| (1..=MOST_SIDE).contains(&side);
+    pub fn from_header(header: &[u8]) -> Result<Self, String> {
+        let (width, height) = (read_u32(header, 4)?.cast_signed(), read_u32(header, 8)?.cast_signed());
+        let possible = |side: i32| (1..=MAX_SIDE).contains(&side);
         if !possible(width) || !possible(height.saturating_abs()) {
-            return Err(format!("found {width} x {height} pixels; expected 1 to {MOST_SIDE} a side"));
+            return Err(format!("found {width} x {height} pixels; expected 1 to {MAX_SIDE} a side"));
         }
-        let bits = word(header, 12)? >> 16;
-        let coding = word(header, 16)?.to_le_bytes().map(|letter| letter.to_ascii_uppercase());
+        let bits = read_u32(header, 12)? >> 16;
+        let coding = read_u32(header, 16)?.to_le_bytes().map(|letter| letter.to_ascii_uppercase());
         let (width, rows) = (width as usize, height.unsigned_abs() as usize);
         Ok(Self { width, height: rows, top_down: height < 0, bytes: bits as usize / 8, coding, bits })
     }
@@ -80,9 +80,9 @@ impl Layout {
 
 /// Decodes the bytes of a BMP file.
 pub(crate) fn decode(bytes: &[u8]) -> Result<Photo, String> {
-    let (begin, header) = (word(bytes, 10)? as usize, bytes.get(FILE_HEADER..).unwrap_or_default());
-    let (length, layout) = (word(header, 0)? as usize, Layout::of(header)?);
-    let usual = layout.coding == [3, 0, 0, 0] && (0..3).all(|c| word(header, 40 + 4 * c) == Ok(MASKS[c]));
+    let (begin, header) = (read_u32(bytes, 10)? as usize, bytes.get(FILE_HEADER_SIZE..).unwrap_or_default());
+    let (length, layout) = (read_u32(header, 0)? as usize, BitmapLayout::from_header(header)?);
+    let usual = layout.coding == [3, 0, 0, 0] && (0..3).all(|c| read_u32(header, 40 + 4 * c) == Ok(COLOR_MASKS[c]));
     if !(layout.coding == [0; 4] && matches!(layout.bits, 8 | 24 | 32) || layout.bits == 32 && usual) {
         let coding = u32::from_le_bytes(layout.coding);
         return Err(format!(
@@ -90,12 +90,12 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Photo, String> {
             layout.bits
         ));
     }
-    let palette = header.get(length..begin.saturating_sub(FILE_HEADER)).unwrap_or_default();
+    let palette = header.get(length..begin.saturating_sub(FILE_HEADER_SIZE)).unwrap_or_default();
     layout.image(bytes.get(begin..).unwrap_or_default(), palette)
 }
 
 /// Reads a little-endian 32-bit number.
-fn word(bytes: &[u8], at: usize) -> Result<u32, String> {
+fn read_u32(bytes: &[u8], at: usize) -> Result<u32, String> {
     let four = bytes.get(at..at + 4).ok_or("found a header that ends too early")?;
     Ok(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
 }
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     fn file(width: i32, height: i32, bits: u16, palette: &[u8], rows: &[u8]) -> Vec<u8> {
-        let begin = (FILE_HEADER + 40 + palette.len()) as u32;
+        let begin = (FILE_HEADER_SIZE + 40 + palette.len()) as u32;
         let mut bytes = [&b"BM"[..], &[0; 8], &begin.to_le_bytes()].concat();
         bytes.extend([40i32.to_le_bytes(), width.to_le_bytes(), height.to_le_bytes()].concat());
         bytes.extend([1u16.to_le_bytes(), bits.to_le_bytes()].concat());

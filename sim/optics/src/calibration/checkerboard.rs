@@ -17,7 +17,7 @@ use crate::calibration::photo::Photo;
 /// A board, by its inner corners: one fewer than squares each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Board {
+pub struct Checkerboard {
     /// Inner corners along one side.
     pub columns: usize,
     /// Inner corners along the other.
@@ -25,16 +25,16 @@ pub struct Board {
 }
 
 /// Standard deviation of the smoothing before corners are looked for, pixels.
-const BLUR: f64 = 1.5;
+const BLUR_SIGMA: f64 = 1.5;
 /// Radius of the ring on which a corner's four edges are found, pixels, and the number of samples on it.
-const RING: f64 = 5.0;
-const AROUND: usize = 48;
+const RING_RADIUS: f64 = 5.0;
+const RING_SAMPLES: usize = 48;
 /// Smallest distance between two corners, pixels.
-const APART: isize = 5;
+const MIN_CORNER_DISTANCE: isize = 5;
 /// Threshold relative to the board's typical corner below which a saddle is ignored.
-const WEAKEST: f32 = 0.12;
+const MIN_SADDLE_RATIO: f32 = 0.12;
 /// Largest angle between an edge and the direction to the neighbour it leads to, rad.
-const ASIDE: f64 = 0.22;
+const MAX_EDGE_ANGLE: f64 = 0.22;
 
 /// A corner with the directions of its four edges (rad, ascending, rows down).
 #[derive(Debug, Clone, Copy)]
@@ -43,18 +43,18 @@ struct Corner {
     edges: [f64; 4],
 }
 
-impl Board {
+impl Checkerboard {
     /// Finds the corners (column and row in pixels), line by line of the board. The first corner and the direction of
     /// the lines are arbitrary, because a board looks the same rotated by half a turn. The error says what was found
     /// instead.
     pub fn find(&self, photo: &Photo) -> Result<Vec<[f64; 2]>, String> {
-        let grey = Grey::new(photo);
+        let grey = SmoothedImage::new(photo);
         let corners = corners(&grey, self.columns * self.rows);
         let mut largest: HashMap<(i32, i32), usize> = HashMap::new();
         let mut seen = vec![false; corners.len()];
         for seed in 0..corners.len() {
             if !seen[seed] {
-                let grid = walk(&corners, seed);
+                let grid = index_corners(&corners, seed);
                 grid.values().for_each(|&corner| seen[corner] = true);
                 if grid.len() > largest.len() {
                     largest = grid;
@@ -98,19 +98,20 @@ impl Board {
 }
 
 /// Smoothed brightness.
-struct Grey {
+struct SmoothedImage {
     width: usize,
     height: usize,
     value: Vec<f32>,
 }
 
-impl Grey {
+impl SmoothedImage {
     fn new(photo: &Photo) -> Self {
         let value: Vec<f32> =
             photo.rgb.chunks_exact(3).map(|rgb| rgb.iter().map(|&v| f32::from(v)).sum::<f32>() / 3.0).collect();
         let (width, height) = (photo.width, photo.height);
-        let reach = (3.0 * BLUR).ceil() as isize;
-        let weights: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / BLUR).powi(2)).exp() as f32).collect();
+        let reach = (3.0 * BLUR_SIGMA).ceil() as isize;
+        let weights: Vec<f32> =
+            (-reach..=reach).map(|i| (-0.5 * (i as f64 / BLUR_SIGMA).powi(2)).exp() as f32).collect();
         let total: f32 = weights.iter().sum();
         let pass = |from: &[f32], across: bool| -> Vec<f32> {
             (0..from.len())
@@ -133,7 +134,7 @@ impl Grey {
         self.value[r as usize * self.width + c as usize]
     }
 
-    fn at(&self, place: Vector2<f64>) -> f64 {
+    fn interpolate_at(&self, place: Vector2<f64>) -> f64 {
         let (c, r) = (place.x.floor(), place.y.floor());
         let (u, v, c, r) = (place.x - c, place.y - r, c as isize, r as isize);
         let line = |row: isize| (1.0 - u) * f64::from(self.get(c, row)) + u * f64::from(self.get(c + 1, row));
@@ -155,13 +156,14 @@ impl Grey {
 
     /// Finds the directions in which brightness crosses its mean on a ring: four around a corner.
     fn edges(&self, place: Vector2<f64>) -> Option<[f64; 4]> {
-        let angle = |i: usize| i as f64 * std::f64::consts::TAU / AROUND as f64;
-        let values: Vec<f64> =
-            (0..AROUND).map(|i| self.at(place + RING * Vector2::new(angle(i).cos(), angle(i).sin()))).collect();
-        let mean = values.iter().sum::<f64>() / AROUND as f64;
-        let crossings: Vec<f64> = (0..AROUND)
+        let angle = |i: usize| i as f64 * std::f64::consts::TAU / RING_SAMPLES as f64;
+        let values: Vec<f64> = (0..RING_SAMPLES)
+            .map(|i| self.interpolate_at(place + RING_RADIUS * Vector2::new(angle(i).cos(), angle(i).sin())))
+            .collect();
+        let mean = values.iter().sum::<f64>() / RING_SAMPLES as f64;
+        let crossings: Vec<f64> = (0..RING_SAMPLES)
             .filter_map(|i| {
-                let (here, next) = (values[i] - mean, values[(i + 1) % AROUND] - mean);
+                let (here, next) = (values[i] - mean, values[(i + 1) % RING_SAMPLES] - mean);
                 ((here < 0.0) != (next < 0.0)).then(|| angle(i) + (angle(1)) * here / (here - next))
             })
             .collect();
@@ -170,17 +172,20 @@ impl Grey {
 
     /// Finds the point near `start` with the least squared distance to the lines along all edges nearby.
     fn refine(&self, start: Vector2<f64>) -> Vector2<f64> {
-        const REACH: isize = 5;
+        const REFINEMENT_RADIUS: isize = 5;
         let mut place = start;
         for _ in 0..20 {
             let (mut matrix, mut right) = (Matrix2::zeros(), Vector2::zeros());
-            for down in -REACH..=REACH {
-                for across in -REACH..=REACH {
+            for down in -REFINEMENT_RADIUS..=REFINEMENT_RADIUS {
+                for across in -REFINEMENT_RADIUS..=REFINEMENT_RADIUS {
                     let away = Vector2::new(across as f64, down as f64);
                     let at = place + away;
                     let (dx, dy) = (Vector2::new(0.5, 0.0), Vector2::new(0.0, 0.5));
-                    let slope = Vector2::new(self.at(at + dx) - self.at(at - dx), self.at(at + dy) - self.at(at - dy));
-                    let weight = (-away.norm_squared() / (0.5 * (REACH * REACH) as f64)).exp();
+                    let slope = Vector2::new(
+                        self.interpolate_at(at + dx) - self.interpolate_at(at - dx),
+                        self.interpolate_at(at + dy) - self.interpolate_at(at - dy),
+                    );
+                    let weight = (-away.norm_squared() / (0.5 * (REFINEMENT_RADIUS * REFINEMENT_RADIUS) as f64)).exp();
                     let outer = weight * slope * slope.transpose();
                     matrix += outer;
                     right += outer * at;
@@ -198,15 +203,16 @@ impl Grey {
 }
 
 /// Finds the corners at the strongest saddles; the number `expected` sets the scale of what counts as strong.
-fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
+fn corners(grey: &SmoothedImage, expected: usize) -> Vec<Corner> {
     let saddles = grey.saddles();
     let (w, h) = (grey.width as isize, grey.height as isize);
-    let margin = RING.ceil() as isize + 1;
+    let margin = RING_RADIUS.ceil() as isize + 1;
     let mut peaks: Vec<(f32, Vector2<f64>)> = Vec::new();
     for row in margin..h - margin {
         for column in margin..w - margin {
             let here = saddles[(row * w + column) as usize];
-            let near = (-APART..=APART).flat_map(|dr| (-APART..=APART).map(move |dc| (dc, dr)));
+            let near = (-MIN_CORNER_DISTANCE..=MIN_CORNER_DISTANCE)
+                .flat_map(|dr| (-MIN_CORNER_DISTANCE..=MIN_CORNER_DISTANCE).map(move |dc| (dc, dr)));
             let first = |(dc, dr): (isize, isize)| {
                 let (c, r) = ((column + dc).clamp(0, w - 1), (row + dr).clamp(0, h - 1));
                 let other = saddles[(r * w + c) as usize];
@@ -220,12 +226,12 @@ fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
     }
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let typical = peaks.get(expected.min(peaks.len()) / 2).map_or(0.0, |peak| peak.0);
-    let strong = peaks.into_iter().filter(|peak| peak.0 >= WEAKEST * typical);
+    let strong = peaks.into_iter().filter(|peak| peak.0 >= MIN_SADDLE_RATIO * typical);
     strong.filter_map(|(_, place)| grey.edges(place).map(|edges| Corner { place, edges })).collect()
 }
 
 /// Computes the angle between two directions, rad.
-fn between(a: f64, b: f64) -> f64 {
+fn angle_between(a: f64, b: f64) -> f64 {
     let off = (a - b).rem_euclid(std::f64::consts::TAU);
     off.min(std::f64::consts::TAU - off)
 }
@@ -236,7 +242,7 @@ fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
     for (at, other) in corners.iter().enumerate().filter(|(at, _)| *at != from) {
         let way = other.place - corners[from].place;
         let distance = way.norm();
-        if between(way.y.atan2(way.x), edge) < ASIDE && best.is_none_or(|(least, _)| distance < least) {
+        if angle_between(way.y.atan2(way.x), edge) < MAX_EDGE_ANGLE && best.is_none_or(|(least, _)| distance < least) {
             best = Some((distance, at));
         }
     }
@@ -245,15 +251,15 @@ fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
 
 /// Traverses the corners from `seed`; returns the index of the corner at each position of the board, relative to the
 /// seed's.
-fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
-    const STEPS: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
+fn index_corners(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
+    const GRID_STEPS: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
     let mut grid = HashMap::from([((0, 0), seed)]);
     let mut known = vec![false; corners.len()];
     known[seed] = true;
     // A corner, its position, and the index of its edge in the direction of the first step.
     let mut queue = VecDeque::from([(seed, (0, 0), 0usize)]);
     while let Some((corner, (i, j), first)) = queue.pop_front() {
-        for (step, (di, dj)) in STEPS.iter().enumerate() {
+        for (step, (di, dj)) in GRID_STEPS.iter().enumerate() {
             let edge = corners[corner].edges[(first + step) % 4];
             let Some(next) = neighbour(corners, corner, edge) else { continue };
             let place = (i + di, j + dj);
@@ -261,9 +267,11 @@ fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
                 continue;
             }
             // Its edge in the same direction; the opposite one must lead back here.
-            let off = |k: usize| between(corners[next].edges[k], edge);
+            let off = |k: usize| angle_between(corners[next].edges[k], edge);
             let Some(on) = (0..4).min_by(|&a, &b| off(a).total_cmp(&off(b))) else { continue };
-            if off(on) > 2.0 * ASIDE || neighbour(corners, next, corners[next].edges[(on + 2) % 4]) != Some(corner) {
+            if off(on) > 2.0 * MAX_EDGE_ANGLE
+                || neighbour(corners, next, corners[next].edges[(on + 2) % 4]) != Some(corner)
+            {
                 continue;
             }
             known[next] = true;
@@ -282,7 +290,7 @@ pub(crate) mod tests {
     use crate::calibration::lens::Lens;
 
     /// Renders a board of unit squares with a white border through this lens; its centre is at the pose's origin.
-    pub(crate) fn picture(board: Board, lens: &Lens, pose: &Isometry3<f64>, size: [usize; 2]) -> Photo {
+    pub(crate) fn picture(board: Checkerboard, lens: &Lens, pose: &Isometry3<f64>, size: [usize; 2]) -> Photo {
         const PARTS: usize = 4;
         let [width, height] = size;
         let (right, down) = (pose * Vector3::x(), pose * Vector3::y());
@@ -290,7 +298,7 @@ pub(crate) mod tests {
         let origin = pose.translation.vector;
         let squares = [board.columns + 1, board.rows + 1].map(|n| n as f64);
         let shade = |column: f64, row: f64| {
-            let [u, v] = lens.rectified([column, row]);
+            let [u, v] = lens.rectify_point([column, row]);
             let ray = Vector3::new((u - lens.center[0]) / lens.focal[0], (v - lens.center[1]) / lens.focal[1], 1.0);
             let point = ray * (normal.dot(&origin) / normal.dot(&ray)) - origin;
             let (x, y) = (point.dot(&right) + 0.5 * squares[0], point.dot(&down) + 0.5 * squares[1]);
@@ -315,7 +323,7 @@ pub(crate) mod tests {
         Photo { width, height, rgb }
     }
 
-    pub(crate) const BOARD: Board = Board { columns: 7, rows: 5 };
+    pub(crate) const BOARD: Checkerboard = Checkerboard { columns: 7, rows: 5 };
     pub(crate) const LENS: Lens =
         Lens { focal: [262.0, 258.0], center: [163.0, 117.0], radial: [-0.22, 0.05, 0.0], tangential: [0.002, -0.001] };
 
@@ -331,7 +339,7 @@ pub(crate) mod tests {
                 let at = pose.rotation * Vector3::new(place(i, BOARD.columns), place(j, BOARD.rows), 0.0)
                     + pose.translation.vector;
                 let flat = [0, 1].map(|axis| LENS.center[axis] + LENS.focal[axis] * at[axis] / at.z);
-                let [u, v] = LENS.distorted(flat);
+                let [u, v] = LENS.distort_point(flat);
                 let nearest = found.iter().map(|[x, y]| (x - u).hypot(y - v)).fold(f64::INFINITY, f64::min);
                 worst = worst.max(nearest);
             }
@@ -346,10 +354,10 @@ pub(crate) mod tests {
     fn another_board_and_no_board_are_errors() {
         let pose = Isometry3::new(Vector3::new(0.0, 0.0, 9.5), Vector3::new(0.2, 0.1, 0.0));
         let photo = picture(BOARD, &LENS, &pose, [320, 240]);
-        let text = Board { columns: 8, rows: 5 }.find(&photo).unwrap_err();
+        let text = Checkerboard { columns: 8, rows: 5 }.find(&photo).unwrap_err();
         assert!(text.contains("found 35 corners") && text.contains("8 x 5"), "{text}");
         // A smaller board fits at several positions.
-        assert!(Board { columns: 6, rows: 5 }.find(&photo).unwrap_err().contains("found 35 corners"));
+        assert!(Checkerboard { columns: 6, rows: 5 }.find(&photo).unwrap_err().contains("found 35 corners"));
         let nothing = Photo { width: 60, height: 40, rgb: vec![90; 7200] };
         assert!(BOARD.find(&nothing).unwrap_err().contains("found 0 corners"));
     }

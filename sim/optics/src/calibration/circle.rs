@@ -16,7 +16,7 @@ pub struct Circle {
 
 /// Reason why no circle was found.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoCircle {
+pub enum CircleNotFound {
     /// Hardly anything differs from the background.
     #[error(
         "no contact found: the image differs from the background by {found:.1} grey levels at most; expected at least {expected:.1}"
@@ -38,25 +38,25 @@ pub enum NoCircle {
 }
 
 /// Smallest smoothed difference of a press, summed over channels, grey levels.
-const LEAST_DIFFERENCE: f64 = 20.0;
+const MIN_DIFFERENCE: f64 = 20.0;
 /// Fraction of the peak above which a pixel counts as changed.
-const LEVEL: f64 = 0.4;
+const CHANGE_LEVEL: f64 = 0.4;
 /// Smallest share of the circle that a ball's changed area covers.
-const LEAST_COVER: f64 = 0.4;
+const MIN_COVERAGE: f64 = 0.4;
 
 /// Finds the one press in an image of the background's size.
-pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
+pub fn find_circle(photo: &Photo, background: &Photo) -> Result<Circle, CircleNotFound> {
     let (w, h) = (photo.width, photo.height);
     let change = smoothed_change(photo, background, (w.min(h) / 100).max(1));
     let mut sorted = change.clone();
     sorted.sort_by(f64::total_cmp);
     let peak = sorted[sorted.len() - 1 - sorted.len() / 200];
-    if peak < LEAST_DIFFERENCE {
-        return Err(NoCircle::NoContact { found: peak, expected: LEAST_DIFFERENCE });
+    if peak < MIN_DIFFERENCE {
+        return Err(CircleNotFound::NoContact { found: peak, expected: MIN_DIFFERENCE });
     }
-    let patch = largest_patch(&change, w, h, LEVEL * peak);
-    let start = enclosing(&patch, w);
-    let circle = sharpen(&change, w, h, start);
+    let patch = largest_patch(&change, w, h, CHANGE_LEVEL * peak);
+    let start = enclosing_circle(&patch, w);
+    let circle = refine_circle(&change, w, h, start);
     let covered = patch.iter().filter(|&&at| {
         let (x, y) = ((at % w) as f64 - circle.center[0], (at / w) as f64 - circle.center[1]);
         x.hypot(y) <= circle.radius
@@ -69,8 +69,8 @@ pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
     let outer: Vec<usize> = inside.collect();
     let in_ring = covered.filter(|at| outer.binary_search(at).is_ok()).count();
     let found = in_ring as f64 / outer.len().max(1) as f64;
-    if found < LEAST_COVER {
-        return Err(NoCircle::NotRound { found, expected: LEAST_COVER });
+    if found < MIN_COVERAGE {
+        return Err(CircleNotFound::NotRound { found, expected: MIN_COVERAGE });
     }
     Ok(circle)
 }
@@ -144,7 +144,7 @@ fn largest_patch(change: &[f64], w: usize, h: usize, level: f64) -> Vec<usize> {
 }
 
 /// Computes the circle with the centre and half the mean size of a patch's bounding box.
-fn enclosing(patch: &[usize], w: usize) -> Circle {
+fn enclosing_circle(patch: &[usize], w: usize) -> Circle {
     let fold = |value: fn(usize, usize) -> usize| {
         let all = || patch.iter().map(|&at| value(at, w) as f64);
         (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max))
@@ -154,7 +154,7 @@ fn enclosing(patch: &[usize], w: usize) -> Circle {
 }
 
 /// Moves a circle to where the change falls off most steeply outwards, all around.
-fn sharpen(change: &[f64], w: usize, h: usize, start: Circle) -> Circle {
+fn refine_circle(change: &[f64], w: usize, h: usize, start: Circle) -> Circle {
     let value = |x: f64, y: f64| {
         let (column, row) = (x.round(), y.round());
         let inside = column >= 0.0 && row >= 0.0 && column < w as f64 && row < h as f64;
@@ -234,7 +234,7 @@ mod tests {
             Circle { center: [300.0, 120.0], radius: 35.0 }, // cut by the border
         ] {
             let (press, background) = pair(&circle, 60.0);
-            let found = find(&press, &background).unwrap();
+            let found = find_circle(&press, &background).unwrap();
             let off = (found.center[0] - circle.center[0]).hypot(found.center[1] - circle.center[1]);
             assert!(off < 2.0 && (found.radius / circle.radius - 1.0).abs() < 0.12, "{found:?} for {circle:?}");
         }
@@ -243,6 +243,6 @@ mod tests {
     #[test]
     fn no_press_is_an_error() {
         let (press, background) = pair(&Circle { center: [150.0, 110.0], radius: 31.0 }, 0.0);
-        assert!(matches!(find(&press, &background), Err(NoCircle::NoContact { .. })));
+        assert!(matches!(find_circle(&press, &background), Err(CircleNotFound::NoContact { .. })));
     }
 }

@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
-use crate::error::{OpticsError, positive};
+use crate::error::{OpticsError, check_positive};
 use crate::model::SensorModel;
 use crate::versioned;
 
@@ -17,9 +17,9 @@ use crate::versioned;
 pub const VERSION: u32 = 1;
 
 /// Largest coating thickness, pixels: every pixel is compared with all pixels within it.
-const MOST_COATING: f64 = 200.0;
+const MAX_COATING_PIXELS: f64 = 200.0;
 /// Largest size of a pixel on the gel, mm.
-const MOST_PIXEL: f64 = 10.0;
+const MAX_PIXEL_SIZE_MM: f64 = 10.0;
 
 /// The calibration of one real sensor: image geometry, lens and image-formation model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -91,7 +91,7 @@ impl SensorCalibration {
         }
         text.push('\n');
         text += &toml::to_string(&file).map_err(OpticsError::calibration)?;
-        write_whole(path, text.as_bytes()).map_err(|error| OpticsError::file(path, error))
+        write_atomically(path, text.as_bytes()).map_err(|error| OpticsError::file(path, error))
     }
 
     /// Reads and checks a calibration and its background (grey levels, row-major RGB).
@@ -114,9 +114,9 @@ impl SensorCalibration {
     /// Reads and checks the text of a calibration.
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
         let file: Self = versioned::parse(text, VERSION)?;
-        positive("pixel_mm", file.pixel_mm)?;
-        if file.pixel_mm > MOST_PIXEL {
-            let what = format!("pixel_mm: found {}; expected at most {MOST_PIXEL}", file.pixel_mm);
+        check_positive("pixel_mm", file.pixel_mm)?;
+        if file.pixel_mm > MAX_PIXEL_SIZE_MM {
+            let what = format!("pixel_mm: found {}; expected at most {MAX_PIXEL_SIZE_MM}", file.pixel_mm);
             return Err(OpticsError::calibration(what));
         }
         if let Some([low, high]) = file.pixel_interval_mm
@@ -138,8 +138,8 @@ impl SensorCalibration {
         }
         file.model.check()?;
         let coating = 1e3 * file.model.elastomer.coating / file.pixel_mm;
-        if coating > MOST_COATING {
-            let what = format!("elastomer.coating: found {coating:.0} pixels; expected at most {MOST_COATING}");
+        if coating > MAX_COATING_PIXELS {
+            let what = format!("elastomer.coating: found {coating:.0} pixels; expected at most {MAX_COATING_PIXELS}");
             return Err(OpticsError::calibration(what));
         }
         Ok(file)

@@ -6,19 +6,19 @@
 //! those images as well: because light adds up, they separate the response from the lamps.
 
 use crate::calibration::assumptions::Assumptions;
-use crate::calibration::background::background_of;
+use crate::calibration::background::estimate_background;
 use crate::calibration::folder::PressFolder;
 use crate::calibration::lens::Lens;
-use crate::calibration::parameters::{self as at, PER_LAMP};
-use crate::calibration::samples::{Samples, noise_of};
-use crate::calibration::scene::Scene;
-use crate::error::{OpticsError, positive};
+use crate::calibration::parameters::{self as at, PARAMETERS_PER_LAMP};
+use crate::calibration::samples::{FitSamples, estimate_noise};
+use crate::calibration::scene::CalibrationScene;
+use crate::error::{OpticsError, check_positive};
 use crate::model::SensorModel;
-use ftac_least_squares::{Options, Parameter, Problem, Solution};
+use ftac_least_squares::{FitProblem, FitResult, FittedParameter, SolverOptions};
 
 /// Computational effort of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Effort {
+pub struct FitEffort {
     /// Number of pixels sampled from each press.
     pub per_press: usize,
     /// Number of rotations of the ring of lamps to start from.
@@ -29,22 +29,22 @@ pub struct Effort {
     pub split: bool,
 }
 
-impl Default for Effort {
+impl Default for FitEffort {
     fn default() -> Self {
         Self { per_press: 350, starts: 2, steps: [10, 20], split: true }
     }
 }
 
 /// Scale of the robust loss, grey levels: larger residuals count as outliers (dirt, a mark on the gel).
-const SCALE: f64 = 8.0;
+const LOSS_SCALE: f64 = 8.0;
 /// Number of background pixels in a fit.
-const FLAT: usize = 400;
+const BACKGROUND_SAMPLES: usize = 400;
 /// Distance from a press within which samples lie, visible radii.
-const AROUND: f64 = 2.5;
+const SAMPLE_REACH: f64 = 2.5;
 /// Lamps of the first searches: one per side of a sensor lit in red, green and blue.
-const LAMPS: usize = 3;
+const INITIAL_LAMP_COUNT: usize = 3;
 /// Initial ratio of the visible circle's radius to the ball's, used if the pixel size is not given.
-const VISIBLE_SHARE: f64 = 0.7;
+const INITIAL_VISIBLE_RATIO: f64 = 0.7;
 
 /// A fitted sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +64,7 @@ pub struct BallFit {
     /// The lens by which the presses were rectified, if any.
     pub lens: Option<Lens>,
     /// All fitted parameters.
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<FittedParameter>,
     pub assumptions: Assumptions,
     /// Root mean square residual over the samples, grey levels.
     pub residual: f64,
@@ -76,39 +76,45 @@ impl BallFit {
     pub fn new(
         folder: &PressFolder,
         assumptions: Assumptions,
-        effort: &Effort,
+        effort: &FitEffort,
         seed: u64,
     ) -> Result<Self, OpticsError> {
-        let background = background_of(folder);
-        let samples = Samples::draw(folder, &background, effort.per_press, FLAT, AROUND, seed);
+        let background = estimate_background(folder);
+        let samples = FitSamples::draw(folder, &background, effort.per_press, BACKGROUND_SAMPLES, SAMPLE_REACH, seed);
         let pixel = starting_pixel(folder, &assumptions)?;
         let found = solve(&samples, &assumptions, pixel, effort);
-        let scene = Scene { samples: &samples, assumptions: &assumptions };
-        Ok(Self::describe(folder, background, &scene, found))
+        let scene = CalibrationScene { samples: &samples, assumptions: &assumptions };
+        Ok(Self::from_solution(folder, background, &scene, found))
     }
 
     /// Fits again under other assumptions, starting from this fit.
-    pub fn again(&self, folder: &PressFolder, assumptions: Assumptions, effort: &Effort, seed: u64) -> Self {
-        let samples = Samples::draw(folder, &self.background, effort.per_press, FLAT, AROUND, seed);
-        let scene = Scene { samples: &samples, assumptions: &assumptions };
+    pub fn refit(&self, folder: &PressFolder, assumptions: Assumptions, effort: &FitEffort, seed: u64) -> Self {
+        let samples =
+            FitSamples::draw(folder, &self.background, effort.per_press, BACKGROUND_SAMPLES, SAMPLE_REACH, seed);
+        let scene = CalibrationScene { samples: &samples, assumptions: &assumptions };
         let mut start = self.vector.clone();
         if !assumptions.near_field && self.assumptions.near_field {
             at::move_far(&mut start);
         }
         let lit = search(&scene, &start, true, 6);
         let found = search(&scene, &lit.parameters, false, effort.steps[1]);
-        Self::describe(folder, self.background.clone(), &scene, found)
+        Self::from_solution(folder, self.background.clone(), &scene, found)
     }
 
-    fn describe(folder: &PressFolder, background: Vec<f32>, scene: &Scene<'_>, found: Solution) -> Self {
-        let lamps = (found.parameters.len() - at::LAMPS) / PER_LAMP;
-        let parameters = found.described(at::names(lamps), &at::bounds(scene.assumptions, lamps));
+    fn from_solution(
+        folder: &PressFolder,
+        background: Vec<f32>,
+        scene: &CalibrationScene<'_>,
+        found: FitResult,
+    ) -> Self {
+        let lamps = (found.parameters.len() - at::FIRST_LAMP) / PARAMETERS_PER_LAMP;
+        let parameters = found.describe_parameters(at::names(lamps), &at::bounds(scene.assumptions, lamps));
         let p = found.parameters;
         let residuals = scene.residuals(&p);
         let touched = &residuals[..3 * scene.samples.touched.len()];
         let residual = (touched.iter().map(|r| r * r).sum::<f64>() / touched.len().max(1) as f64).sqrt();
         Self {
-            model: at::model(&p, scene.assumptions.near_field, noise_of(folder).unwrap_or(0.0)),
+            model: at::model(&p, scene.assumptions.near_field, estimate_noise(folder).unwrap_or(0.0)),
             pixel: p[at::PIXEL],
             pixel_interval: None,
             contact: p[at::CONTACT],
@@ -123,7 +129,7 @@ impl BallFit {
     }
 
     /// Returns the same fit with another image of the untouched gel (row-major RGB, grey levels).
-    pub fn on_background(&self, background: Vec<f32>) -> Self {
+    pub fn with_background(&self, background: Vec<f32>) -> Self {
         Self { background, ..self.clone() }
     }
 
@@ -133,11 +139,11 @@ impl BallFit {
 }
 
 /// Runs the whole search.
-pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, effort: &Effort) -> Solution {
-    let scene = Scene { samples, assumptions };
+pub(crate) fn solve(samples: &FitSamples, assumptions: &Assumptions, pixel: f64, effort: &FitEffort) -> FitResult {
+    let scene = CalibrationScene { samples, assumptions };
     let from = |turn: f64| {
-        let mut start = match directions(samples) {
-            directions if directions.is_empty() => at::start(pixel, LAMPS, turn),
+        let mut start = match lamp_directions(samples) {
+            directions if directions.is_empty() => at::start(pixel, INITIAL_LAMP_COUNT, turn),
             directions => at::start_towards(pixel, &directions),
         };
         if !assumptions.near_field {
@@ -148,7 +154,7 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
     };
     let mut best = from(0.0);
     // Images of single lamps give the directions: one start suffices.
-    let starts = if samples.alone.is_empty() { effort.starts } else { 1 };
+    let starts = if samples.single_lamp_values.is_empty() { effort.starts } else { 1 };
     for turn in 1..starts {
         let found = from(turn as f64 / starts as f64);
         if found.cost < best.cost {
@@ -160,7 +166,7 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
 }
 
 /// Estimates the direction of each lamp that has an image of its own (rad): the gel is brighter towards it.
-fn directions(samples: &Samples) -> Vec<f64> {
+fn lamp_directions(samples: &FitSamples) -> Vec<f64> {
     let middle = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
     let towards = |seen: &Vec<[f64; 3]>| {
         let mean = seen.iter().flatten().sum::<f64>() / (3 * seen.len()).max(1) as f64;
@@ -170,7 +176,7 @@ fn directions(samples: &Samples) -> Vec<f64> {
         });
         pull[1].atan2(pull[0])
     };
-    samples.alone.iter().map(towards).collect()
+    samples.single_lamp_values.iter().map(towards).collect()
 }
 
 /// Computes the initial pixel size, m. Returns an error for a folder without presses.
@@ -181,30 +187,33 @@ fn starting_pixel(folder: &PressFolder, assumptions: &Assumptions) -> Result<f64
         return Err(OpticsError::NotPositive { what: "number of presses", value: 0.0 });
     };
     if let Some(pixel) = assumptions.pixel {
-        return positive("pixel size", pixel).map(|()| pixel);
+        return check_positive("pixel size", pixel).map(|()| pixel);
     }
-    Ok((VISIBLE_SHARE * middle).clamp(10e-6, 200e-6))
+    Ok((INITIAL_VISIBLE_RATIO * middle).clamp(10e-6, 200e-6))
 }
 
 /// Minimises over all parameters, or over the colours and the diffuse light only.
-fn search(scene: &Scene<'_>, start: &[f64], colors_only: bool, steps: usize) -> Solution {
-    let lamps = (start.len() - at::LAMPS) / PER_LAMP;
+fn search(scene: &CalibrationScene<'_>, start: &[f64], colors_only: bool, steps: usize) -> FitResult {
+    let lamps = (start.len() - at::FIRST_LAMP) / PARAMETERS_PER_LAMP;
     let mut bounds = at::bounds(scene.assumptions, lamps);
     if colors_only {
         for (i, bound) in bounds.iter_mut().enumerate() {
-            let color = i >= at::LAMPS && (i - at::LAMPS) % PER_LAMP >= at::COLOR;
-            if !color && !(at::AMBIENT..at::LAMPS).contains(&i) {
+            let color = i >= at::FIRST_LAMP && (i - at::FIRST_LAMP) % PARAMETERS_PER_LAMP >= at::COLOR_OFFSET;
+            if !color && !(at::AMBIENT..at::FIRST_LAMP).contains(&i) {
                 let value = start[i].clamp(bound.0, bound.1);
                 *bound = (value, value);
             }
         }
     }
     let limits = bounds.clone();
-    let problem = Problem {
+    let problem = FitProblem {
         residuals: |p: &[f64]| scene.residuals(p),
         jacobian: |p: &[f64], r: &[f64]| scene.jacobian(p, r, &limits),
         bounds,
         groups: scene.groups(),
     };
-    problem.minimise(start, &Options { steps, scale: SCALE, tolerance: if colors_only { 1e-3 } else { 2e-4 } })
+    problem.minimise(
+        start,
+        &SolverOptions { max_steps: steps, scale: LOSS_SCALE, tolerance: if colors_only { 1e-3 } else { 2e-4 } },
+    )
 }

@@ -18,10 +18,10 @@ use std::path::Path;
 
 use crate::calibration::circle;
 use crate::calibration::diameter::check_diameter;
-use crate::calibration::image_files::{EXPECTED, images_of, take_background};
-use crate::calibration::labels::{Label, Labels};
+use crate::calibration::image_files::{IMAGE_FORMATS, list_images, take_background};
+use crate::calibration::labels::{LabelFile, PressLabel};
 use crate::calibration::lens::Lens;
-use crate::calibration::photo::{Depth, Photo};
+use crate::calibration::photo::{BitDepth, Photo};
 use crate::error::OpticsError;
 
 /// One press of a ball.
@@ -43,7 +43,7 @@ pub struct BallPress {
 
 /// An image, or a label, that is not used.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LeftOut {
+pub struct SkippedImage {
     pub name: String,
     /// The image, if it has the background's size.
     pub photo: Option<Photo>,
@@ -64,14 +64,14 @@ pub struct PressFolder {
     /// The untouched gel under each lamp alone, ordered by file name; empty if there are no such images.
     pub lamps: Vec<Photo>,
     /// Images and labels that cannot be used.
-    pub left_out: Vec<LeftOut>,
+    pub skipped: Vec<SkippedImage>,
     /// Depth of the background's file, if it has 16 bits a channel.
-    pub depth: Option<Depth>,
+    pub depth: Option<BitDepth>,
 }
 
 /// Options for reading a folder.
 #[derive(Debug, Clone, Copy)]
-pub struct ReadOptions<'a> {
+pub struct PressReadOptions<'a> {
     /// Diameter of balls whose label gives none, m.
     pub diameter: f64,
     /// True if presses are detected in the images even if there are labels.
@@ -83,37 +83,37 @@ pub struct ReadOptions<'a> {
 impl PressFolder {
     /// Reads a folder whose untouched gel is called `background`; `diameter` (m) applies to balls whose label gives none.
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
-        Self::read_with(folder, &ReadOptions { diameter, ignore_labels, background: None })
+        Self::read_with(folder, &PressReadOptions { diameter, ignore_labels, background: None })
     }
 
     /// Reads a folder.
-    pub fn read_with(folder: &Path, options: &ReadOptions<'_>) -> Result<Self, OpticsError> {
+    pub fn read_with(folder: &Path, options: &PressReadOptions<'_>) -> Result<Self, OpticsError> {
         check_diameter(options.diameter)?;
-        let mut files = images_of(folder)?;
+        let mut files = list_images(folder)?;
         let Some(path) = take_background(&mut files, options.background)? else {
             let what = "no background image found; expected `background.png`, the untouched gel, or --background FILE";
             return Err(OpticsError::file(folder, what));
         };
         let (background, depth) = Photo::read_deep(&path)?;
         if files.is_empty() {
-            let what = format!("no press images found; expected {EXPECTED} images beside the background");
+            let what = format!("no press images found; expected {IMAGE_FORMATS} images beside the background");
             return Err(OpticsError::file(folder, what));
         }
         let size = [background.width, background.height];
-        let labels = if options.ignore_labels { None } else { Labels::read(folder, size)? };
+        let labels = if options.ignore_labels { None } else { LabelFile::read(folder, size)? };
         let lamps = read_lamps(&folder.join("lamps"), &background)?;
         let mut found =
-            Self { background, presses: Vec::with_capacity(files.len()), lamps, left_out: Vec::new(), depth };
+            Self { background, presses: Vec::with_capacity(files.len()), lamps, skipped: Vec::new(), depth };
         let mut names = Vec::with_capacity(files.len());
         for path in &files {
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-            let label = labels.as_ref().map(|labels| labels.of(&name));
-            found.take(path, &name, label, options.diameter);
+            let label = labels.as_ref().map(|labels| labels.find(&name));
+            found.read_press(path, &name, label, options.diameter);
             names.push(name);
         }
         if let Some(labels) = &labels {
             let unknown = labels.without_image(&names).into_iter();
-            found.left_out.extend(unknown.map(|(name, reason)| LeftOut {
+            found.skipped.extend(unknown.map(|(name, reason)| SkippedImage {
                 name,
                 photo: None,
                 circle: None,
@@ -121,29 +121,29 @@ impl PressFolder {
                 missing: true,
             }));
         }
-        match (found.presses.is_empty(), found.left_out.first()) {
+        match (found.presses.is_empty(), found.skipped.first()) {
             (true, Some(first)) => Err(OpticsError::file(&folder.join(&first.name), &first.reason)),
             _ => Ok(found),
         }
     }
 
     /// Detects presses in photos of the background's size, given with their names.
-    pub fn of_photos(background: Photo, photos: Vec<(String, Photo)>, diameter: f64) -> Result<Self, OpticsError> {
+    pub fn from_photos(background: Photo, photos: Vec<(String, Photo)>, diameter: f64) -> Result<Self, OpticsError> {
         check_diameter(diameter)?;
-        let mut found = Self { background, presses: Vec::new(), lamps: Vec::new(), left_out: Vec::new(), depth: None };
-        photos.into_iter().for_each(|(name, photo)| found.add(name, photo, None, diameter));
-        match (found.presses.is_empty(), found.left_out.first()) {
+        let mut found = Self { background, presses: Vec::new(), lamps: Vec::new(), skipped: Vec::new(), depth: None };
+        photos.into_iter().for_each(|(name, photo)| found.add_press(name, photo, None, diameter));
+        match (found.presses.is_empty(), found.skipped.first()) {
             (true, Some(first)) => Err(OpticsError::file(Path::new(&first.name), &first.reason)),
             _ => Ok(found),
         }
     }
 
-    /// Reads an image and adds it to the presses or to `left_out`.
-    fn take(&mut self, path: &Path, name: &str, label: Option<Result<Label, String>>, diameter: f64) {
+    /// Reads an image and adds it to the presses or to `skipped`.
+    fn read_press(&mut self, path: &Path, name: &str, label: Option<Result<PressLabel, String>>, diameter: f64) {
         match self.read_like_background(path) {
-            Ok(photo) => self.add(name.to_owned(), photo, label, diameter),
+            Ok(photo) => self.add_press(name.to_owned(), photo, label, diameter),
             Err(reason) => {
-                self.left_out.push(LeftOut {
+                self.skipped.push(SkippedImage {
                     name: name.to_owned(),
                     photo: None,
                     circle: None,
@@ -155,11 +155,11 @@ impl PressFolder {
     }
 
     /// Adds a photo with its label, or with the circle detected in it if there are no labels.
-    fn add(&mut self, name: String, photo: Photo, label: Option<Result<Label, String>>, diameter: f64) {
+    fn add_press(&mut self, name: String, photo: Photo, label: Option<Result<PressLabel, String>>, diameter: f64) {
         let found = match label {
             Some(label) => label.map(|label| (label, true)),
-            None => circle::find(&photo, &self.background).map_err(|error| error.to_string()).map(|found| {
-                (Label { center: found.center, radius: found.radius, contact: false, diameter: None }, false)
+            None => circle::find_circle(&photo, &self.background).map_err(|error| error.to_string()).map(|found| {
+                (PressLabel { center: found.center, radius: found.radius, contact: false, diameter: None }, false)
             }),
         };
         match found {
@@ -173,7 +173,7 @@ impl PressFolder {
                 contact_labelled: label.contact,
             }),
             Err(reason) => {
-                self.left_out.push(LeftOut { name, photo: Some(photo), circle: None, reason, missing: false })
+                self.skipped.push(SkippedImage { name, photo: Some(photo), circle: None, reason, missing: false })
             }
         }
     }
@@ -202,11 +202,11 @@ impl PressFolder {
     pub fn rectified(&self, lens: &Lens) -> Result<Self, OpticsError> {
         lens.check(self.background.width, self.background.height)?;
         let press = |press: &BallPress| {
-            let center = lens.rectified(press.center);
+            let center = lens.rectify_point(press.center);
             // The circle stays nearly circular: its new radius is the mean distance of four of its points.
             let [x, y] = press.center;
             let rim = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
-                .map(|[dx, dy]| lens.rectified([x + dx * press.radius, y + dy * press.radius]));
+                .map(|[dx, dy]| lens.rectify_point([x + dx * press.radius, y + dy * press.radius]));
             let radius = 0.25 * rim.iter().map(|p| (p[0] - center[0]).hypot(p[1] - center[1])).sum::<f64>();
             BallPress { photo: lens.rectify(&press.photo), center, radius, ..press.clone() }
         };
@@ -214,20 +214,20 @@ impl PressFolder {
             background: lens.rectify(&self.background),
             presses: self.presses.iter().map(press).collect(),
             lamps: self.lamps.iter().map(|photo| lens.rectify(photo)).collect(),
-            left_out: self.left_out.clone(),
+            skipped: self.skipped.clone(),
             depth: self.depth,
         })
     }
 
     /// Leaves out the presses that have a reason; `reasons` are in the presses' order.
-    pub fn leave_out(&mut self, reasons: impl IntoIterator<Item = Option<String>>) {
+    pub fn skip_presses(&mut self, reasons: impl IntoIterator<Item = Option<String>>) {
         let presses = std::mem::take(&mut self.presses);
         for (press, reason) in presses.into_iter().zip(reasons) {
             match reason {
                 None => self.presses.push(press),
                 Some(reason) => {
                     let circle = Some((press.center, press.radius));
-                    self.left_out.push(LeftOut {
+                    self.skipped.push(SkippedImage {
                         name: press.name,
                         photo: Some(press.photo),
                         circle,
@@ -253,7 +253,7 @@ impl PressFolder {
                 background: self.background.clone(),
                 presses,
                 lamps: self.lamps.clone(),
-                left_out: Vec::new(),
+                skipped: Vec::new(),
                 depth: self.depth,
             }
         };
@@ -266,7 +266,7 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
     if !folder.exists() {
         return Ok(Vec::new());
     }
-    let files = images_of(folder)?;
+    let files = list_images(folder)?;
     if files.len() < 2 {
         let what = format!("found {} images of single lamps; expected one for each lamp, at least 2", files.len());
         return Err(OpticsError::file(folder, what));

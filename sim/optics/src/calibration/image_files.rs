@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 use crate::error::OpticsError;
 
 /// File name extensions of the images that can be read.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "bmp"];
+const IMAGE_EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "bmp"];
 /// Readable formats, for messages.
-pub const EXPECTED: &str = "PNG, JPEG or BMP";
+pub const IMAGE_FORMATS: &str = "PNG, JPEG or BMP";
 /// Name of the untouched gel's image, without its extension.
-pub const BACKGROUND: &str = "background";
+pub const BACKGROUND_NAME: &str = "background";
 
 /// True if a file is an image by its name, and not hidden.
 pub fn is_image(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-    !is_hidden(path) && ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known))
+    !is_hidden(path) && ending.is_some_and(|ending| IMAGE_EXTENSIONS.iter().any(|known| ending == *known))
 }
 
 /// True if a file's name begins with a dot.
@@ -35,7 +35,7 @@ pub fn visible_files(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
 }
 
 /// Lists the images of a folder, sorted by name.
-pub fn images_of(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
+pub fn list_images(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
     let mut files = visible_files(folder)?;
     files.retain(|path| is_image(path));
     Ok(files)
@@ -52,7 +52,7 @@ pub fn take_background(files: &mut Vec<PathBuf>, named: Option<&Path>) -> Result
         files.retain(|file| !same(file));
         return Ok(Some(named.to_owned()));
     }
-    let is_background = |file: &Path| file.file_stem().is_some_and(|stem| stem.eq_ignore_ascii_case(BACKGROUND));
+    let is_background = |file: &Path| file.file_stem().is_some_and(|stem| stem.eq_ignore_ascii_case(BACKGROUND_NAME));
     let (found, others): (Vec<_>, Vec<_>) = files.drain(..).partition(|file| is_background(file));
     *files = others;
     if let [_, second, ..] = found.as_slice() {

@@ -8,11 +8,11 @@ use crate::calibration::diameter::check_diameter;
 use crate::error::OpticsError;
 
 /// File names, in order of precedence.
-const NAMES: [&str; 2] = ["labels.csv", "labels_auto.csv"];
+const LABEL_FILE_NAMES: [&str; 2] = ["labels.csv", "labels_auto.csv"];
 
 /// The circle of a label.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Label {
+pub(crate) struct PressLabel {
     /// Centre: column and row, pixels.
     pub(crate) center: [f64; 2],
     /// Radius, pixels.
@@ -24,25 +24,25 @@ pub(crate) struct Label {
 }
 
 #[derive(Debug)]
-struct Row {
+struct LabelRow {
     file: String,
     line: usize,
     /// The label, or the reason why it cannot be used.
-    found: Result<Label, String>,
+    found: Result<PressLabel, String>,
 }
 
 /// The rows of a label file.
 #[derive(Debug)]
-pub(crate) struct Labels {
+pub(crate) struct LabelFile {
     path: PathBuf,
-    rows: Vec<Row>,
+    rows: Vec<LabelRow>,
 }
 
-impl Labels {
+impl LabelFile {
     /// Reads the label file of a folder of images of this size (columns, rows); `None` if there is none. Returns an
     /// error if a required column is missing.
     pub(crate) fn read(folder: &Path, size: [usize; 2]) -> Result<Option<Self>, OpticsError> {
-        let Some(path) = NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()) else {
+        let Some(path) = LABEL_FILE_NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()) else {
             return Ok(None);
         };
         let fault = |what: String| OpticsError::file(&path, what);
@@ -65,15 +65,15 @@ impl Labels {
         let row = |(index, line): (usize, &str)| {
             let cells = cells(line);
             let file = cells.get(columns.file).copied().unwrap_or("").to_owned();
-            Row { file, line: index + 1, found: columns.label(&header, &cells, size) }
+            LabelRow { file, line: index + 1, found: columns.label(&header, &cells, size) }
         };
         let rows = lines.map(row).collect();
         Ok(Some(Self { path, rows }))
     }
 
     /// Returns the label of an image. The error is the reason why there is none.
-    pub(crate) fn of(&self, image: &str) -> Result<Label, String> {
-        let rows: Vec<&Row> = self.rows.iter().filter(|row| row.file == image).collect();
+    pub(crate) fn find(&self, image: &str) -> Result<PressLabel, String> {
+        let rows: Vec<&LabelRow> = self.rows.iter().filter(|row| row.file == image).collect();
         match rows.as_slice() {
             [] => Err("found no row for this image in the label file; expected one".to_owned()),
             [row] => row.found.clone().map_err(|what| format!("{}, line {}, {what}", self.name(), row.line)),
@@ -115,7 +115,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn label(&self, header: &[&str], cells: &[&str], [width, height]: [usize; 2]) -> Result<Label, String> {
+    fn label(&self, header: &[&str], cells: &[&str], [width, height]: [usize; 2]) -> Result<PressLabel, String> {
         let number = |column: usize| {
             let cell = cells.get(column).copied().unwrap_or("");
             let value = cell.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
@@ -140,7 +140,7 @@ impl Columns {
         if let Some((column, diameter)) = diameter {
             check_diameter(diameter).map_err(|error| format!("{}: {error}", header[column]))?;
         }
-        Ok(Label {
+        Ok(PressLabel {
             center: [within(self.center[0], width)?, within(self.center[1], height)?],
             radius,
             contact: header[self.radius] == "contact_radius_px",

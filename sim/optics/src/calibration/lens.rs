@@ -27,8 +27,8 @@ pub struct Lens {
 }
 
 /// Largest number of fixed-point iterations for inverting the distortion, and their tolerance, pixels.
-const STEPS: usize = 50;
-const ARRIVED: f64 = 1e-6;
+const MAX_ITERATIONS: usize = 50;
+const PIXEL_TOLERANCE: f64 = 1e-6;
 
 impl Lens {
     /// Reads a TOML file with the four fields.
@@ -49,7 +49,7 @@ impl Lens {
         }
         let (w, h) = (width as f64 - 1.0, height as f64 - 1.0);
         for place in [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h], [0.5 * w, 0.0], [0.0, 0.5 * h]] {
-            let back = self.distorted(self.rectified(place));
+            let back = self.distort_point(self.rectify_point(place));
             if (back[0] - place[0]).hypot(back[1] - place[1]).is_nan()
                 || (back[0] - place[0]).hypot(back[1] - place[1]) > 1e-3
             {
@@ -60,7 +60,7 @@ impl Lens {
     }
 
     /// Maps a point of the rectified image to the raw one, pixels.
-    pub fn distorted(&self, place: [f64; 2]) -> [f64; 2] {
+    pub fn distort_point(&self, place: [f64; 2]) -> [f64; 2] {
         let [x, y] = [0, 1].map(|axis| (place[axis] - self.center[axis]) / self.focal[axis]);
         let r2 = x * x + y * y;
         let [k1, k2, k3] = self.radial;
@@ -74,13 +74,13 @@ impl Lens {
     }
 
     /// Maps a point of the raw image to the rectified one, pixels.
-    pub fn rectified(&self, place: [f64; 2]) -> [f64; 2] {
+    pub fn rectify_point(&self, place: [f64; 2]) -> [f64; 2] {
         let mut found = place;
-        for _ in 0..STEPS {
-            let there = self.distorted(found);
+        for _ in 0..MAX_ITERATIONS {
+            let there = self.distort_point(found);
             let off = [place[0] - there[0], place[1] - there[1]];
             found = [found[0] + off[0], found[1] + off[1]];
-            if off[0].hypot(off[1]) < ARRIVED {
+            if off[0].hypot(off[1]) < PIXEL_TOLERANCE {
                 break;
             }
         }
@@ -89,17 +89,17 @@ impl Lens {
 
     /// Rectifies a raw image.
     pub fn rectify(&self, raw: &Photo) -> Photo {
-        moved(raw, |place| self.distorted(place))
+        resample(raw, |place| self.distort_point(place))
     }
 
     /// Distorts a rectified image to the raw one.
     pub fn distort(&self, rectified: &Photo) -> Photo {
-        moved(rectified, |place| self.rectified(place))
+        resample(rectified, |place| self.rectify_point(place))
     }
 }
 
 /// Resamples `from`: each pixel takes the value at `origin(pixel)`, bilinear, with the border pixels extended outwards.
-fn moved(from: &Photo, origin: impl Fn([f64; 2]) -> [f64; 2]) -> Photo {
+fn resample(from: &Photo, origin: impl Fn([f64; 2]) -> [f64; 2]) -> Photo {
     let (w, h) = (from.width, from.height);
     let mut rgb = Vec::with_capacity(from.rgb.len());
     for at in 0..w * h {
@@ -132,11 +132,11 @@ mod tests {
     fn rectifying_undoes_distorting() {
         assert!(LENS.check(320, 240).is_ok());
         for place in [[0.0, 0.0], [319.0, 5.0], [161.0, 118.0], [40.0, 200.0]] {
-            let back = LENS.rectified(LENS.distorted(place));
+            let back = LENS.rectify_point(LENS.distort_point(place));
             assert!((back[0] - place[0]).hypot(back[1] - place[1]) < 1e-4, "{place:?} {back:?}");
         }
         // A barrel lens draws the border inwards, by k1 r^2 to first order.
-        let [x, _] = Lens { radial: [-0.1, 0.0, 0.0], tangential: [0.0; 2], ..LENS }.distorted([291.0, 118.0]);
+        let [x, _] = Lens { radial: [-0.1, 0.0, 0.0], tangential: [0.0; 2], ..LENS }.distort_point([291.0, 118.0]);
         assert!((x - (161.0 + 130.0 * (1.0 - 0.1 * 0.25))).abs() < 1e-9, "{x}");
     }
 

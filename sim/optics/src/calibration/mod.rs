@@ -36,13 +36,13 @@ pub mod similarity;
 pub mod zhang;
 
 pub use assumptions::Assumptions;
-pub use evaluation::{HeldOut, Views};
+pub use evaluation::{HeldOutSimilarity, ViewSimilarity};
 pub use file::SensorCalibration;
-pub use fit::{BallFit, Effort};
-pub use folder::{BallPress, LeftOut, PressFolder, ReadOptions};
-pub use ftac_least_squares::Parameter;
+pub use fit::{BallFit, FitEffort};
+pub use folder::{BallPress, PressFolder, PressReadOptions, SkippedImage};
+pub use ftac_least_squares::FittedParameter;
 pub use lens::Lens;
-pub use photo::{Depth, Photo};
+pub use photo::{BitDepth, Photo};
 pub use sensor::CalibratedSensor;
 pub use similarity::Similarity;
 pub use zhang::LensFit;

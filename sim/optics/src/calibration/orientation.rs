@@ -8,29 +8,29 @@
 use crate::calibration::photo::Photo;
 
 /// Number of blocks across and down.
-const BLOCKS: [usize; 2] = [16, 12];
+const BLOCK_COUNTS: [usize; 2] = [16, 12];
 /// Fraction of the blocks that are compared, those that fit best: the others may be touched.
-const UNTOUCHED: f64 = 0.6;
+const COMPARED_SHARE: f64 = 0.6;
 /// Smallest difference (root mean square, relative to the brightness) of an image from its background that is not
 /// noise.
-const DIFFERENT: f64 = 0.03;
+const MIN_DIFFERENCE: f64 = 0.03;
 /// Largest ratio of the mean square difference from a rearranged background to that from the background as it is.
-const BETTER: f64 = 0.25;
+const MAX_ERROR_RATIO: f64 = 0.25;
 
 /// Brightness of the channels over the blocks, relative to their mean.
 type Blocks = Vec<[f64; 3]>;
 
 /// Describes the way in which `photo` is rearranged relative to a background of the same size; `None` if it is not.
-pub fn rearranged(photo: &Photo, background: &Photo) -> Option<&'static str> {
-    if photo.width < 2 * BLOCKS[0] || photo.height < 2 * BLOCKS[1] {
+pub fn describe_rearrangement(photo: &Photo, background: &Photo) -> Option<&'static str> {
+    if photo.width < 2 * BLOCK_COUNTS[0] || photo.height < 2 * BLOCK_COUNTS[1] {
         return None;
     }
     let (now, before) = (blocks(photo), blocks(background));
     let as_it_is = difference(&now, &before);
-    if as_it_is < DIFFERENT * DIFFERENT {
+    if as_it_is < MIN_DIFFERENCE * MIN_DIFFERENCE {
         return None;
     }
-    let [w, h] = BLOCKS;
+    let [w, h] = BLOCK_COUNTS;
     let moved = |from: &dyn Fn(usize, usize) -> usize| -> Blocks {
         (0..w * h).map(|at| before[from(at % w, at / w)]).collect()
     };
@@ -42,11 +42,11 @@ pub fn rearranged(photo: &Photo, background: &Photo) -> Option<&'static str> {
     ];
     let tried = ways.map(|(way, blocks)| (difference(&now, &blocks), way));
     let best = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (best.0 < BETTER * as_it_is).then_some(best.1)
+    (best.0 < MAX_ERROR_RATIO * as_it_is).then_some(best.1)
 }
 
 fn blocks(photo: &Photo) -> Blocks {
-    let [w, h] = BLOCKS;
+    let [w, h] = BLOCK_COUNTS;
     let mut sums = vec![[0.0; 3]; w * h];
     let mut counts = vec![0.0; w * h];
     for (at, pixel) in photo.rgb.chunks_exact(3).enumerate() {
@@ -67,7 +67,7 @@ fn difference(a: &Blocks, b: &Blocks) -> f64 {
     let of_block = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>() / 3.0;
     let mut all: Vec<f64> = a.iter().zip(b).map(of_block).collect();
     all.sort_by(f64::total_cmp);
-    all.truncate(((UNTOUCHED * all.len() as f64) as usize).max(1));
+    all.truncate(((COMPARED_SHARE * all.len() as f64) as usize).max(1));
     all.iter().sum::<f64>() / all.len() as f64
 }
 
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn a_mirrored_image_is_told_and_a_press_is_not() {
         let background = photo(|x, y| (x, y), false, false);
-        let found = |photo: &Photo| rearranged(photo, &background);
+        let found = |photo: &Photo| describe_rearrangement(photo, &background);
         assert_eq!(found(&photo(|x, y| (x, y), false, true)), None);
         assert_eq!(found(&photo(|x, y| (159 - x, y), false, true)), Some("mirrored left to right"));
         assert_eq!(found(&photo(|x, y| (x, 119 - y), false, true)), Some("mirrored top to bottom"));
@@ -107,6 +107,6 @@ mod tests {
         dim.rgb.iter_mut().for_each(|value| *value /= 2);
         assert_eq!(found(&dim), None);
         let even = Photo { width: 160, height: 120, rgb: vec![90; 3 * 160 * 120] };
-        assert_eq!(rearranged(&even, &even), None);
+        assert_eq!(describe_rearrangement(&even, &even), None);
     }
 }

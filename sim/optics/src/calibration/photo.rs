@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use image::{DynamicImage, ImageFormat, ImageReader};
 
 use crate::calibration::bitmap;
@@ -12,24 +12,24 @@ use crate::error::OpticsError;
 
 /// Bit depth of a camera whose file has 16 bits per value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Depth {
+pub struct BitDepth {
     /// Number of bits: 10, 12 or 16.
     pub bits: u32,
     /// Largest value in the file.
     pub largest: u16,
 }
 
-impl Depth {
+impl BitDepth {
     /// Infers the fewest bits that hold the largest value. Cameras of 10 and 12 bits leave the upper bits of a 16-bit
     /// file empty.
-    fn of(values: &[u16]) -> Self {
+    fn from_values(values: &[u16]) -> Self {
         let largest = values.iter().copied().max().unwrap_or(0);
         let bits = [10, 12].into_iter().find(|bits| u32::from(largest) < 1 << bits).unwrap_or(16);
         Self { bits, largest }
     }
 }
 
-impl std::fmt::Display for Depth {
+impl std::fmt::Display for BitDepth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "16-bit file with values up to {}: {}-bit data", self.largest, self.bits)
     }
@@ -41,9 +41,9 @@ impl Photo {
         Self::read_deep(path).map(|(photo, _)| photo)
     }
 
-    /// Like [`Self::read`], with the depth of a 16-bit file. Its values are scaled by the camera's bits, not by the
+    /// Like [`Self::fit_folder`], with the depth of a 16-bit file. Its values are scaled by the camera's bits, not by the
     /// file's.
-    pub fn read_deep(path: &Path) -> Result<(Self, Option<Depth>), OpticsError> {
+    pub fn read_deep(path: &Path) -> Result<(Self, Option<BitDepth>), OpticsError> {
         let fault = |error: image::ImageError| OpticsError::file(path, error);
         let bytes = std::fs::read(path).map_err(|error| OpticsError::file(path, error))?;
         if bitmap::is_bmp(&bytes) {
@@ -63,7 +63,7 @@ impl Photo {
             return Ok((Self { width, height, rgb: image.to_rgb8().into_raw() }, None));
         }
         let values = image.to_rgb16().into_raw();
-        let depth = Depth::of(&values);
+        let depth = BitDepth::from_values(&values);
         let full = f64::from((1u32 << depth.bits) - 1);
         let rgb = values.iter().map(|&value| (255.0 * f64::from(value) / full).round() as u8).collect();
         Ok((Self { width, height, rgb }, Some(depth)))
@@ -76,7 +76,7 @@ impl Photo {
         let (columns, rows) = (self.width as u32, self.height as u32);
         image::write_buffer_with_format(&mut bytes, &self.rgb, columns, rows, image::ColorType::Rgb8, format)
             .map_err(|error| OpticsError::file(path, error))?;
-        write_whole(path, bytes.get_ref()).map_err(|error| OpticsError::file(path, error))
+        write_atomically(path, bytes.get_ref()).map_err(|error| OpticsError::file(path, error))
     }
 
     /// Returns an error that names `file` if the image has another size (columns, rows).

@@ -55,7 +55,7 @@ impl RoundSmoothing {
 }
 
 /// Fraction of the greatest depth below which a bump casts no shadow.
-const SHALLOW: f64 = 0.02;
+const SHALLOW_SHARE: f64 = 0.02;
 
 /// Depth of the gel (m) as a function of the distance from a press's centre.
 #[derive(Debug, Clone)]
@@ -72,7 +72,7 @@ impl BallProfile {
         let slope = (0..n)
             .map(|i| if i == 0 || i + 1 == n { 0.0 } else { (depth[i + 1] - depth[i - 1]) / (2.0 * step) })
             .collect();
-        let notable = SHALLOW * depth.first().copied().unwrap_or(0.0);
+        let notable = SHALLOW_SHARE * depth.first().copied().unwrap_or(0.0);
         let last = depth.iter().rposition(|&depth| depth > notable).unwrap_or(0);
         Self { step, depth, slope, reach: last as f64 * step }
     }
@@ -84,7 +84,7 @@ impl BallProfile {
 
     /// Interpolates the depth (m) and its derivative at distance `r` (m).
     #[inline]
-    pub(crate) fn at(&self, r: f64) -> (f64, f64) {
+    pub(crate) fn depth_and_slope(&self, r: f64) -> (f64, f64) {
         let place = r / self.step;
         let cell = place as usize;
         if cell + 1 >= self.depth.len() {
@@ -143,13 +143,13 @@ mod tests {
         let mut last = f64::INFINITY;
         for i in 0..250 {
             let r = f64::from(i) * 0.02e-3;
-            let (depth, slope) = profile.at(r);
+            let (depth, slope) = profile.depth_and_slope(r);
             let own = if r < contact { (ball * ball - r * r).sqrt() - rim } else { 0.0 };
             assert!(depth >= own - 1e-9 && depth <= last + 1e-9 && slope <= 1e-3, "{r}: {depth} {own} {slope}");
             last = depth;
         }
-        assert!((profile.at(0.0).0 - (ball - rim)).abs() < 1e-9);
-        assert!(profile.at(4e-3).0 < 0.02 * (ball - rim));
+        assert!((profile.depth_and_slope(0.0).0 - (ball - rim)).abs() < 1e-9);
+        assert!(profile.depth_and_slope(4e-3).0 < 0.02 * (ball - rim));
     }
 
     #[test]

@@ -8,14 +8,14 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::calibration::assumptions::Assumptions;
-use crate::calibration::fit::{Effort, solve};
+use crate::calibration::fit::{FitEffort, solve};
 use crate::calibration::parameters::{self as at};
-use crate::calibration::samples::{Mark, Sample, Samples};
-use crate::calibration::scene::Scene;
+use crate::calibration::samples::{FitSamples, PixelSample, PressCircle};
+use crate::calibration::scene::CalibrationScene;
 
 /// Errors of a fit to `presses` presses.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Recovery {
+pub struct RecoveryErrors {
     pub presses: usize,
     /// True if an image of each lamp alone was fitted too.
     pub single_lamps: bool,
@@ -34,14 +34,14 @@ pub struct Recovery {
 }
 
 // The known sensor: 320 x 240 pixels of 0.06 mm, a ball of 6 mm diameter.
-const SIZE: [usize; 2] = [320, 240];
-const PIXEL: f64 = 0.06e-3;
-const BALL: f64 = 3e-3;
-const VISIBLE: f64 = 28.0;
-const HELD_OUT: usize = 6;
+const TEST_IMAGE_SIZE: [usize; 2] = [320, 240];
+const PIXEL_SIZE: f64 = 0.06e-3;
+const BALL_RADIUS: f64 = 3e-3;
+const VISIBLE_RADIUS: f64 = 28.0;
+const HELD_OUT_PRESSES: usize = 6;
 
-fn truth() -> Vec<f64> {
-    let mut p = at::start(PIXEL, 3, 0.1);
+fn true_parameters() -> Vec<f64> {
+    let mut p = at::start(PIXEL_SIZE, 3, 0.1);
     p[at::CONTACT] = 1.1;
     p[at::KERNEL] = 1.0e-3;
     p[at::KERNEL_RATIO] = 0.45;
@@ -51,11 +51,12 @@ fn truth() -> Vec<f64> {
     for (k, (mu, color)) in
         [(2.0, [1.3, 0.1, 0.05]), (1.5, [0.1, 1.2, 0.1]), (2.5, [0.05, 0.15, 1.5])].iter().enumerate()
     {
-        let lamp = &mut p[at::LAMPS + at::PER_LAMP * k..at::LAMPS + at::PER_LAMP * (k + 1)];
+        let lamp =
+            &mut p[at::FIRST_LAMP + at::PARAMETERS_PER_LAMP * k..at::FIRST_LAMP + at::PARAMETERS_PER_LAMP * (k + 1)];
         lamp[0] *= 0.85 + 0.1 * k as f64;
         lamp[2] = (5.0 + k as f64) * 1e-3;
         lamp[5] = *mu;
-        lamp[at::COLOR..].copy_from_slice(color);
+        lamp[at::COLOR_OFFSET..].copy_from_slice(color);
     }
     p
 }
@@ -72,64 +73,65 @@ struct PressOptions<'a> {
 
 /// Generates presses at random positions, rendered by the model of `p` with noise, and optionally an image of each lamp
 /// alone.
-fn presses(p: &[f64], options: &PressOptions) -> Samples {
+fn presses(p: &[f64], options: &PressOptions) -> FitSamples {
     let PressOptions { assumptions, count, per_press, noise, single_lamps, seed } = *options;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = |low: f64, high: f64| low + (high - low) * (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
-    let [w, h] = SIZE.map(|size| size as f64);
+    let [w, h] = TEST_IMAGE_SIZE.map(|size| size as f64);
     let (mut marks, mut touched) = (Vec::new(), Vec::new());
     for press in 0..count {
-        let radius = uniform(0.85, 1.1) * VISIBLE;
+        let radius = uniform(0.85, 1.1) * VISIBLE_RADIUS;
         let center = [uniform(radius, w - radius), uniform(radius, h - radius)];
-        marks.push(Mark { center, radius, ball: BALL });
+        marks.push(PressCircle { center, radius, ball: BALL_RADIUS });
         for _ in 0..per_press {
             let place = center.map(|middle| (middle + uniform(-2.5, 2.5) * radius).round());
             if (0.0..w).contains(&place[0]) && (0.0..h).contains(&place[1]) {
-                touched.push(Sample { press, place, seen: [0.0; 3], background: [0.0; 3] });
+                touched.push(PixelSample { press, place, value: [0.0; 3], background: [0.0; 3] });
             }
         }
     }
-    let more = (0..300).map(|_| Sample {
+    let more = (0..300).map(|_| PixelSample {
         press: 0,
         place: [uniform(0.0, w - 1.0).round(), uniform(0.0, h - 1.0).round()],
-        seen: [0.0; 3],
+        value: [0.0; 3],
         background: [0.0; 3],
     });
-    let flat: Vec<Sample> = touched.iter().copied().chain(more).collect();
-    let mut samples = Samples { size: SIZE, marks, touched, flat, alone: Vec::new() };
-    let flat = Scene { samples: &samples, assumptions }.predict_flat(p);
+    let flat: Vec<PixelSample> = touched.iter().copied().chain(more).collect();
+    let mut samples = FitSamples { size: TEST_IMAGE_SIZE, marks, touched, flat, single_lamp_values: Vec::new() };
+    let flat = CalibrationScene { samples: &samples, assumptions }.predict_flat(p);
     let known = samples.touched.len();
     samples.touched.iter_mut().zip(&flat).for_each(|(sample, grey)| sample.background = *grey);
     samples.flat.iter_mut().zip(&flat).for_each(|(sample, grey)| sample.background = *grey);
     samples.flat.drain(..known);
-    let seen = Scene { samples: &samples, assumptions }.predict(p);
+    let seen = CalibrationScene { samples: &samples, assumptions }.predict(p);
     for (sample, grey) in samples.touched.iter_mut().zip(seen) {
-        sample.seen = grey.map(|grey| grey + noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
+        sample.value = grey.map(|grey| grey + noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
     }
     if single_lamps {
-        let mut alone = Scene { samples: &samples, assumptions }.predict_alone(p, 3);
+        let mut alone = CalibrationScene { samples: &samples, assumptions }.predict_alone(p, 3);
         alone
             .iter_mut()
             .flatten()
             .flatten()
             .for_each(|grey| *grey += noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
-        samples.alone = alone;
+        samples.single_lamp_values = alone;
     }
     samples
 }
 
-/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; returns the errors of
+/// Fits `count` generated presses (and images of single lamps) with `noise_seed` grey levels of noise; returns the errors of
 /// the result.
-pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
-    let assumptions = Assumptions::full(Some(PIXEL));
-    let known = truth();
+pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &FitEffort, seed: u64) -> RecoveryErrors {
+    let assumptions = Assumptions::full(Some(PIXEL_SIZE));
+    let known = true_parameters();
     let options =
         PressOptions { assumptions: &assumptions, count, per_press: effort.per_press, noise, single_lamps, seed };
     let samples = presses(&known, &options);
-    let found = solve(&samples, &assumptions, PIXEL, &Effort { split: false, ..*effort }).parameters;
+    let found = solve(&samples, &assumptions, PIXEL_SIZE, &FitEffort { split: false, ..*effort }).parameters;
     let seed = seed ^ 0x6865_6c64;
-    let unseen = presses(&known, &PressOptions { count: HELD_OUT, noise: 0.0, single_lamps: false, seed, ..options });
-    let residuals = Scene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
+    let unseen =
+        presses(&known, &PressOptions { count: HELD_OUT_PRESSES, noise: 0.0, single_lamps: false, seed, ..options });
+    let residuals = CalibrationScene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
     let touched = &residuals[..3 * unseen.touched.len()];
     let root = |sum: f64, count: usize| (sum / count.max(1) as f64).sqrt();
     // The order of the lamps is arbitrary: each true lamp is compared with the fitted one nearest in direction.
@@ -145,7 +147,7 @@ pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, se
         .flat_map(|c| greys.clone().map(move |grey| (c, f64::from(grey) / 255.0)))
         .map(|(c, m)| (at::response(&known, c).radiance(m) - at::response(&found, c).radiance(m)).powi(2))
         .sum();
-    Recovery {
+    RecoveryErrors {
         presses: count,
         single_lamps,
         held_out_grey: root(touched.iter().map(|r| r * r).sum(), touched.len()),
@@ -161,7 +163,7 @@ pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, se
 mod tests {
     use super::*;
 
-    fn made(
+    fn recovery_errors(
         assumptions: &Assumptions,
         count: usize,
         per_press: usize,
@@ -173,7 +175,7 @@ mod tests {
 
     #[test]
     fn images_of_single_lamps_make_up_for_presses() {
-        let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
+        let effort = FitEffort { per_press: 220, starts: 1, steps: [30, 20], split: false };
         let [without, with] = [false, true].map(|single_lamps| recover(1, single_lamps, 1.0, &effort, 5));
         println!("{without:?}\n{with:?}");
         assert!(with.response < 0.5 * without.response && with.response < 0.02, "{with:?} {without:?}");
@@ -183,7 +185,7 @@ mod tests {
 
     #[test]
     fn four_presses_determine_the_sensor() {
-        let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
+        let effort = FitEffort { per_press: 220, starts: 1, steps: [30, 20], split: false };
         let found = recover(4, false, 1.0, &effort, 3);
         println!("{found:?}");
         assert!(found.held_out_grey < 0.8, "{found:?}");
@@ -193,21 +195,21 @@ mod tests {
 
     #[test]
     fn the_start_is_not_the_answer() {
-        let assumptions = Assumptions::full(Some(PIXEL));
-        let unseen = presses(&truth(), &made(&assumptions, 2, 200, false, 1));
-        let scene = Scene { samples: &unseen, assumptions: &assumptions };
-        let residuals = scene.residuals(&at::start(PIXEL, 3, 0.0));
+        let assumptions = Assumptions::full(Some(PIXEL_SIZE));
+        let unseen = presses(&true_parameters(), &recovery_errors(&assumptions, 2, 200, false, 1));
+        let scene = CalibrationScene { samples: &unseen, assumptions: &assumptions };
+        let residuals = scene.residuals(&at::start(PIXEL_SIZE, 3, 0.0));
         let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
         assert!(rms > 4.0, "{rms}");
-        assert!(scene.residuals(&truth())[..3 * unseen.touched.len()].iter().all(|r| r.abs() < 1e-9));
+        assert!(scene.residuals(&true_parameters())[..3 * unseen.touched.len()].iter().all(|r| r.abs() < 1e-9));
     }
 
     #[test]
     fn the_jacobian_shares_lamps_but_is_that_of_the_residuals() {
-        let assumptions = Assumptions::full(Some(PIXEL));
-        let samples = presses(&truth(), &made(&assumptions, 1, 60, true, 2));
-        let scene = Scene { samples: &samples, assumptions: &assumptions };
-        let p = truth();
+        let assumptions = Assumptions::full(Some(PIXEL_SIZE));
+        let samples = presses(&true_parameters(), &recovery_errors(&assumptions, 1, 60, true, 2));
+        let scene = CalibrationScene { samples: &samples, assumptions: &assumptions };
+        let p = true_parameters();
         let bounds = at::bounds(&assumptions, 3);
         let r = scene.residuals(&p);
         let fast = scene.jacobian(&p, &r, &bounds);

@@ -8,41 +8,41 @@ use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::calibration::assumptions::Assumptions;
-use crate::calibration::parameters::{self as at, PER_LAMP};
+use crate::calibration::parameters::{self as at, PARAMETERS_PER_LAMP};
 use crate::calibration::profile::{BallProfile, RoundSmoothing};
-use crate::calibration::samples::Samples;
+use crate::calibration::samples::FitSamples;
 use crate::lamps::Lamp;
 use ftac_least_squares::forward_differences;
 
 /// Radius up to which a press deforms the gel, and the step of its profile, m.
-const REACH: f64 = 6e-3;
-const STEP: f64 = 0.04e-3;
+const PROFILE_REACH: f64 = 6e-3;
+const PROFILE_STEP: f64 = 0.04e-3;
 /// Weight of the background's grey levels relative to those of the presses, because the background contains scratches
 /// and stray light.
-const FLAT_WEIGHT: f64 = 0.3;
+const BACKGROUND_WEIGHT: f64 = 0.3;
 /// Number of points on the line to a lamp that are tested for occlusion.
-const MARCH: usize = 24;
+const OCCLUSION_SAMPLES: usize = 24;
 
 /// A point on the gel, with the slopes dz/dx and dz/dy.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct GelPoint {
     point: Point3<f64>,
     slope: [f64; 2],
 }
 
 /// Intersections of the samples' rays with the gel.
 #[derive(Debug)]
-pub(crate) struct Surface {
+pub(crate) struct GelSurface {
     profiles: Vec<BallProfile>,
     centers: Vec<[f64; 2]>,
-    deformed: Vec<Place>,
+    deformed: Vec<GelPoint>,
     undeformed: Vec<Point3<f64>>,
     flat: Vec<Point3<f64>>,
 }
 
 /// Light of one lamp of colour 1 at the touched samples on the deformed and on the flat gel, and at the background's samples.
 #[derive(Debug, Clone)]
-struct Light {
+struct LampLight {
     deformed: Vec<f64>,
     undeformed: Vec<f64>,
     flat: Vec<f64>,
@@ -50,12 +50,12 @@ struct Light {
 
 /// Samples and the model's assumptions.
 #[derive(Debug)]
-pub(crate) struct Scene<'a> {
-    pub(crate) samples: &'a Samples,
+pub(crate) struct CalibrationScene<'a> {
+    pub(crate) samples: &'a FitSamples,
     pub(crate) assumptions: &'a Assumptions,
 }
 
-impl Scene<'_> {
+impl CalibrationScene<'_> {
     /// Computes the residuals in grey levels, three per sample: the touched samples, then the background's, then the
     /// background's under each lamp alone.
     pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
@@ -76,13 +76,16 @@ impl Scene<'_> {
     pub(crate) fn jacobian(&self, p: &[f64], residuals: &[f64], bounds: &[(f64, f64)]) -> DMatrix<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
-        let all: Vec<&Light> = lights.iter().collect();
+        let all: Vec<&LampLight> = lights.iter().collect();
         forward_differences(p, residuals, bounds, 1e-6, |q, j| {
             if j < at::RESPONSE {
                 return self.residuals(q);
             }
-            let (lamp, part) = ((j.max(at::LAMPS) - at::LAMPS) / PER_LAMP, (j.max(at::LAMPS) - at::LAMPS) % PER_LAMP);
-            if j < at::LAMPS || part >= at::COLOR {
+            let (lamp, part) = (
+                (j.max(at::FIRST_LAMP) - at::FIRST_LAMP) / PARAMETERS_PER_LAMP,
+                (j.max(at::FIRST_LAMP) - at::FIRST_LAMP) % PARAMETERS_PER_LAMP,
+            );
+            if j < at::FIRST_LAMP || part >= at::COLOR_OFFSET {
                 return self.compare(&surface, &all, q);
             }
             let moved = self.light(&surface, q, lamp);
@@ -99,15 +102,15 @@ impl Scene<'_> {
             (0..touched.len()).filter(|&i| i == 0 || touched[i].press != touched[i - 1].press).map(|i| 3 * i).collect();
         if !self.samples.flat.is_empty() {
             let flat = 3 * self.samples.flat.len();
-            starts.extend((0..=self.samples.alone.len()).map(|image| 3 * touched.len() + flat * image));
+            starts.extend((0..=self.samples.single_lamp_values.len()).map(|image| 3 * touched.len() + flat * image));
         }
         starts
     }
 
-    fn surface(&self, p: &[f64]) -> Surface {
+    fn surface(&self, p: &[f64]) -> GelSurface {
         let (samples, pixel, camera) = (self.samples, p[at::PIXEL], at::camera(p).position);
         let elastomer = at::elastomer(p);
-        let smoothing = RoundSmoothing::new(&elastomer.kernels, REACH, STEP);
+        let smoothing = RoundSmoothing::new(&elastomer.kernels, PROFILE_REACH, PROFILE_STEP);
         let plane = |place: [f64; 2]| {
             let [w, h] = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
             [(place[0] - w) * pixel, (h - place[1]) * pixel]
@@ -128,44 +131,44 @@ impl Scene<'_> {
             });
             let profile = known[index].2.clone();
             // The visible circle lies on the bump, not on the plane.
-            centers.push(relief(plane(mark.center), profile.at(mark.radius * pixel).0));
+            centers.push(relief(plane(mark.center), profile.depth_and_slope(mark.radius * pixel).0));
             profiles.push(profile);
         }
-        let meet = |sample: &super::samples::Sample| {
+        let meet = |sample: &super::samples::PixelSample| {
             let (q, c, profile) = (plane(sample.place), centers[sample.press], &profiles[sample.press]);
             let (mut x, mut depth, mut per_metre) = (q, 0.0, 0.0);
             for _ in 0..5 {
                 x = relief(q, depth);
                 let r = (x[0] - c[0]).hypot(x[1] - c[1]);
-                let (d, slope) = profile.at(r);
+                let (d, slope) = profile.depth_and_slope(r);
                 (depth, per_metre) = (d, if r > 1e-9 { slope / r } else { 0.0 });
             }
             let slope = [-per_metre * (x[0] - c[0]), -per_metre * (x[1] - c[1])];
-            Place { point: Point3::new(x[0], x[1], -depth), slope }
+            GelPoint { point: Point3::new(x[0], x[1], -depth), slope }
         };
-        let on_plane = |sample: &super::samples::Sample| {
+        let on_plane = |sample: &super::samples::PixelSample| {
             let q = plane(sample.place);
             Point3::new(q[0], q[1], 0.0)
         };
         let deformed = samples.touched.iter().map(meet).collect();
         let undeformed = samples.touched.iter().map(on_plane).collect();
         let flat = samples.flat.iter().map(on_plane).collect();
-        Surface { profiles, centers, deformed, undeformed, flat }
+        GelSurface { profiles, centers, deformed, undeformed, flat }
     }
 
-    fn lights(&self, surface: &Surface, p: &[f64]) -> Vec<Light> {
-        (0..(p.len() - at::LAMPS) / PER_LAMP).map(|k| self.light(surface, p, k)).collect()
+    fn lights(&self, surface: &GelSurface, p: &[f64]) -> Vec<LampLight> {
+        (0..(p.len() - at::FIRST_LAMP) / PARAMETERS_PER_LAMP).map(|k| self.light(surface, p, k)).collect()
     }
 
-    fn light(&self, surface: &Surface, p: &[f64], k: usize) -> Light {
+    fn light(&self, surface: &GelSurface, p: &[f64], k: usize) -> LampLight {
         let (lamp, reflectance, camera) =
             (at::lamp(p, k, self.assumptions.near_field), at::reflectance(p), at::camera(p));
         let shade = |point: &Point3<f64>, slope: [f64; 2]| {
-            let (s, kappa) = lamp.at(point);
+            let (s, kappa) = lamp.direction_and_irradiance(point);
             let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
-            kappa * reflectance.factor(&normal, &s, &camera.viewer(point))
+            kappa * reflectance.factor(&normal, &s, &camera.direction_to_camera(point))
         };
-        let deformed = |(place, sample): (&Place, &super::samples::Sample)| {
+        let deformed = |(place, sample): (&GelPoint, &super::samples::PixelSample)| {
             let light = shade(&place.point, place.slope);
             if light > 0.0 && self.assumptions.shadows {
                 light * visible(&surface.profiles[sample.press], surface.centers[sample.press], &place.point, &lamp)
@@ -173,21 +176,21 @@ impl Scene<'_> {
                 light
             }
         };
-        Light {
+        LampLight {
             deformed: surface.deformed.par_iter().zip(&self.samples.touched).with_min_len(512).map(deformed).collect(),
             undeformed: surface.undeformed.iter().map(|point| shade(point, [0.0; 2])).collect(),
             flat: surface.flat.iter().map(|point| shade(point, [0.0; 2])).collect(),
         }
     }
 
-    fn grey(&self, surface: &Surface, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
+    fn grey(&self, surface: &GelSurface, lights: &[&LampLight], p: &[f64]) -> Vec<[f64; 3]> {
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
-        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+        let color = |k: usize, c: usize| p[at::FIRST_LAMP + PARAMETERS_PER_LAMP * k + at::COLOR_OFFSET + c];
         let pixel = |i: usize| {
             let [zx, zy] = surface.deformed[i].slope;
             let open = 0.5 * (1.0 / (1.0 + zx * zx + zy * zy).sqrt() - 1.0);
             std::array::from_fn(|c| {
-                let change = |(k, light): (usize, &&Light)| color(k, c) * (light.deformed[i] - light.undeformed[i]);
+                let change = |(k, light): (usize, &&LampLight)| color(k, c) * (light.deformed[i] - light.undeformed[i]);
                 let change = lights.iter().enumerate().map(change).sum::<f64>() + open * p[at::AMBIENT + c];
                 responses[c].measured(responses[c].radiance(self.samples.touched[i].background[c]) + change)
             })
@@ -196,8 +199,8 @@ impl Scene<'_> {
     }
 
     /// Predicts the grey levels of the background's pixels from the model alone.
-    fn flat(&self, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
-        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+    fn flat(&self, lights: &[&LampLight], p: &[f64]) -> Vec<[f64; 3]> {
+        let color = |k: usize, c: usize| p[at::FIRST_LAMP + PARAMETERS_PER_LAMP * k + at::COLOR_OFFSET + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
         let radiance = |i: usize, c: usize| {
             lights.iter().enumerate().map(|(k, light)| color(k, c) * light.flat[i]).sum::<f64>() + p[at::AMBIENT + c]
@@ -208,8 +211,8 @@ impl Scene<'_> {
     /// Predicts the grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order
     /// of the images, the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp
     /// contributes in proportion to its colour.
-    fn alone(&self, lights: &[&Light], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
-        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+    fn alone(&self, lights: &[&LampLight], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
+        let color = |k: usize, c: usize| p[at::FIRST_LAMP + PARAMETERS_PER_LAMP * k + at::COLOR_OFFSET + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
         let own = || (0..lights.len()).filter(|k| k * images / lights.len() == image);
         let diffuse: [f64; 3] = std::array::from_fn(|c| {
@@ -224,7 +227,7 @@ impl Scene<'_> {
     pub(crate) fn predict_alone(&self, p: &[f64], images: usize) -> Vec<Vec<[f64; 3]>> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
-        let lights: Vec<&Light> = lights.iter().collect();
+        let lights: Vec<&LampLight> = lights.iter().collect();
         (0..images).map(|image| self.alone(&lights, p, image, images)).collect()
     }
 
@@ -234,18 +237,18 @@ impl Scene<'_> {
         self.flat(&self.lights(&surface, p).iter().collect::<Vec<_>>(), p)
     }
 
-    fn compare(&self, surface: &Surface, lights: &[&Light], p: &[f64]) -> Vec<f64> {
+    fn compare(&self, surface: &GelSurface, lights: &[&LampLight], p: &[f64]) -> Vec<f64> {
         let grey = self.grey(surface, lights, p);
         let touched = self.samples.touched.iter().zip(&grey);
         let mut residuals: Vec<f64> =
-            touched.flat_map(|(sample, grey)| (0..3).map(move |c| 255.0 * (grey[c] - sample.seen[c]))).collect();
+            touched.flat_map(|(sample, grey)| (0..3).map(move |c| 255.0 * (grey[c] - sample.value[c]))).collect();
         for (sample, grey) in self.samples.flat.iter().zip(self.flat(lights, p)) {
-            residuals.extend((0..3).map(|c| FLAT_WEIGHT * 255.0 * (grey[c] - sample.background[c])));
+            residuals.extend((0..3).map(|c| BACKGROUND_WEIGHT * 255.0 * (grey[c] - sample.background[c])));
         }
-        let images = self.samples.alone.len();
-        for (image, seen) in self.samples.alone.iter().enumerate() {
+        let images = self.samples.single_lamp_values.len();
+        for (image, seen) in self.samples.single_lamp_values.iter().enumerate() {
             for (seen, grey) in seen.iter().zip(self.alone(lights, p, image, images)) {
-                residuals.extend((0..3).map(|c| FLAT_WEIGHT * 255.0 * (grey[c] - seen[c])));
+                residuals.extend((0..3).map(|c| BACKGROUND_WEIGHT * 255.0 * (grey[c] - seen[c])));
             }
         }
         residuals
@@ -266,10 +269,10 @@ fn visible(profile: &BallProfile, center: [f64; 2], point: &Point3<f64>, lamp: &
         return 1.0;
     }
     let mut horizon = 0.0f64;
-    for i in 0..MARCH {
-        let t = enters + (leaves - enters) * (i as f64 + 0.7) / MARCH as f64;
-        let depth = profile.at(((along + t) * (along + t) + across).sqrt()).0;
+    for i in 0..OCCLUSION_SAMPLES {
+        let t = enters + (leaves - enters) * (i as f64 + 0.7) / OCCLUSION_SAMPLES as f64;
+        let depth = profile.depth_and_slope(((along + t) * (along + t) + across).sqrt()).0;
         horizon = horizon.max((depth + point.z) / t);
     }
-    lamp.share_above(horizon, (point.z - lamp.position.z) / distance, distance)
+    lamp.visible_share(horizon, (point.z - lamp.position.z) / distance, distance)
 }

@@ -24,7 +24,7 @@ pub struct CalibratedSensor {
 }
 
 /// Share of every lamp above which a pixel on flat gel counts as unshadowed and shows the background.
-const LIT: f64 = 0.995;
+const LIT_SHARE: f64 = 0.995;
 const FLAT_DEPTH: f64 = 1e-6;
 const FLAT_SLOPE: f64 = 2e-3;
 
@@ -79,7 +79,7 @@ impl CalibratedSensor {
 
     /// Computes the depth of the gel (m, row-major) under an object. `penetration` is the depth of the object below the
     /// untouched surface at each pixel (m; negative above it, negative infinity without an object).
-    pub fn gel(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
+    pub fn gel_depth(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
         let (w, h) = self.size();
         if penetration.len() != w * h {
             return Err(OpticsError::ImageSize { found: penetration.len(), expected: w * h });
@@ -88,20 +88,20 @@ impl CalibratedSensor {
             let expected = "a number below infinity";
             return Err(OpticsError::MapValue { column: at % w, row: at / w, value: penetration[at], expected });
         }
-        Ok(self.gel_unchecked(penetration))
+        Ok(self.gel_depth_unchecked(penetration))
     }
 
-    fn gel_unchecked(&self, penetration: &[f32]) -> Vec<f32> {
+    fn gel_depth_unchecked(&self, penetration: &[f32]) -> Vec<f32> {
         let (w, h) = self.size();
         let pixel = (1e-3 * self.file.pixel_mm, 1e-3 * self.file.pixel_mm);
         let elastomer = &self.file.model.elastomer;
-        let grown = elastomer.grow(penetration, w, h, pixel);
+        let grown = elastomer.dilate_by_coating(penetration, w, h, pixel);
         elastomer.smooth(grown.iter().map(|depth| depth.max(0.0)).collect(), w, h, pixel)
     }
 
-    /// Renders the image of an object (see [`Self::gel`] for `penetration`), without noise.
+    /// Renders the image of an object (see [`Self::gel_depth`] for `penetration`), without noise.
     pub fn render(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
-        let gel = self.gel(penetration)?;
+        let gel = self.gel_depth(penetration)?;
         let grey = self.shade(&gel);
         let (width, height) = self.size();
         Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
@@ -113,11 +113,11 @@ impl CalibratedSensor {
         Ok(self.file.lens.map_or_else(|| rectified.clone(), |lens| lens.distort(&rectified)))
     }
 
-    /// Renders a ball's press (see [`Self::ball`]): grey levels rounded to whole numbers, row-major RGB.
+    /// Renders a ball's press (see [`Self::ball_penetration`]): grey levels rounded to whole numbers, row-major RGB.
     pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         // A ball's penetration needs no check: it has this sensor's size and no NaN.
-        let penetration = self.ball(center, radius, diameter);
-        let gel = self.gel_unchecked(&penetration);
+        let penetration = self.ball_penetration(center, radius, diameter);
+        let gel = self.gel_depth_unchecked(&penetration);
         self.shade(&gel).into_iter().map(|grey| grey.round().clamp(0.0, 255.0)).collect()
     }
 
@@ -130,13 +130,13 @@ impl CalibratedSensor {
     }
 
     /// Computes the penetration map (m) of a ball (`diameter` in m) whose press has this visible circle (pixels).
-    pub fn ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
+    pub fn ball_penetration(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let (ball, grown) = (0.5 * diameter, 0.5 * diameter + model.elastomer.coating);
         let (deepest, contact) = self.ball_depth(radius, diameter);
         // The circle lies on the bump's flank, which relief moves away from the point below the camera.
         let profile = RoundSmoothing::new(&model.elastomer.kernels, 3.0 * grown, 0.02 * grown).press(grown, contact);
-        let part = -profile.at(radius * pixel).0 / model.camera.position.z;
+        let part = -profile.depth_and_slope(radius * pixel).0 / model.camera.position.z;
         let (x, y) = self.pixel_center(center[0], center[1]);
         let middle = (x + (model.camera.position.x - x) * part, y + (model.camera.position.y - y) * part);
         let (w, h) = self.size();
@@ -185,10 +185,10 @@ impl CalibratedSensor {
                 (depth(seen.0, seen.1 + 1.0) - depth(seen.0, seen.1 - 1.0)) / (2.0 * pixel),
             ];
             for (share, shadow) in shares.iter_mut().zip(&shadows) {
-                *share = shadow.as_ref().map_or(1.0, |shadow| shadow.at(seen.0, seen.1));
+                *share = shadow.as_ref().map_or(1.0, |shadow| shadow.visible_share_at(seen.0, seen.1));
             }
             let deformed = deep > FLAT_DEPTH || slope[0].abs() > FLAT_SLOPE || slope[1].abs() > FLAT_SLOPE;
-            if !deformed && shares.iter().all(|&share| share > LIT) {
+            if !deformed && shares.iter().all(|&share| share > LIT_SHARE) {
                 continue;
             }
             let (x, y) = self.pixel_center(seen.0, seen.1);
@@ -204,10 +204,10 @@ impl CalibratedSensor {
     fn radiance(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let model = &self.file.model;
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
-        let viewer = model.camera.viewer(point);
+        let viewer = model.camera.direction_to_camera(point);
         let mut sum = model.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
         for (k, lamp) in model.lamps.iter().enumerate() {
-            let (s, kappa) = lamp.at(point);
+            let (s, kappa) = lamp.direction_and_irradiance(point);
             if kappa <= 0.0 {
                 continue;
             }

@@ -26,7 +26,7 @@ impl Similarity {
 }
 
 /// Side of SSIM's window, pixels.
-const WINDOW: usize = 7;
+const WINDOW_SIZE: usize = 7;
 
 /// Compares two images of the same size (row-major RGB, grey levels 0 to 255) over a rectangle: columns and rows, half open.
 /// SSIM needs at least 7 pixels each way; a smaller rectangle has an SSIM of NaN.
@@ -58,13 +58,14 @@ pub fn compare(
 }
 
 fn channel_ssim(a: &[f64], b: &[f64], w: usize, h: usize) -> f64 {
-    const COUNT: f64 = (WINDOW * WINDOW) as f64;
+    const WINDOW_PIXELS: f64 = (WINDOW_SIZE * WINDOW_SIZE) as f64;
     let (c1, c2) = (1e-4, 9e-4);
     let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
-    let mean = |values: &[f64]| window_sums(values, w, h).into_iter().map(|sum| sum / COUNT).collect::<Vec<f64>>();
+    let mean =
+        |values: &[f64]| window_sums(values, w, h).into_iter().map(|sum| sum / WINDOW_PIXELS).collect::<Vec<f64>>();
     let (ma, mb) = (mean(a), mean(b));
     let (aa, bb, ab) = (mean(&product(a, a)), mean(&product(b, b)), mean(&product(a, b)));
-    let unbiased = COUNT / (COUNT - 1.0);
+    let unbiased = WINDOW_PIXELS / (WINDOW_PIXELS - 1.0);
     let mut sum = 0.0;
     for i in 0..ma.len() {
         let (x, y) = (ma[i], mb[i]);
@@ -77,25 +78,25 @@ fn channel_ssim(a: &[f64], b: &[f64], w: usize, h: usize) -> f64 {
 
 /// Sums the values over each window that lies wholly inside.
 fn window_sums(values: &[f64], w: usize, h: usize) -> Vec<f64> {
-    if w < WINDOW || h < WINDOW {
+    if w < WINDOW_SIZE || h < WINDOW_SIZE {
         return Vec::new();
     }
-    let along = w - WINDOW + 1;
+    let along = w - WINDOW_SIZE + 1;
     let mut lines = vec![0.0; along * h];
     for (line, out) in values.chunks_exact(w).zip(lines.chunks_exact_mut(along)) {
-        let mut sum: f64 = line[..WINDOW].iter().sum();
+        let mut sum: f64 = line[..WINDOW_SIZE].iter().sum();
         out[0] = sum;
         for i in 1..along {
-            sum += line[i + WINDOW - 1] - line[i - 1];
+            sum += line[i + WINDOW_SIZE - 1] - line[i - 1];
             out[i] = sum;
         }
     }
-    let mut sums = vec![0.0; along * (h - WINDOW + 1)];
+    let mut sums = vec![0.0; along * (h - WINDOW_SIZE + 1)];
     let mut column = vec![0.0; along];
     for row in 0..h {
         column.iter_mut().zip(&lines[row * along..]).for_each(|(sum, value)| *sum += value);
-        if row + 1 >= WINDOW {
-            let top = row + 1 - WINDOW;
+        if row + 1 >= WINDOW_SIZE {
+            let top = row + 1 - WINDOW_SIZE;
             sums[top * along..(top + 1) * along].copy_from_slice(&column);
             column.iter_mut().zip(&lines[top * along..]).for_each(|(sum, value)| *sum -= value);
         }

@@ -9,15 +9,15 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 
-use crate::calibration::checkerboard::Board;
-use crate::calibration::image_files::images_of;
+use crate::calibration::checkerboard::Checkerboard;
+use crate::calibration::image_files::list_images;
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
-use ftac_least_squares::{Options, Parameter, Problem, forward_differences};
+use ftac_least_squares::{FitProblem, FittedParameter, SolverOptions, forward_differences};
 
 /// Smallest number of pictures: two determine the intrinsics, a third reveals errors.
-pub const LEAST: usize = 3;
+pub const MIN_PICTURES: usize = 3;
 
 /// A fitted lens.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +25,7 @@ pub struct LensFit {
     /// The lens. Its third radial coefficient is 0, because corners seldom reach far enough from the centre to
     /// determine it.
     pub lens: Lens,
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<FittedParameter>,
     /// Root mean square reprojection error, pixels.
     pub residual: f64,
     /// Number of pictures.
@@ -33,8 +33,8 @@ pub struct LensFit {
 }
 
 /// Number of lens parameters; six per picture follow them.
-const OWN: usize = 8;
-const NAMES: [&str; OWN] = [
+const LENS_PARAMETER_COUNT: usize = 8;
+const PARAMETER_NAMES: [&str; LENS_PARAMETER_COUNT] = [
     "lens focal length across (px)",
     "lens focal length down (px)",
     "lens centre across (px)",
@@ -45,23 +45,23 @@ const NAMES: [&str; OWN] = [
     "lens p2",
 ];
 /// Scale of the robust loss, pixels: larger residuals count as wrongly detected corners.
-const SCALE: f64 = 1.0;
+const LOSS_SCALE: f64 = 1.0;
 
-/// Fits the lens to a folder of pictures of a board, described by its `board.toml` (`columns` and `rows`: inner corners).
+/// Fits the lens to a folder of pictures of a board, described by its `board.toml` (`columns` and `render_rows`: inner corners).
 /// Every picture must have `size` (columns, rows) and show the whole board.
-pub fn read(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsError> {
+pub fn fit_folder(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsError> {
     let path = folder.join("board.toml");
     let text = std::fs::read_to_string(&path).map_err(|error| {
         OpticsError::file(&path, format!("{error}; expected `columns` and `rows`, the board's inner corners"))
     })?;
-    let board: Board = toml::from_str(&text).map_err(|error| OpticsError::file(&path, error))?;
+    let board: Checkerboard = toml::from_str(&text).map_err(|error| OpticsError::file(&path, error))?;
     if board.columns < 3 || board.rows < 3 {
         let what = format!("found {} x {} inner corners; expected at least 3 x 3", board.columns, board.rows);
         return Err(OpticsError::file(&path, what));
     }
-    let files = images_of(folder)?;
-    if files.len() < LEAST {
-        let what = format!("found {} pictures of the checkerboard; expected at least {LEAST}", files.len());
+    let files = list_images(folder)?;
+    if files.len() < MIN_PICTURES {
+        let what = format!("found {} pictures of the checkerboard; expected at least {MIN_PICTURES}", files.len());
         return Err(OpticsError::file(folder, what));
     }
     let mut views = Vec::with_capacity(files.len());
@@ -73,8 +73,8 @@ pub fn read(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsError> {
     fit(board, &views, size).map_err(|error| OpticsError::file(folder, error))
 }
 
-/// Fits the lens to the corners of several pictures, in pixels and in the order of [`Board::find`].
-pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<LensFit, OpticsError> {
+/// Fits the lens to the corners of several pictures, in pixels and in the order of [`Checkerboard::find_circle`].
+pub fn fit(board: Checkerboard, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<LensFit, OpticsError> {
     let place = |k: usize, count: usize| k as f64 - 0.5 * (count as f64 - 1.0);
     let model: Vec<[f64; 2]> = (0..board.columns * board.rows)
         .map(|at| [place(at % board.columns, board.columns), place(at / board.columns, board.rows)])
@@ -88,7 +88,7 @@ pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<Le
     let homographies = homographies.ok_or_else(singular)?;
     let [w, h] = size.map(|size| size as f64);
     let start = intrinsics(&homographies, size).ok_or_else(singular)?;
-    let poses: Option<Vec<Isometry3<f64>>> = homographies.iter().map(|h| pose(&start, h)).collect();
+    let poses: Option<Vec<Isometry3<f64>>> = homographies.iter().map(|h| board_pose(&start, h)).collect();
     let poses = poses.ok_or_else(singular)?;
 
     let scale = w.max(h);
@@ -98,14 +98,14 @@ pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<Le
     let mut p = vec![start[(0, 0)], start[(1, 1)], start[(0, 2)], start[(1, 2)], 0.0, 0.0, 0.0, 0.0];
     p.extend(poses.iter().flat_map(|_| [0.0; 6]));
     let residuals = |p: &[f64]| -> Vec<f64> {
-        let lens = lens_of(p);
-        let all = views.iter().zip(&poses).zip(p[OWN..].chunks_exact(6));
+        let lens = lens_from_parameters(p);
+        let all = views.iter().zip(&poses).zip(p[LENS_PARAMETER_COUNT..].chunks_exact(6));
         all.flat_map(|((view, pose), q)| {
-            let pose = moved(pose, q);
+            let pose = perturb_pose(pose, q);
             model.iter().zip(view).flat_map(move |(corner, seen)| {
                 let at = pose.rotation * Vector3::new(corner[0], corner[1], 0.0) + pose.translation.vector;
                 let flat = [0, 1].map(|axis| lens.center[axis] + lens.focal[axis] * at[axis] / at.z.max(1e-6));
-                let found = lens.distorted(flat);
+                let found = lens.distort_point(flat);
                 [found[0] - seen[0], found[1] - seen[1]]
             })
         })
@@ -114,22 +114,22 @@ pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<Le
     let limits = bounds.clone();
     let jacobian =
         |p: &[f64], r: &[f64]| -> DMatrix<f64> { forward_differences(p, r, &limits, 1e-7, |q, _| residuals(q)) };
-    let problem = Problem { residuals, jacobian, bounds, groups: Vec::new() };
-    let found = problem.minimise(&p, &Options { steps: 100, scale: SCALE, tolerance: 1e-9 });
+    let problem = FitProblem { residuals, jacobian, bounds, groups: Vec::new() };
+    let found = problem.minimise(&p, &SolverOptions { max_steps: 100, scale: LOSS_SCALE, tolerance: 1e-9 });
     let left = (problem.residuals)(&found.parameters);
-    let lens = lens_of(&found.parameters);
+    let lens = lens_from_parameters(&found.parameters);
     lens.check(size[0], size[1])?;
-    let parameters = found.described(NAMES.map(str::to_owned), &problem.bounds);
+    let parameters = found.describe_parameters(PARAMETER_NAMES.map(str::to_owned), &problem.bounds);
     let residual = (2.0 * left.iter().map(|r| r * r).sum::<f64>() / left.len().max(1) as f64).sqrt();
     Ok(LensFit { lens, parameters, residual, pictures: views.len() })
 }
 
-fn lens_of(p: &[f64]) -> Lens {
+fn lens_from_parameters(p: &[f64]) -> Lens {
     Lens { focal: [p[0], p[1]], center: [p[2], p[3]], radial: [p[4], p[5], 0.0], tangential: [p[6], p[7]] }
 }
 
 /// Rotates a pose by q\[0..3\] (rad) and translates it by q\[3..6\] (in units of its distance).
-fn moved(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
+fn perturb_pose(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
     let far = pose.translation.vector.norm();
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(q[0], q[1], q[2]));
     let shift = pose.translation.vector + far * Vector3::new(q[3], q[4], q[5]);
@@ -204,7 +204,7 @@ fn intrinsics(homographies: &[Matrix3<f64>], size: [usize; 2]) -> Option<Matrix3
 }
 
 /// Computes the pose of the board from its homography.
-fn pose(k: &Matrix3<f64>, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
+fn board_pose(k: &Matrix3<f64>, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let h = k.try_inverse()? * homography;
     // The board is in front of the camera.
     let scale = 2.0 / (h.column(0).norm() + h.column(1).norm()) * h[(2, 2)].signum();
@@ -248,7 +248,7 @@ mod tests {
         }
         // The parameters may trade off against each other; only the mapping matters.
         for place in [[20.0, 20.0], [300.0, 20.0], [160.0, 220.0], [30.0, 215.0]] {
-            let (a, b) = (LENS.distorted(place), found.lens.distorted(place));
+            let (a, b) = (LENS.distort_point(place), found.lens.distort_point(place));
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.8, "{place:?} {a:?} {b:?}");
         }
     }
@@ -269,7 +269,8 @@ mod tests {
                         let local = Vector3::new(place(at % 7, 7), place(at / 7, 5), 0.0);
                         let at = pose.rotation * local + pose.translation.vector;
                         let flat = [0, 1].map(|axis| LENS.center[axis] + LENS.focal[axis] * at[axis] / at.z);
-                        LENS.distorted(flat).map(|value| value + 0.1 * rng.sample::<f64, _>(rand_distr::StandardNormal))
+                        LENS.distort_point(flat)
+                            .map(|value| value + 0.1 * rng.sample::<f64, _>(rand_distr::StandardNormal))
                     };
                     (0..35).map(corner).collect()
                 })
@@ -282,7 +283,7 @@ mod tests {
                 |value: &dyn Fn(&LensFit) -> f64| (fits.iter().map(|f| value(f).powi(2)).sum::<f64>() / 12.0).sqrt();
             let error = rms(&|f| f.parameters[i].value - exact);
             let stated = rms(&|f| f.parameters[i].deviation.unwrap());
-            assert!((0.4..2.5).contains(&(error / stated)), "{}: {error}, stated {stated}", NAMES[i]);
+            assert!((0.4..2.5).contains(&(error / stated)), "{}: {error}, stated {stated}", PARAMETER_NAMES[i]);
         }
     }
 
@@ -292,7 +293,7 @@ mod tests {
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).unwrap();
         let refusal = |named: &[&str]| {
-            let text = read(&folder, [320, 240]).unwrap_err().to_string();
+            let text = fit_folder(&folder, [320, 240]).unwrap_err().to_string();
             assert!(named.iter().all(|part| text.contains(part)), "{text}");
         };
         refusal(&["board.toml", "columns"]);
@@ -306,7 +307,7 @@ mod tests {
             refusal(&["found", &n.to_string(), "pictures", "at least 3"]);
             picture(BOARD, &LENS, pose, [320, 240]).write(&folder.join(format!("{n}.png"))).unwrap();
         }
-        assert_eq!(read(&folder, [320, 240]).unwrap().pictures, 3);
+        assert_eq!(fit_folder(&folder, [320, 240]).unwrap().pictures, 3);
         let blank = |w: usize, h: usize| Photo { width: w, height: h, rgb: vec![99; 3 * w * h] };
         blank(320, 240).write(&folder.join("blank.png")).unwrap();
         refusal(&["blank.png", "found 0 corners", "7 x 5"]);

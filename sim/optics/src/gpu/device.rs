@@ -5,7 +5,7 @@ use wgpu::{Adapter, BindGroupLayout, ComputePipeline, Device, DeviceType, Queue}
 use crate::error::OpticsError;
 
 /// Largest number of an elastomer's kernels; limited by the size of a sensor's header.
-pub(super) const MOST_KERNELS: usize = 9;
+pub(super) const MAX_KERNELS: usize = 9;
 
 /// Device and pipelines.
 #[derive(Debug)]
@@ -53,10 +53,8 @@ fn find_adapter(software: bool) -> Result<Adapter, OpticsError> {
 impl Gpu {
     /// Opens the best adapter and builds the pipelines for elastomers of up to `kernels` kernels.
     pub(super) fn open(software: bool, kernels: usize) -> Result<Self, OpticsError> {
-        if kernels > MOST_KERNELS {
-            return Err(OpticsError::Gpu(format!(
-                "found {kernels} smoothing kernels; expected at most {MOST_KERNELS}"
-            )));
+        if kernels > MAX_KERNELS {
+            return Err(OpticsError::Gpu(format!("found {kernels} smoothing kernels; expected at most {MAX_KERNELS}")));
         }
         let adapter = find_adapter(software)?;
         let name = adapter.get_info().name;

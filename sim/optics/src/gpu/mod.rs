@@ -15,17 +15,17 @@ use wgpu::{Buffer, BufferUsages, ComputePass, ComputePipeline};
 
 use crate::error::OpticsError;
 use crate::gpu::device::Gpu;
-use crate::gpu::layout::{Batch, JOB};
-use crate::indentation::PIXELS;
-use crate::renderer::{Job, Renderer};
+use crate::gpu::layout::{Batch, JOB_WORDS};
+use crate::indentation::PIXEL_COUNT;
+use crate::renderer::{RenderJob, Renderer};
 use crate::sensor::Sensor;
 
 /// Size of an image, bytes.
-const IMAGE: usize = 3 * PIXELS;
+const IMAGE_BYTES: usize = 3 * PIXEL_COUNT;
 /// Number of lines per workgroup of the smoothing.
-const LINES: usize = 8;
+const LINES_PER_WORKGROUP: usize = 8;
 /// Largest buffer of a batch, bytes.
-const BATCH: u64 = 512 << 20;
+const MAX_BATCH_BYTES: u64 = 512 << 20;
 
 #[derive(Debug)]
 pub struct GpuRenderer {
@@ -43,7 +43,7 @@ pub struct GpuRenderer {
 #[derive(Debug)]
 struct Buffers {
     jobs: Buffer,
-    own: Buffer,
+    object_depths: Buffer,
     depth: Buffer,
     share: Buffer,
     bytes: Buffer,
@@ -64,7 +64,7 @@ impl GpuRenderer {
     fn open(sensors: Arc<Vec<Sensor>>, software: bool) -> Result<Self, OpticsError> {
         let kernels = sensors.iter().map(|sensor| sensor.model().elastomer.kernels.len()).max().unwrap_or(0);
         let gpu = Gpu::open(software, kernels)?;
-        let (numbers, starts) = layout::sensors(&sensors);
+        let (numbers, starts) = layout::pack_sensors(&sensors);
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let size = 4 * numbers.len().max(1) as u64;
         if size > limit {
@@ -91,18 +91,19 @@ impl GpuRenderer {
         Self { shadows: false, ..self }
     }
 
-    fn batch(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
+    fn render_batch(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
         let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffers = self.room(batch, buffers);
+        let buffers = self.ensure_buffers(batch, buffers);
         if let Some(error) = pollster::block_on(memory.pop()) {
             return Err(fault(error.to_string()));
         }
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         queue.write_buffer(&buffers.jobs, 0, bytemuck::cast_slice(&batch.jobs));
-        queue.write_buffer(&buffers.own, 0, bytemuck::cast_slice(&batch.own));
-        let bound = [&self.constants, &buffers.jobs, &buffers.own, &buffers.depth, &buffers.share, &buffers.bytes];
+        queue.write_buffer(&buffers.object_depths, 0, bytemuck::cast_slice(&batch.object_depths));
+        let bound =
+            [&self.constants, &buffers.jobs, &buffers.object_depths, &buffers.depth, &buffers.share, &buffers.bytes];
         let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
             .zip(bound)
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
@@ -113,8 +114,14 @@ impl GpuRenderer {
             entries: &entries,
         });
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
-        if !batch.own.is_empty() {
-            encoder.copy_buffer_to_buffer(&buffers.own, 0, &buffers.depth, 0, 4 * batch.own.len() as u64);
+        if !batch.object_depths.is_empty() {
+            encoder.copy_buffer_to_buffer(
+                &buffers.object_depths,
+                0,
+                &buffers.depth,
+                0,
+                4 * batch.object_depths.len() as u64,
+            );
         }
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -126,17 +133,17 @@ impl GpuRenderer {
                     pass.dispatch_workgroups(across as u32, count, 1);
                 }
             };
-            let [width, height, lamps] = batch.most;
+            let [width, height, lamps] = batch.max_sizes;
             for (columns, rows) in self.gpu.smooth_columns.iter().zip(&self.gpu.smooth_rows) {
-                stage(&mut pass, columns, width.div_ceil(LINES));
-                stage(&mut pass, rows, height.div_ceil(LINES));
+                stage(&mut pass, columns, width.div_ceil(LINES_PER_WORKGROUP));
+                stage(&mut pass, rows, height.div_ceil(LINES_PER_WORKGROUP));
             }
             if self.shadows && width > 0 {
                 stage(&mut pass, &self.gpu.cast_shadows, lamps);
             }
             stage(&mut pass, &self.gpu.expose, hand_model::pads::IMAGE_SIZE);
         }
-        let size = (batch.count * IMAGE) as u64;
+        let size = (batch.count * IMAGE_BYTES) as u64;
         encoder.copy_buffer_to_buffer(&buffers.bytes, 0, &buffers.read, 0, size);
         queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
@@ -151,19 +158,24 @@ impl GpuRenderer {
         receiver.recv().map_err(|error| fault(error.to_string()))?.map_err(|error| fault(error.to_string()))?;
         let images = {
             let view = buffers.read.get_mapped_range(0..size).map_err(|error| fault(error.to_string()))?;
-            view.chunks_exact(IMAGE).map(|rgb| TactileImage { rgb: rgb.to_vec() }).collect()
+            view.chunks_exact(IMAGE_BYTES).map(|rgb| TactileImage { rgb: rgb.to_vec() }).collect()
         };
         buffers.read.unmap();
         Ok(images)
     }
 
     /// Returns buffers large enough for a batch: the previous ones if they suffice.
-    fn room<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
-        let needs = [4 * JOB * batch.count, 4 * batch.own.len(), 4 * batch.share, IMAGE * batch.count];
+    fn ensure_buffers<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
+        let needs = [
+            4 * JOB_WORDS * batch.count,
+            4 * batch.object_depths.len(),
+            4 * batch.shadow_floats,
+            IMAGE_BYTES * batch.count,
+        ];
         let [jobs, own, share, bytes] = needs.map(|bytes| bytes.max(16) as u64);
         let small = |buffers: &Buffers| {
             buffers.jobs.size() < jobs
-                || buffers.own.size() < own
+                || buffers.object_depths.size() < own
                 || buffers.share.size() < share
                 || buffers.bytes.size() < bytes
         };
@@ -182,7 +194,7 @@ impl GpuRenderer {
             let (storage, to, from) = (BufferUsages::STORAGE, BufferUsages::COPY_DST, BufferUsages::COPY_SRC);
             Buffers {
                 jobs: make("jobs", jobs, storage | to),
-                own: make("own", own, storage | to | from),
+                object_depths: make("own", own, storage | to | from),
                 depth: make("depth", own, storage | to),
                 share: make("share", share, storage),
                 bytes: make("bytes", bytes, storage | from),
@@ -201,15 +213,15 @@ impl Renderer for GpuRenderer {
         &self.sensors
     }
 
-    fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
+    fn render(&self, jobs: &[RenderJob<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
         let limits = self.gpu.device.limits();
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(BATCH) as usize;
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MAX_BATCH_BYTES) as usize;
         // The buffers are valid even if another thread panicked while holding the lock.
         let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let mut images = Vec::with_capacity(jobs.len());
         while images.len() < jobs.len() {
             let batch = Batch::pack(&jobs[images.len()..], &self.sensors, &self.starts, self.shadows, limit)?;
-            images.extend(self.batch(&batch, &mut buffers)?);
+            images.extend(self.render_batch(&batch, &mut buffers)?);
         }
         Ok(images)
     }

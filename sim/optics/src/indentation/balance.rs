@@ -1,13 +1,13 @@
 //! Force balance: the depth at which the gel bears a given force.
 
 use crate::error::OpticsError;
-use crate::foundation::Foundation;
+use crate::foundation::GelFoundation;
 
 /// Step (m) of the finite difference for the slope of a pressure law.
-const NUDGE: f64 = 1e-8;
+const SLOPE_STEP: f64 = 1e-8;
 
 /// Solution of the force balance.
-pub(super) struct Balanced {
+pub(super) struct ForceBalance {
     /// Displacement of the object into the pad, m.
     pub(super) shift: f64,
     /// Force that the gel bears there, N.
@@ -17,9 +17,9 @@ pub(super) struct Balanced {
 /// Solves the force balance by bracketed Newton iteration; `None` if nothing is above the pad.
 pub(super) fn balance<'a>(
     maps: impl Iterator<Item = (&'a [f32], f64)>,
-    gel: &Foundation,
+    gel: &GelFoundation,
     force: f64,
-) -> Result<Option<Balanced>, OpticsError> {
+) -> Result<Option<ForceBalance>, OpticsError> {
     gel.check()?;
     let winkler = gel.exponent == 1.0 && gel.hardening == 0.0;
     let stiffness = gel.modulus / gel.thickness;
@@ -38,7 +38,7 @@ pub(super) fn balance<'a>(
             if !winkler {
                 let bears = |shift: f64| area * map.iter().map(|&p| gel.pressure(f64::from(p) + shift)).sum::<f64>();
                 let found = bears(f64::from(shift));
-                return (force + found, slope + (bears(f64::from(shift) + NUDGE) - found) / NUDGE);
+                return (force + found, slope + (bears(f64::from(shift) + SLOPE_STEP) - found) / SLOPE_STEP);
             }
             let weight = area * stiffness;
             let (mut sum, mut active) = (0.0f64, 0u32);
@@ -56,7 +56,7 @@ pub(super) fn balance<'a>(
         high = gel.thickness - f64::from(shallowest) + 1e-6;
         let (most, _) = evaluate(high);
         if most <= force {
-            return Ok(Some(Balanced { shift: high, force: most }));
+            return Ok(Some(ForceBalance { shift: high, force: most }));
         }
     }
     let mut shift = 0.5 * (low + high);
@@ -75,5 +75,5 @@ pub(super) fn balance<'a>(
             break;
         }
     }
-    Ok(Some(Balanced { shift, force: evaluate(shift).0 }))
+    Ok(Some(ForceBalance { shift, force: evaluate(shift).0 }))
 }

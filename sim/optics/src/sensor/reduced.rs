@@ -2,7 +2,7 @@
 //!
 //! The background is the mean of the full image's, computed once, and a pixel's read-out noise is that of the mean of
 //! its pixels. Where the gel is deformed or shadowed, the image is formed on a grid coarser than the camera's own
-//! ([`ReducedSensor::raster`], the one to press on), of at least [`POINTS`] points a side. There it differs slightly
+//! ([`ReducedSensor::raster`], the one to press on), of at least [`MIN_POINTS`] points a side. There it differs slightly
 //! from the mean of the full image; the tests state by how much.
 
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::shadows::Shadow;
 use crate::wide::widest;
 
 /// Smallest number of points along an image's side, unless the camera has fewer.
-const POINTS: usize = 64;
+const MIN_POINTS: usize = 64;
 
 /// A sensor at a smaller image size.
 #[derive(Debug, Clone)]
@@ -46,17 +46,17 @@ impl ReducedSensor {
         if side == 0 || side > IMAGE_SIZE {
             return Err(OpticsError::ReducedSize(side));
         }
-        Ok(Self::with_points(sensor, side, POINTS.div_ceil(side).min(IMAGE_SIZE / side)))
+        Ok(Self::with_points(sensor, side, MIN_POINTS.div_ceil(side).min(IMAGE_SIZE / side)))
     }
 
     fn with_points(sensor: &Sensor, side: usize, points: usize) -> Self {
-        let grey = means(&sensor.background_grey, side);
-        let fine = [&sensor.background_grey, &sensor.correction].map(|values| means(values, side * points));
-        let share = |cell| 1.0 / (start(cell + 1, side) - start(cell, side)) as f32;
+        let grey = mean_pixels(&sensor.background_grey, side);
+        let fine = [&sensor.background_grey, &sensor.correction].map(|values| mean_pixels(values, side * points));
+        let share = |cell| 1.0 / (first_pixel(cell + 1, side) - first_pixel(cell, side)) as f32;
         let rows: Vec<f32> = (0..side).map(|row| share(row).sqrt()).collect();
         let values = (0..3 * side).map(|at| rows[at / 3]).collect();
         let background = Arc::new(TactileImage { rgb: grey.iter().map(|grey| quantise(*grey)).collect() });
-        let raster = Raster::of(&sensor.camera, side * points);
+        let raster = Raster::with_side(&sensor.camera, side * points);
         Self { side, points, raster, grey, fine, quiet: [rows, values], background }
     }
 
@@ -70,16 +70,16 @@ impl ReducedSensor {
         &self.background
     }
 
-    /// Like [`Sensor::render_at`] of the `sensor` from which this one was made, for an indentation on this one's
+    /// Like [`Sensor::render_with_brightness`] of the `sensor` from which this one was made, for an indentation on this one's
     /// [`Self::raster`].
-    pub fn render_at(
+    pub fn render_with_brightness(
         &self,
         sensor: &Sensor,
         indentation: &IndentationMap,
         brightness: f32,
         rng: &mut impl Rng,
     ) -> TactileImage {
-        let reach = sensor.shadow_reach(f64::from(indentation.deepest()));
+        let reach = sensor.shadow_reach(f64::from(indentation.max_depth()));
         let gel = sensor.model.elastomer.deform_over(&sensor.camera, indentation, reach);
         let shadows = gel.as_ref().map_or_else(Vec::new, |gel| sensor.shadows_on(&self.raster, gel));
         widest(
@@ -128,22 +128,22 @@ impl ReducedSensor {
 }
 
 /// Returns the first row or column of the full image that belongs to the larger pixel `cell` of `side`.
-fn start(cell: usize, side: usize) -> usize {
+fn first_pixel(cell: usize, side: usize) -> usize {
     cell * IMAGE_SIZE / side
 }
 
 /// Averages full-size values, row-major RGB, over `side` x `side` larger pixels.
-fn means(values: &[f32], side: usize) -> Vec<f32> {
+fn mean_pixels(values: &[f32], side: usize) -> Vec<f32> {
     let mut means = vec![0.0; 3 * side * side];
     let mut sums = vec![0.0; 3 * IMAGE_SIZE];
     for (row, line) in means.chunks_exact_mut(3 * side).enumerate() {
-        let rows = start(row, side)..start(row + 1, side);
+        let rows = first_pixel(row, side)..first_pixel(row + 1, side);
         sums.fill(0.0);
         for full in values[3 * IMAGE_SIZE * rows.start..3 * IMAGE_SIZE * rows.end].chunks_exact(3 * IMAGE_SIZE) {
             sums.iter_mut().zip(full).for_each(|(sum, value)| *sum += value);
         }
         for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
-            let columns = start(column, side)..start(column + 1, side);
+            let columns = first_pixel(column, side)..first_pixel(column + 1, side);
             let share = 1.0 / (rows.len() * columns.len()) as f32;
             for sum in sums[3 * columns.start..3 * columns.end].chunks_exact(3) {
                 pixel.iter_mut().zip(sum).for_each(|(mean, sum)| *mean += share * sum);
@@ -156,12 +156,12 @@ fn means(values: &[f32], side: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use hand_model::Hand;
-    use hand_model::pads::{Camera, Pad};
+    use hand_model::pads::{Pad, PadCamera};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
     use super::*;
-    use crate::foundation::Foundation;
+    use crate::foundation::GelFoundation;
     use crate::indentation::press_rasters;
     use crate::model::SensorModel;
 
@@ -191,8 +191,8 @@ mod tests {
         (inside > 0.0).then(|| 0.003 - inside.sqrt())
     }
 
-    fn pressed(pad: &Pad, camera: &Camera, raster: &Raster, (force, surface): (f64, Surface)) -> IndentationMap {
-        let gel = Foundation::winkler(&Hand::ftac().gel());
+    fn pressed(pad: &Pad, camera: &PadCamera, raster: &Raster, (force, surface): (f64, Surface)) -> IndentationMap {
+        let gel = GelFoundation::winkler(&Hand::ftac().gel());
         let mut press = press_rasters(pad, &[*raster], &gel, force, surface).unwrap();
         assert!((press.force - force).abs() < 1e-3 * force, "{} on {}", press.force, camera.name);
         press.maps.remove(0)
@@ -203,7 +203,7 @@ mod tests {
     fn apart(full: &TactileImage, untouched: &TactileImage, small: &TactileImage) -> (f64, f64, usize) {
         let [full, untouched] = [full, untouched].map(|image| {
             let values: Vec<f32> = image.rgb.iter().map(|value| f32::from(*value)).collect();
-            means(&values, SIDE)
+            mean_pixels(&values, SIDE)
         });
         let (mut sum, mut worst, mut count) = (0.0, 0.0_f64, 0);
         for ((full, untouched), small) in full.iter().zip(&untouched).zip(&small.rgb) {
@@ -224,7 +224,7 @@ mod tests {
         let presses: [(f64, Surface, f64, f64); 4] =
             [(2.0, ball, 0.7, 6.0), (4.0, rod, 1.3, 10.0), (0.3, rod, 0.9, 5.0), (2.0, post, 4.6, 55.0)];
         for name in ["index_distal", "index_middle", "palm_radial"] {
-            let pad = &hand.pads[hand.pad(name).unwrap()];
+            let pad = &hand.pads[hand.find_pad(name).unwrap()];
             let camera = &hand.cameras[pad.cameras[0]];
             let model = SensorModel { noise: 0.0, ..SensorModel::unit(pad, camera, 7) };
             let sensor = Sensor::with_model(pad, camera, model, 7).unwrap();
@@ -232,7 +232,7 @@ mod tests {
             for (force, surface, mean, worst) in presses {
                 let map = |raster: &Raster| pressed(pad, camera, raster, (force, surface));
                 let full = sensor.render(&map(&Raster::full(camera)), &mut rng());
-                let small = reduced.render_at(&sensor, &map(reduced.raster()), 1.0, &mut rng());
+                let small = reduced.render_with_brightness(&sensor, &map(reduced.raster()), 1.0, &mut rng());
                 let found = apart(&full, sensor.background(), &small);
                 assert!(found.0 < mean && found.1 < worst && found.2 > 300, "{name}, {force} N: {found:?}");
             }
@@ -247,11 +247,11 @@ mod tests {
         let idle = IndentationMap::idle();
         for (side, brightness) in [(SIDE, 1.0), (SIDE, 1.03), (16, 1.0), (239, 1.0)] {
             let reduced = ReducedSensor::new(&sensor, side).unwrap();
-            let full = sensor.render_at(&idle, brightness, &mut rng());
+            let full = sensor.render_with_brightness(&idle, brightness, &mut rng());
             let values: Vec<f32> = full.rgb.iter().map(|value| f32::from(*value)).collect();
-            let small = reduced.render_at(&sensor, &idle, brightness, &mut rng());
+            let small = reduced.render_with_brightness(&sensor, &idle, brightness, &mut rng());
             assert_eq!(small.rgb.len(), 3 * side * side);
-            let apart = means(&values, side).into_iter().zip(&small.rgb);
+            let apart = mean_pixels(&values, side).into_iter().zip(&small.rgb);
             let apart: Vec<f64> = apart.map(|(full, small)| f64::from(full - f32::from(*small)).abs()).collect();
             // Two samples of the noise of a mean of `count` pixels, and rounding.
             let count = (IMAGE_SIZE / side).pow(2) as f64;

@@ -47,7 +47,7 @@ pub(super) struct Depths {
 impl Depths {
     /// Creates it from rows of `width` cells.
     pub(super) fn new(rows: Vec<f32>, width: usize) -> Self {
-        let columns = turn(&rows, width);
+        let columns = transpose_rows(&rows, width);
         Self { rows, columns }
     }
 }
@@ -78,13 +78,13 @@ pub(super) fn trace(grid: &Grid, depths: &Depths, horizons: &mut Horizons) -> Ve
     let (across, down) = (lamp_x - 0.5 * width as f32, lamp_y - 0.5 * height as f32);
     if beside && across.abs() > down.abs() {
         let axes = Axes { outer: grid.rows.inner, inner: grid.rows.outer };
-        return turn(&Field::new(grid, axes, true, &depths.columns, horizons).trace(), height);
+        return transpose_rows(&Field::new(grid, axes, true, &depths.columns, horizons).trace(), height);
     }
     Field::new(grid, grid.rows, false, &depths.rows, horizons).trace()
 }
 
 /// Transposes rows of `width` values.
-fn turn(values: &[f32], width: usize) -> Vec<f32> {
+fn transpose_rows(values: &[f32], width: usize) -> Vec<f32> {
     let mut turned = vec![0.0; values.len()];
     transpose(values, &mut turned, width, values.len() / width);
     turned
@@ -124,7 +124,7 @@ impl<'a> Field<'a> {
         for line in outwards(lamp, lines) {
             widest(
                 #[inline(always)]
-                || self.own(line, &mut own),
+                || self.line_tangents(line, &mut own),
             );
             self.line(line, &own);
         }
@@ -132,7 +132,7 @@ impl<'a> Field<'a> {
     }
 
     #[inline(always)]
-    fn own(&self, line: usize, own: &mut [Vec<f32>; 3]) {
+    fn line_tangents(&self, line: usize, own: &mut [Vec<f32>; 3]) {
         let ((_, lamp_u, size_u), (count, lamp_v, size_v)) = (self.axes.outer, self.axes.inner);
         let u = lamp_u - line as f32;
         let square = (u * size_u) * (u * size_u);
@@ -217,7 +217,7 @@ impl<'a> Field<'a> {
             let highest = tangent[nearer] + part * (tangent_from[nearer] - tangent[nearer]);
             let near = away[i] * (1.0 - inverse[i]);
             let met = (distance[nearer] + part * (distance_from[nearer] - distance[nearer])).min(near);
-            share[i] = seen(own[i], highest, away[i], met, soft);
+            share[i] = visible_share(own[i], highest, away[i], met, soft);
             let hidden = own[i] < highest;
             tangent[i] = if hidden { highest } else { own[i] };
             distance[i] = if hidden { met } else { away[i] };
@@ -255,7 +255,7 @@ impl<'a> Field<'a> {
             let highest = a_tangent[i] + part * (b_tangent[i] - a_tangent[i]);
             let near = away[i] * (1.0 - inverse[i]);
             let met = (a_distance[i] + part * (b_distance[i] - a_distance[i])).min(near);
-            share[i] = seen(own[i], highest, away[i], met, soft);
+            share[i] = visible_share(own[i], highest, away[i], met, soft);
             let hidden = own[i] < highest;
             tangent[i] = if hidden { highest } else { own[i] };
             distance[i] = if hidden { met } else { away[i] };
@@ -295,7 +295,7 @@ impl<'a> Field<'a> {
         let b = look(next_line, next);
         let highest = a.tangent + part * (b.tangent - a.tangent);
         let met = (a.distance + part * (b.distance - a.distance)).min(near);
-        self.share[at] = seen(own, highest, away, met, self.grid.soft);
+        self.share[at] = visible_share(own, highest, away, met, self.grid.soft);
         if own < highest {
             (self.tangent[at], self.distance[at]) = (highest, met);
         }
@@ -305,7 +305,7 @@ impl<'a> Field<'a> {
 /// Computes the visible share of the lamp over the highest tangent on the way, at distance `met`, for a point at
 /// distance `away`.
 #[inline(always)]
-fn seen(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
+fn visible_share(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
     // The lamp's part over the edge is (own - highest) away met / (away - met) / size, and only matters below 1.
     let (reach, gap) = ((own - highest) * away * met * soft, away - met);
     let seen = 0.5 * ((reach / gap).max(-1.0) + 1.0);

@@ -1,27 +1,27 @@
 //! `ftac bench` and `ftac report`.
 
 mod merge;
-mod tell;
+mod summary_output;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, bench_of};
-use bench::journal::{Journal, Record as Recorded, RunRequest};
+use bench::builtin::{COMBINATION_COUNT, bench_from_request};
+use bench::journal::{Journal, RecordingSelection as Recorded, RunRequest};
 use bench::provenance::Provenance;
-use bench::run::{self, Options};
+use bench::run::{self, RunOptions};
 use clap::{Args, ValueEnum};
 use control::uncertainty::Uncertainty;
-use external_policy::{Own, Pace, Source};
+use external_policy::{ExternalPolicy, PolicySource, SimulatedTimePassage};
 use scenarios::Ablation;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
 
 pub use self::merge::report;
-use self::tell::{shortfall, tell};
-use crate::options::body::{Body, PlaceArgs, check_body, source};
-use crate::options::robot::{RobotArgs, individual, pads, say_whose_pads};
+use self::summary_output::{print_summary, shortfall};
+use crate::options::backend::{BackendKind, PoseSourceArgs, backend_factory, check_backend};
+use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
 use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
@@ -38,7 +38,7 @@ pub struct BenchArgs {
     /// Conditions (policies) to play.
     #[arg(long, value_delimiter = ',', default_value = "ideal,blind,reflex,touch", value_name = "CONDITIONS")]
     pub conditions: Vec<String>,
-    /// Your own policy, played as the condition `own` beside the others: a Python class, as FILE.py:CLASS. See
+    /// Your own policy, played as the condition `external_policy` beside the others: a Python class, as FILE.py:CLASS. See
     /// twin/python/README.md.
     #[arg(long, value_name = "FILE:CLASS")]
     pub policy: Option<String>,
@@ -54,13 +54,13 @@ pub struct BenchArgs {
     #[arg(long, value_enum, default_value_t = PolicyTime::Stand, requires = "policy")]
     pub policy_time: PolicyTime,
     /// Robot backend.
-    #[arg(long, value_enum, default_value_t = Body::Sim)]
-    pub robot: Body,
+    #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
+    pub robot: BackendKind,
     /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
-    pub places: PlaceArgs,
+    pub places: PoseSourceArgs,
     #[command(flatten)]
     pub model: RobotArgs,
     #[command(flatten)]
@@ -76,7 +76,7 @@ pub struct BenchArgs {
     pub out: Option<PathBuf>,
     /// Trials to record; default: sample, or the setting of the run that is resumed.
     #[arg(long, value_enum)]
-    pub record: Option<Record>,
+    pub record: Option<RecordArg>,
     /// Scale factor of the random errors of arm and vision, for a curve of success over noise. Effects stay on: pads,
     /// gel, cables, objects that differ from their models, vision latency and looks that mistake one pose for another;
     /// see --without and --no-errors.
@@ -148,7 +148,7 @@ pub enum PolicyTime {
 
 /// Trials to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Record {
+pub enum RecordArg {
     /// None.
     None,
     /// The first trial of every tenth combination.
@@ -159,13 +159,13 @@ pub enum Record {
     All,
 }
 
-impl From<Record> for Recorded {
-    fn from(record: Record) -> Self {
+impl From<RecordArg> for Recorded {
+    fn from(record: RecordArg) -> Self {
         match record {
-            Record::None => Self::None,
-            Record::Sample => Self::Sample,
-            Record::Causes => Self::Causes,
-            Record::All => Self::All,
+            RecordArg::None => Self::None,
+            RecordArg::Sample => Self::Sample,
+            RecordArg::Causes => Self::Causes,
+            RecordArg::All => Self::All,
         }
     }
 }
@@ -185,7 +185,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
     }
     let noise_scale = if args.no_errors { 0.0 } else { args.noise_scale };
-    if noise_scale != 1.0 && args.robot != Body::Sim {
+    if noise_scale != 1.0 && args.robot != BackendKind::Sim {
         let option =
             if args.no_errors { "--no-errors:".to_owned() } else { format!("--noise-scale: found {noise_scale}") };
         bail!("{option} with --robot {}, expected it with the simulated robot", args.robot.name());
@@ -196,10 +196,10 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         return Ok((request, folder.clone()));
     }
     let model = args.model.model()?;
-    args.robot.expect(&model)?;
+    args.robot.check_supported(&model)?;
     let (scenario, text) = args.scenario.read()?;
-    let pairs = scenario.combinations();
-    let combos = args.combos.unwrap_or(pairs.min(COMBINATIONS));
+    let pairs = scenario.combination_count();
+    let combos = args.combos.unwrap_or(pairs.min(COMBINATION_COUNT));
     if combos > pairs {
         bail!("--combos: found {combos}, expected at most the scenario's {pairs} pairs");
     }
@@ -208,18 +208,18 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         trials: args.trials,
         seed: terminal.seed,
         robot: args.robot.name().into(),
-        shard: part(&args.shard, "--shard")?,
-        conditions: conditions(&args.conditions, args.policy.is_some())?,
-        ablations: ablations(args)?,
-        without: if args.no_errors { Effect::ALL.to_vec() } else { without(&args.without)? },
-        uncertainty: uncertainty(args.uncertainty.as_deref())?,
-        policy: policy(args)?,
+        shard: parse_part(&args.shard, "--shard")?,
+        conditions: parse_conditions(&args.conditions, args.policy.is_some())?,
+        ablations: parse_ablations(args)?,
+        without: if args.no_errors { Effect::ALL.to_vec() } else { parse_without(&args.without)? },
+        uncertainty: read_uncertainty(args.uncertainty.as_deref())?,
+        policy: parse_policy(args)?,
         noise_scale,
         effort: args.effort,
         scenario: text,
-        places: args.places.places(args.robot)?,
-        individual: individual(args.individual.as_deref(), &model)?.0,
-        pads: pads(args.pads.as_deref(), &model)?,
+        places: args.places.pose_sources(args.robot)?,
+        individual: instance_text(args.individual.as_deref(), &model)?.0,
+        pads: pad_calibration_text(args.pads.as_deref(), &model)?,
         robot_model: model.sources,
         plant: args.plant,
         foresees: args.foresee,
@@ -237,15 +237,15 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
 /// Runs `ftac bench`. All input is checked before anything is written.
 pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (mut request, folder) = request(terminal, args)?;
-    let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
+    let robot = <BackendKind as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     if request.places.eyes != args.places.eyes.is_some() {
         let (found, expected) = if request.places.eyes { ("none", "them") } else { ("them", "none") };
         bail!("--eyes: found {found}, expected {expected}, as the run in {} was begun", folder.display());
     }
-    check_body(robot, args.config.as_deref(), &request.conditions)?;
+    check_backend(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
-    if robot != Body::Sim && !scenario.disturbance.is_none() {
+    if robot != BackendKind::Sim && !scenario.disturbance.is_none() {
         bail!(
             "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",
             robot.name()
@@ -254,31 +254,39 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
         bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
     }
-    if robot == Body::Hardware && request.plant.is_some() {
+    if robot == BackendKind::Hardware && request.plant.is_some() {
         bail!("--plant: --robot is hardware, which is the individual that it is");
     }
     let quiet = terminal.quiet || terminal.json;
-    let jobs =
-        if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
+    let jobs = if args.live || robot == BackendKind::Hardware {
+        1
+    } else {
+        args.jobs.unwrap_or_else(bench::workers::available_threads)
+    };
     // All input has been checked before anything is written.
-    let mut bench = bench_of(&request, quiet)?;
+    let mut bench = bench_from_request(&request, quiet)?;
     let asked = request.combos;
     if args.resume.is_none() {
-        request.combos = bench.plans.plans.len().min(asked);
+        request.combos = bench.grasp_pairs.plans.len().min(asked);
         (request.notes, request.left_out) = (bench.notes.clone(), bench.left_out.clone());
     }
-    say_whose_pads(robot, &request.conditions, request.pads.as_deref());
+    warn_nominal_pads(robot, &request.conditions, request.pads.as_deref());
     let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
-    bench.board = tactile.board(bench.board);
+    bench.cameras = tactile.select_renderer(bench.cameras);
     // A fault of a simulated robot is gone with its trial; a real robot waits for an operator.
-    bench.outlasts_faults = robot != Body::Hardware && request.policy.is_none();
+    bench.continues_after_faults = robot != BackendKind::Hardware && request.policy.is_none();
     if let Some(source) = &request.policy {
         source.check()?;
-        bench.own = Some(Own::start(source.clone())?);
+        bench.external_policy = Some(ExternalPolicy::start(source.clone())?);
     }
-    let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
+    let sessions = |record: bool| (record || robot == BackendKind::Hardware).then(|| folder.join("sessions"));
     let place = |record: bool| {
-        source(&bench.world, robot, (args.config.as_deref(), &args.places), sessions(record && robot != Body::Sim))
+        backend_factory(
+            &bench.world,
+            robot,
+            (args.config.as_deref(), &args.places),
+            sessions(record && robot != BackendKind::Sim),
+        )
     };
     // A wrong configuration is detected before anything is written.
     drop(place(false)?);
@@ -287,18 +295,18 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         None => Journal::create(&folder, &request)?,
     };
     let record = args.record.map_or(request.record, Recorded::from);
-    let options = Options { jobs, record, quiet, live: args.live, place: &place };
+    let options = RunOptions { jobs, record, quiet, live: args.live, open_factory: &place };
     let summary = run::run(&bench, &request, journal, &folder, &options)?;
-    tell(terminal, &summary, &folder)?;
+    print_summary(terminal, &summary, &folder)?;
     let fewer = (args.combos.is_some() && request.combos < asked)
         .then(|| format!("only {} of {asked} combinations can be done", request.combos));
     Ok(shortfall(&summary).or(fewer))
 }
 
 /// Parses `--ablations`; without names, all of them.
-fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
+fn parse_ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     let Some(names) = &args.ablations else { return Ok(Vec::new()) };
-    if args.robot != Body::Sim {
+    if args.robot != BackendKind::Sim {
         bail!("--ablations: found --robot {}, expected the simulated robot, which can go back", args.robot.name());
     }
     if names.is_empty() {
@@ -308,8 +316,8 @@ fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`own`), that condition is added.
-fn conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
+/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`external_policy`), that condition is added.
+fn parse_conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
     let mut wanted: BTreeSet<Condition> =
         names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
     if wanted.contains(&Condition::Own) && !own {
@@ -320,19 +328,19 @@ fn conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
 }
 
 /// Parses `--policy` and its options.
-fn policy(args: &BenchArgs) -> Result<Option<Source>> {
+fn parse_policy(args: &BenchArgs) -> Result<Option<PolicySource>> {
     // On the real robot time passes anyway.
-    let waits = args.policy_time == PolicyTime::Wall && args.robot != Body::Hardware;
-    let pace = if waits { Pace::Wall } else { Pace::Stand };
+    let waits = args.policy_time == PolicyTime::Wall && args.robot != BackendKind::Hardware;
+    let pace = if waits { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Stand };
     let Some(text) = &args.policy else { return Ok(None) };
-    let source = Source::parse(text, &args.policy_arg, pace)?;
-    Ok(Some(Source { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))
+    let source = PolicySource::parse(text, &args.policy_arg, pace)?;
+    Ok(Some(PolicySource { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))
 }
 
 /// Refuses a policy other than that named on the command line. The folder may come from someone else: its files must
 /// not choose which program runs.
-fn check_policy(kept: Option<&Source>, named: Option<&str>, folder: &Path) -> Result<()> {
-    let of = |source: &Source| format!("{}:{}", source.file.display(), source.class);
+fn check_policy(kept: Option<&PolicySource>, named: Option<&str>, folder: &Path) -> Result<()> {
+    let of = |source: &PolicySource| format!("{}:{}", source.file.display(), source.class);
     match (kept, named) {
         (None, None) => Ok(()),
         (Some(kept), Some(named)) if of(kept) == named => Ok(()),
@@ -349,7 +357,7 @@ fn check_policy(kept: Option<&Source>, named: Option<&str>, folder: &Path) -> Re
 }
 
 /// Parses `--without`.
-fn without(names: &[String]) -> Result<Vec<Effect>> {
+fn parse_without(names: &[String]) -> Result<Vec<Effect>> {
     if names.iter().any(|name| name == "all") {
         return Ok(Effect::ALL.to_vec());
     }
@@ -359,7 +367,7 @@ fn without(names: &[String]) -> Result<Vec<Effect>> {
 }
 
 /// Reads and validates the file that `--uncertainty` names, and returns its text.
-fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
+fn read_uncertainty(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
     let text = ftac_platform::data::read_text(path).context("--uncertainty")?;
     Uncertainty::parse(&text, path).context("--uncertainty")?;
@@ -371,7 +379,7 @@ fn next_free_folder() -> PathBuf {
 }
 
 /// Parses part `i` of `n`, counted from 1, as `i/n`.
-pub fn part(text: &str, option: &str) -> Result<(usize, usize)> {
+pub fn parse_part(text: &str, option: &str) -> Result<(usize, usize)> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parts {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
-use bench::builtin::{COMBINATIONS, make_scenes};
+use bench::builtin::{COMBINATION_COUNT, make_scene_bench};
 use clap::Args;
-use grasp_verification::plan::Plan;
+use grasp_verification::grasp_pair::GraspPair;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ pub struct CombosArgs {
 
 /// A combination.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Combination<'a> {
+struct CombinationRow<'a> {
     /// Number of the combination, from 0.
     combination: usize,
     /// Name of each object, by the scenario's list that contains it: first, second.
@@ -38,21 +38,22 @@ struct Combination<'a> {
 
 /// JSON output of `combos`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Combinations<'a> {
-    combinations: Vec<Combination<'a>>,
+pub struct CombosOutput<'a> {
+    combinations: Vec<CombinationRow<'a>>,
 }
 
 /// Runs `ftac combos`.
 pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     let (scenario, _) = args.scenario.read()?;
-    let pairs = scenario.combinations();
-    let count = args.combos.unwrap_or(pairs.min(COMBINATIONS));
+    let pairs = scenario.combination_count();
+    let count = args.combos.unwrap_or(pairs.min(COMBINATION_COUNT));
     if !(1..=pairs).contains(&count) {
         bail!("--combos: found {count}, expected 1 to {pairs}, the scenario's combinations");
     }
-    let bench = make_scenes(&args.robot.model()?, scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
-    let lists: Vec<&str> = bench.world.scenario.lists().into_iter().map(|(field, _)| field).collect();
-    let width = bench.plans.plans.iter().flat_map(Plan::objects).map(str::len).max().unwrap_or(0);
+    let bench =
+        make_scene_bench(&args.robot.model()?, scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
+    let lists: Vec<&str> = bench.world.scenario.object_lists().into_iter().map(|(field, _)| field).collect();
+    let width = bench.grasp_pairs.plans.iter().flat_map(GraspPair::objects).map(str::len).max().unwrap_or(0);
     let row = |number: &str, names: &[&str]| {
         let names: Vec<String> = names.iter().map(|name| format!("{name:width$}")).collect();
         format!("{number:>5}  {}", names.join("  ")).trim_end().to_owned() + "\n"
@@ -60,11 +61,11 @@ pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     let heading = if lists.len() == 2 { vec!["first", "then"] } else { lists.clone() };
     let mut text = row("COMBO", &heading);
     let mut combinations = Vec::new();
-    for (combination, plan) in bench.plans.plans.iter().enumerate() {
+    for (combination, plan) in bench.grasp_pairs.plans.iter().enumerate() {
         text += &row(&combination.to_string(), &plan.objects());
         let objects = lists.iter().copied().zip(plan.objects()).collect();
-        combinations.push(Combination { combination, objects });
+        combinations.push(CombinationRow { combination, objects });
     }
-    terminal.print(&Combinations { combinations }, &text)?;
+    terminal.print(&CombosOutput { combinations }, &text)?;
     Ok(None)
 }

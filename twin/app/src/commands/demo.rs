@@ -4,25 +4,25 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::make_bench;
-use bench::recording::{Began, Recording};
-use bench::trial::filming::{self, All, Filming};
+use bench::recording::{Recording, TimeOrigin};
+use bench::trial::filming::{self, Filming, Watchers};
 use clap::Args;
 use maud::html;
 use nalgebra::Point3;
-use report::film::{self, Film, Stage};
-use robot_backends::Task;
+use report::film::{self, Film, FilmStage};
+use robot_backends::TrialTask;
 use scenarios::{Condition, Scenario, TrialRecord};
 use schemars::JsonSchema;
 use serde::Serialize;
-use telemetry::Target;
+use telemetry::RecordingTarget;
 use telemetry::viewer;
 
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
 /// Frame rate of the film, 1/s, and size of a frame, pixels.
-const FILM: (f64, u32) = (3.0, 340);
-const COMPARED: [Condition; 2] = [Condition::Blind, Condition::Touch];
+const FILM_FORMAT: (f64, u32) = (3.0, 340);
+const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
@@ -45,7 +45,7 @@ pub struct DemoArgs {
 
 /// JSON output of `demo`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Demo<'a> {
+pub struct DemoOutput<'a> {
     /// File of the page (HTML).
     page: &'a Path,
     trials: &'a [TrialRecord],
@@ -57,36 +57,36 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let robot = args.robot.model()?;
     let combos = (args.combination + 1).min(60);
     let bench = make_bench(&robot, Scenario::benchmark(), combos, terminal.seed, quiet)?;
-    let Some(plan) = bench.plans.plans.get(args.combination) else {
-        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    let Some(plan) = bench.grasp_pairs.plans.get(args.combination) else {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.grasp_pairs.plans.len() - 1);
     };
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let program = if args.no_viewer { None } else { viewer::find() };
     let mut recordings = Vec::new();
     let mut files = Vec::new();
-    for condition in COMPARED {
+    for condition in COMPARED_CONDITIONS {
         let file = args.out.join(format!("{condition}.rrd"));
-        let mut targets = vec![Target::File(file.clone())];
-        targets.extend(program.is_some().then_some(Target::Spawn));
-        let task = Task {
+        let mut targets = vec![RecordingTarget::File(file.clone())];
+        targets.extend(program.is_some().then_some(RecordingTarget::Spawn));
+        let task = TrialTask {
             watched: true,
-            scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            scenario: scenarios::scenario::BENCHMARK_TOML.to_owned(),
             robot_model: robot.sources.clone(),
-            ..Task::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
+            ..TrialTask::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
         };
-        recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
+        recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
         files.push(file);
     }
-    let mut films = COMPARED.map(|condition| Filming::new(&bench, condition, FILM.0));
-    let mut watchers = All(Vec::new());
+    let mut films = COMPARED_CONDITIONS.map(|condition| Filming::new(&bench, condition, FILM_FORMAT.0));
+    let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));
-    let results = bench.trial(args.combination, args.trial, &COMPARED, &[], &mut watchers)?;
+    let results = bench.play_conditions(args.combination, args.trial, &COMPARED_CONDITIONS, &[], &mut watchers)?;
     recordings.into_iter().try_for_each(Recording::finish)?;
-    let stage = filming::stage(&bench, args.combination)?;
+    let stage = filming::film_stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);
-    let page = write(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]))?;
-    tell(terminal, &results.records, &page)?;
+    let page = write_page(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]))?;
+    print_output(terminal, &results.records, &page)?;
     if program.is_none() && !quiet {
         eprintln!("no viewer: open {} in a browser", page.display());
     }
@@ -94,14 +94,19 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
 }
 
 /// Writes the page and the strips of stills. Returns the page's path.
-fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&String; 2])) -> Result<PathBuf> {
-    let (count, size) = film::STILLS;
+fn write_page(
+    stage: &FilmStage,
+    films: &[Film],
+    args: &DemoArgs,
+    (seed, names): (u64, [&String; 2]),
+) -> Result<PathBuf> {
+    let (count, size) = film::STRIP_LAYOUT;
     for film in films {
         let file = args.out.join(format!("{}.png", film.title));
         report::picture::save(&stage.strip(film, count, size), &file)?;
     }
     let center = Point3::new(0.03, -0.01, 0.0);
-    let view = report::picture::View::palm().at(center, 0.27);
+    let view = report::picture::View::palm().recentered(center, 0.27);
     let mut hand = report::picture::Picture::new(420, view);
     hand.hand_with(stage.hand, &vec![0.25; stage.hand.tree.len()], report::picture::configuration_color);
     report::picture::save(&hand.finish(""), &args.out.join("hand.png"))?;
@@ -125,15 +130,15 @@ fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&
             "; the recordings beside this page open with " code { "ftac view" } "."
         }
     };
-    let (rate, size) = FILM;
+    let (rate, size) = FILM_FORMAT;
     let title = format!("{first}, then {second}: blind beside touch");
     let html = film::page(stage, films, (size, rate), (&title, &about))?;
     let page = args.out.join("index.html");
-    ftac_platform::data::write_whole(&page, html.as_bytes())?;
+    ftac_platform::data::write_atomically(&page, html.as_bytes())?;
     Ok(page)
 }
 
-fn tell(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Result<()> {
+fn print_output(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Result<()> {
     let mut text = String::new();
     for record in records {
         let contact = if record.contact { ", with an unwanted contact" } else { "" };
@@ -142,5 +147,5 @@ fn tell(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Result<()>
         text += &format!("{:6} {outcome}{contact}\n", record.condition.name());
     }
     text += &format!("{}: the film; {}: the recordings\n", page.display(), page.with_file_name("*.rrd").display());
-    terminal.print(&Demo { page, trials: records }, &text)
+    terminal.print(&DemoOutput { page, trials: records }, &text)
 }

@@ -4,22 +4,22 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context as _, Result, bail};
-use bench::recording::{Began, Recording};
+use bench::recording::{Recording, TimeOrigin};
 use clap::Subcommand;
 use external_policy::python;
 use hand_model::RobotModel;
 use hand_model::kinematics::Tree;
-use robot_backends::Stopped;
-use robot_backends::Task;
-use robot_backends::replayed::{ReplaySource, check};
-use robot_session_log::ros2::{self, Names};
-use robot_session_log::{Event, Reader, Replay, Sizes};
+use robot_backends::TrialStopped;
+use robot_backends::TrialTask;
+use robot_backends::replay::{ReplayFactory, check_session};
+use robot_session_log::ros2::{self, RobotNames};
+use robot_session_log::{Replay, RobotSizes, SessionEvent, SessionReader};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use telemetry::Target;
+use telemetry::RecordingTarget;
 
-use super::replay::{bench_of, task};
-use super::sessions::{BAG, sessions_in};
+use super::replay::{build_bench, read_task};
+use super::sessions::{BAG_SUFFIX, sessions_in};
 use crate::terminal::{Outcome, Terminal};
 
 /// `export` commands.
@@ -67,7 +67,7 @@ pub enum ExportCommand {
 
 /// JSON output of `export rrd`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Drawn {
+pub struct RrdOutput {
     /// File of the recording (RRD).
     recording: PathBuf,
     /// Control ticks.
@@ -78,7 +78,7 @@ pub struct Drawn {
 
 /// JSON output of `export ros2`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Bag {
+pub struct BagOutput {
     /// File of the bag.
     bag: PathBuf,
     /// Number of messages.
@@ -87,15 +87,15 @@ pub struct Bag {
 
 /// JSON output of `export mcap`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Bags {
+pub struct BagsOutput {
     /// One entry per session.
-    bags: Vec<Bag>,
+    bags: Vec<BagOutput>,
 }
 
 /// JSON output of `export lerobot`, as the Python package reports it.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct DataSet {
+pub struct LerobotOutput {
     /// Folder of the data set.
     dataset: String,
     /// Number of sessions.
@@ -108,46 +108,48 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     let (session, out) = match command {
         ExportCommand::Rrd { session, out } => (session, out),
         ExportCommand::Ros2 { session, out } => {
-            let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG[1..]));
-            let messages = ros2(session, &out)?;
+            let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG_SUFFIX[1..]));
+            let messages = export_bag(session, &out)?;
             let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
-            terminal.print(&Bag { bag: out, messages }, &text)?;
-            return Ok((messages == 0).then(|| nothing(session)));
+            terminal.print(&BagOutput { bag: out, messages }, &text)?;
+            return Ok((messages == 0).then(|| nothing_measured(session)));
         }
-        ExportCommand::Mcap { folder, out } => return bags(terminal, folder, out.as_deref()),
-        ExportCommand::Lerobot { folder, out, images } => return lerobot(terminal, folder, out.as_deref(), *images),
+        ExportCommand::Mcap { folder, out } => return export_bags(terminal, folder, out.as_deref()),
+        ExportCommand::Lerobot { folder, out, images } => {
+            return export_lerobot(terminal, folder, out.as_deref(), *images);
+        }
     };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
-    let (ticks, shortfall) = rrd(terminal, session, &out)?;
+    let (ticks, shortfall) = export_rrd(terminal, session, &out)?;
     let text = format!("{ticks} ticks in {0}; see them with `ftac view {0}`\n", out.display());
-    let drawn = Drawn { recording: out, ticks, left: shortfall };
+    let drawn = RrdOutput { recording: out, ticks, left: shortfall };
     terminal.print(&drawn, &text)?;
     Ok(drawn.left)
 }
 
-fn nothing(session: &Path) -> String {
+fn nothing_measured(session: &Path) -> String {
     format!("{}: found nothing measured, expected a session that began", session.display())
 }
 
 /// Returns the robot of a session, or the built-in one if the session belongs to no trial.
-fn robot_of_session(reader: &Reader) -> Result<RobotModel> {
-    let task = serde_json::from_slice::<Task>(&reader.session().task).ok();
-    Ok(RobotModel::of(task.and_then(|task| task.robot_model).as_ref())?)
+fn robot_of_session(reader: &SessionReader) -> Result<RobotModel> {
+    let task = serde_json::from_slice::<TrialTask>(&reader.session().task).ok();
+    Ok(RobotModel::from_sources(task.and_then(|task| task.robot_model).as_ref())?)
 }
 
 /// Writes a session as the bag `out` and returns the number of messages.
-fn ros2(session: &Path, out: &Path) -> Result<u64> {
-    let reader = Reader::open(session, Sizes::Any)?;
+fn export_bag(session: &Path, out: &Path) -> Result<u64> {
+    let reader = SessionReader::open(session, RobotSizes::Any)?;
     let robot = robot_of_session(&reader)?;
     let RobotModel { hand, arm, .. } = &robot;
     let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
-    let names = Names {
+    let names = RobotNames {
         arm: joints(&arm.tree),
         servos: hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect(),
         cameras: hand.cameras.iter().map(|camera| camera.name.clone()).collect(),
         torque_constant: hand.parameters.servo.torque_constant,
     };
-    let reader = reader.of(Sizes::of(&robot));
+    let reader = reader.with_sizes(RobotSizes::from_robot(&robot));
     // An unfinished file never has the bag's name.
     let partial = out.with_extension("partial");
     let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
@@ -173,7 +175,7 @@ fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Writes all sessions of a folder as bags.
-fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
+fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     let all = sessions(folder)?;
     if let Some(out) = out {
         std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
@@ -181,55 +183,57 @@ fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     let bar = progress::bar(all.len() as u64, "sessions", terminal.quiet || terminal.json);
     let (mut bags, mut empty) = (Vec::new(), None);
     for session in &all {
-        let beside = session.with_extension(&BAG[1..]);
+        let beside = session.with_extension(&BAG_SUFFIX[1..]);
         let bag = out.map_or_else(|| beside.clone(), |out| out.join(beside.file_name().unwrap_or_default()));
-        let messages = ros2(session, &bag)?;
+        let messages = export_bag(session, &bag)?;
         if messages == 0 {
-            empty.get_or_insert_with(|| nothing(session));
+            empty.get_or_insert_with(|| nothing_measured(session));
         }
-        bags.push(Bag { bag, messages });
+        bags.push(BagOutput { bag, messages });
         bar.inc(1);
     }
     bar.finish_and_clear();
     let place = out.unwrap_or(folder).display();
     let text = format!("{} bags in {place}\n", bags.len());
-    terminal.print(&Bags { bags }, &text)?;
+    terminal.print(&BagsOutput { bags }, &text)?;
     Ok(empty)
 }
 
 /// Writes all sessions of a folder as a LeRobot data set, by means of the Python package.
-fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
+fn export_lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
     let all = sessions(folder)?;
     let out = out.map_or_else(|| folder.join("lerobot"), Path::to_owned);
-    let mut command = python::module("ftac.lerobot");
+    let mut command = python::module_command("ftac.lerobot");
     command.arg(&out).arg(images.to_string()).args(&all).stdin(Stdio::null()).stderr(Stdio::inherit());
-    let output = command.output().with_context(|| python::missing("export lerobot"))?;
+    let output = command.output().with_context(|| python::missing_interpreter("export lerobot"))?;
     if !output.status.success() {
-        bail!("export lerobot: the data set was not written ({}); {}", output.status, python::EXPECTED);
+        bail!("export lerobot: the data set was not written ({}); {}", output.status, python::INTERPRETER_REQUIREMENTS);
     }
-    let told: DataSet = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
+    let told: LerobotOutput = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
     let text = format!("{} episodes, {} frames in {}\n", told.episodes, told.frames, out.display());
     terminal.print(&told, &text)?;
     Ok(None)
 }
 
 /// Makes the recording `out` of a session. Returns its number of ticks and, if the session has more, the reason.
-pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
-    let (task, scenario) = task(session)?;
-    let bench = bench_of(terminal, &task, scenario, session)?;
+pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
+    let (task, scenario) = read_task(session)?;
+    let bench = build_bench(terminal, &task, scenario, session)?;
     let robot = &bench.world.cell.robot;
-    check(session, robot)?;
-    let began = began(session)?;
-    let (mut source, report) =
-        ReplaySource::new(Replay::new(Reader::open(session, Sizes::of(robot))?)?, task.robot == "hardware");
+    check_session(session, robot)?;
+    let began = find_time_origin(session)?;
+    let (mut source, report) = ReplayFactory::new(
+        Replay::new(SessionReader::open(session, RobotSizes::from_robot(robot))?)?,
+        task.robot == "hardware",
+    );
     let partial = out.with_extension("partial.rrd");
     // An existing file may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
-    let mut recording = Recording::open(&[Target::File(partial.clone())], &bench, &task, (began, false))?;
+    let mut recording = Recording::open(&[RecordingTarget::File(partial.clone())], &bench, &task, (began, false))?;
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
     let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
-    let played = played.map(drop).or_else(|error| match error.downcast_ref::<Stopped>() {
+    let played = played.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
         // The trial cannot go on if the recording was cut short or the controller diverged from it.
         Some(_) => Ok(()),
         None => Err(error),
@@ -252,16 +256,16 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
 }
 
 /// Finds the wall-clock time of the robot's time 0. Only sessions of hardware have one.
-fn began(session: &Path) -> Result<Began> {
-    let mut reader = Reader::open(session, Sizes::Any)?;
+fn find_time_origin(session: &Path) -> Result<TimeOrigin> {
+    let mut reader = SessionReader::open(session, RobotSizes::Any)?;
     if reader.session().robot != "hardware" {
-        return Ok(Began::Never);
+        return Ok(TimeOrigin::Never);
     }
     while let Some((times, event)) = reader.next_event()? {
-        if let Event::Observation(observation) = event {
-            let host = (reader.begun() + times.host).as_nanos() as i64;
-            return Ok(Began::At(host.saturating_sub((observation.time * 1e9) as i64)));
+        if let SessionEvent::Observation(observation) = event {
+            let host = (reader.start_time() + times.host).as_nanos() as i64;
+            return Ok(TimeOrigin::At(host.saturating_sub((observation.time * 1e9) as i64)));
         }
     }
-    Ok(Began::Never)
+    Ok(TimeOrigin::Never)
 }

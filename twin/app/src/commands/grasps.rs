@@ -3,7 +3,7 @@
 pub mod collection;
 pub mod export;
 mod generate;
-pub mod pick_ups;
+pub mod repertoire;
 pub mod show;
 
 use clap::Subcommand;
@@ -11,10 +11,10 @@ use clap::Subcommand;
 use self::collection::CollectionArgs;
 use self::export::ExportArgs;
 use self::generate::{EvalArgs, GenerateArgs};
-use self::pick_ups::{PickUpsArgs, PlanArgs};
+use self::repertoire::{PairsArgs, RepertoireArgs};
 use self::show::ShowArgs;
 use crate::lab::arguments::grasps::GraspsLabCommand;
-use crate::lab::hand_over::Lab;
+use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
 
 /// `grasps` commands.
@@ -33,21 +33,21 @@ pub enum GraspsCommand {
     #[command(flatten)]
     Lab(GraspsLabCommand),
     /// Make the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics (rollouts).
-    PickUps(PickUpsArgs),
+    PickUps(RepertoireArgs),
     /// Draw object combinations by the benchmark's rule and rehearse them without noise.
-    Plan(PlanArgs),
+    Plan(PairsArgs),
 }
 
 /// Runs a `grasps` command; those of `ftac-lab` are handed over to the `lab`.
-pub fn run(terminal: &Terminal, command: &GraspsCommand, lab: &Lab<'_>) -> Outcome {
+pub fn run(terminal: &Terminal, command: &GraspsCommand, lab: &LabProgram<'_>) -> Outcome {
     match command {
         GraspsCommand::Generate(args) => generate::generate(terminal, args),
         GraspsCommand::Eval(args) => generate::eval(terminal, args),
         GraspsCommand::Collection(args) => collection::make(terminal, args),
         GraspsCommand::Show(args) => show::show(terminal, args),
         GraspsCommand::Export(args) => export::run(terminal, args),
-        GraspsCommand::Lab(_) => Err(lab.hand_over()),
-        GraspsCommand::PickUps(args) => pick_ups::make(terminal, args),
-        GraspsCommand::Plan(args) => pick_ups::plan(terminal, args),
+        GraspsCommand::Lab(_) => Err(lab.exec_lab()),
+        GraspsCommand::PickUps(args) => repertoire::make_repertoire(terminal, args),
+        GraspsCommand::Plan(args) => repertoire::make_pairs(terminal, args),
     }
 }

@@ -6,10 +6,10 @@ use clap::Subcommand;
 
 use self::picture::PictureArgs;
 use crate::lab::arguments::hand::HandLabCommand;
-use crate::lab::hand_over::Lab;
+use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
 
-/// `hand` commands.
+/// `apply_to_hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
     #[command(flatten)]
@@ -18,10 +18,10 @@ pub enum HandCommand {
     Picture(PictureArgs),
 }
 
-/// Runs a `hand` command; those of `ftac-lab` are handed over to the `lab`.
-pub fn run(terminal: &Terminal, command: &HandCommand, lab: &Lab<'_>) -> Outcome {
+/// Runs a `apply_to_hand` command; those of `ftac-lab` are handed over to the `lab`.
+pub fn run(terminal: &Terminal, command: &HandCommand, lab: &LabProgram<'_>) -> Outcome {
     match command {
         HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Lab(_) => Err(lab.hand_over()),
+        HandCommand::Lab(_) => Err(lab.exec_lab()),
     }
 }

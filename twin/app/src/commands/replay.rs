@@ -4,14 +4,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use bench::builtin::{expect_errors, make_bench, read_pads_by};
-use bench::robot::robot_of;
+use bench::builtin::{make_bench, replace_calibration, set_expected_errors};
+use bench::robot::robot_from_sources;
 use bench::trial::{Bench, NoWatcher};
 use hand_model::RobotModel;
-use robot_backends::replayed::{ReplaySource, check};
-use robot_backends::{LookFailed, Stopped, Task};
+use robot_backends::replay::{ReplayFactory, check_session};
+use robot_backends::{DetectionFailed, TrialStopped, TrialTask};
 use robot_session_log::comparison::compare;
-use robot_session_log::{Reader, Replay, Sizes};
+use robot_session_log::{Replay, RobotSizes, SessionReader};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use schemars::JsonSchema;
@@ -22,7 +22,7 @@ use crate::terminal::Terminal;
 
 /// JSON output of `replay` of one session.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Replayed {
+pub struct ReplayOutput {
     /// Robot backend: sim, rounded, emulated or hardware.
     robot: String,
     /// Number of the combination, from 0.
@@ -49,8 +49,8 @@ pub struct Replayed {
 /// Result for a session of a folder, replayed or not.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
-enum Row {
-    Replayed(Replayed),
+enum ReplayRow {
+    Replayed(ReplayOutput),
     NotReplayed {
         /// Error that prevented the replay.
         error: String,
@@ -58,24 +58,24 @@ enum Row {
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
-struct Session {
+struct SessionReplay {
     session: PathBuf,
     /// Result as for a single session, or its error.
-    replayed: Row,
+    replayed: ReplayRow,
     /// Shortfall of this session, or null.
     shortfall: Option<String>,
 }
 
 /// JSON output of `replay` of a folder.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Folder {
+pub struct FolderReplayOutput {
     /// One entry per session, sorted by name.
-    sessions: Vec<Session>,
+    sessions: Vec<SessionReplay>,
 }
 
 /// JSON output of `replay --against`: comparison of two sessions.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Compared {
+pub struct ComparisonOutput {
     /// Number of bit-identical ticks.
     identical_ticks: u64,
     /// Number of bit-identical values.
@@ -89,7 +89,7 @@ pub struct Compared {
 /// Runs `ftac replay` on one session, or on all of a folder.
 pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
     if !path.is_dir() {
-        let (replayed, shortfall) = one(terminal, path)?;
+        let (replayed, shortfall) = replay_session(terminal, path)?;
         terminal.print(&replayed, "")?;
         return Ok(shortfall);
     }
@@ -109,26 +109,26 @@ pub fn command(terminal: &Terminal, path: &Path) -> Result<Option<String>> {
             println!("{}", session.display());
         }
         // A session that cannot be replayed does not stop the others.
-        let (replayed, shortfall) = match one(terminal, session) {
-            Ok((replayed, shortfall)) => (Row::Replayed(replayed), shortfall),
+        let (replayed, shortfall) = match replay_session(terminal, session) {
+            Ok((replayed, shortfall)) => (ReplayRow::Replayed(replayed), shortfall),
             Err(error) => {
-                let error = crate::front::words(&error);
+                let error = crate::front::error_text(&error);
                 eprintln!("{error}");
-                (Row::NotReplayed { error: error.clone() }, Some(error))
+                (ReplayRow::NotReplayed { error: error.clone() }, Some(error))
             }
         };
         short.extend(shortfall.as_ref().map(|why| format!("{}: {why}", session.display())));
-        rows.push(Session { session: session.clone(), replayed, shortfall });
+        rows.push(SessionReplay { session: session.clone(), replayed, shortfall });
     }
-    terminal.print(&Folder { sessions: rows }, "")?;
+    terminal.print(&FolderReplayOutput { sessions: rows }, "")?;
     let first =
         short.first().map(|first| format!("{} of {} sessions; the first: {first}", short.len(), sessions.len()));
     Ok(first)
 }
 
 /// Replays one session. Returns the result and the shortfall, if any.
-fn one(terminal: &Terminal, recording: &Path) -> Result<(Replayed, Option<String>)> {
-    let other = other_program(recording)?;
+fn replay_session(terminal: &Terminal, recording: &Path) -> Result<(ReplayOutput, Option<String>)> {
+    let other = describe_other_program(recording)?;
     let named = |error: anyhow::Error| match &other {
         Some(other) => error.context(other.clone()),
         None => error,
@@ -136,13 +136,13 @@ fn one(terminal: &Terminal, recording: &Path) -> Result<(Replayed, Option<String
     if let (Some(other), false) = (&other, terminal.quiet) {
         eprintln!("warning: {other}");
     }
-    let (task, scenario) = task(recording).map_err(named)?;
-    let bench = bench_of(terminal, &task, scenario, recording).map_err(named)?;
-    run(terminal, &bench, &task, recording).map_err(named)
+    let (task, scenario) = read_task(recording).map_err(named)?;
+    let bench = build_bench(terminal, &task, scenario, recording).map_err(named)?;
+    replay_trial(terminal, &bench, &task, recording).map_err(named)
 }
 
 /// Builds the bench on which the trial of a session is replayed.
-pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording: &Path) -> Result<Bench> {
+pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, recording: &Path) -> Result<Bench> {
     if task.condition == Condition::Own {
         bail!(
             "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
@@ -152,18 +152,18 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
     let quiet = terminal.quiet || terminal.json;
     // A shorter draw of combinations is the beginning of a longer one.
     let combos = task.combination + 1;
-    let robot = robot_of(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
+    let robot = robot_from_sources(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
     let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
-    task.places.set_up(&mut bench.world)?;
-    read_pads_by(&mut bench, task.pads.as_deref(), recording)?;
-    bench.foresee(task.foresees);
-    expect_errors(&mut bench, None, recording, &task.robot)?;
-    if task.combination >= bench.plans.plans.len() {
+    task.places.apply_to(&mut bench.world)?;
+    replace_calibration(&mut bench, task.pads.as_deref(), recording)?;
+    bench.set_look_ahead(task.foresees);
+    set_expected_errors(&mut bench, None, recording, &task.robot)?;
+    if task.combination >= bench.grasp_pairs.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
             recording.display(),
             task.combination,
-            bench.plans.plans.len().saturating_sub(1)
+            bench.grasp_pairs.plans.len().saturating_sub(1)
         );
     }
     Ok(bench)
@@ -171,13 +171,16 @@ pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording:
 
 /// Runs `--against`: compares two sessions, observation by observation and command by command. The shortfall is the
 /// first bit that differs.
-pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
-    let compared = compare(&mut Reader::open(recording, Sizes::Any)?, &mut Reader::open(other, Sizes::Any)?)?;
+pub fn compare_sessions(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
+    let compared = compare(
+        &mut SessionReader::open(recording, RobotSizes::Any)?,
+        &mut SessionReader::open(other, RobotSizes::Any)?,
+    )?;
     let text = format!(
         "{} ticks, {} numbers and {} images identical bit by bit\n",
         compared.ticks, compared.values, compared.images
     );
-    let compared = Compared {
+    let compared = ComparisonOutput {
         identical_ticks: compared.ticks,
         identical_values: compared.values,
         identical_images: compared.images,
@@ -188,23 +191,28 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
 }
 
 /// Reads the task of a session file and its scenario, both self-contained.
-pub fn task(path: &Path) -> Result<(Task, Scenario)> {
-    Ok(Task::parse(&Reader::open(path, Sizes::Any)?.session().task, path)?)
+pub fn read_task(path: &Path) -> Result<(TrialTask, Scenario)> {
+    Ok(TrialTask::parse(&SessionReader::open(path, RobotSizes::Any)?.session().task, path)?)
 }
 
 /// Replays the trial. The shortfall is the point at which it diverges from the recording.
-fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(Replayed, Option<String>)> {
+fn replay_trial(
+    terminal: &Terminal,
+    bench: &Bench,
+    task: &TrialTask,
+    path: &Path,
+) -> Result<(ReplayOutput, Option<String>)> {
     let robot = &bench.world.cell.robot;
-    let (outcome, whole) = outcome(path, robot)?;
-    let reader = Reader::open(path, Sizes::of(robot))?;
-    let (mut source, report) = ReplaySource::new(Replay::new(reader)?, task.robot == "hardware");
+    let (outcome, whole) = read_outcome(path, robot)?;
+    let reader = SessionReader::open(path, RobotSizes::from_robot(robot))?;
+    let (mut source, report) = ReplayFactory::new(Replay::new(reader)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let (played, failed) = match played {
         Ok(outcome) => (Some(outcome.record), None),
         // The trial cannot go on if the recording was cut short or the controller diverged from it.
-        Err(error) if error.chain().any(|cause| cause.is::<Stopped>()) => (None, None),
-        Err(error) => match error.chain().find_map(|cause| cause.downcast_ref::<LookFailed>()) {
-            Some(LookFailed(why)) => (None, Some(why.clone())),
+        Err(error) if error.chain().any(|cause| cause.is::<TrialStopped>()) => (None, None),
+        Err(error) => match error.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>()) {
+            Some(DetectionFailed(why)) => (None, Some(why.clone())),
             None => return Err(error),
         },
     };
@@ -214,7 +222,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
         (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
         _ => None,
     };
-    let told = Replayed {
+    let told = ReplayOutput {
         robot: task.robot.clone(),
         combination: task.combination,
         trial: task.trial,
@@ -243,7 +251,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
             _ => {}
         }
     }
-    let other = other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
+    let other = describe_other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
     let shortfall = match (divergence, same) {
         (Some(divergence), _) => Some(format!("{divergence}{other}")),
         (None, _) if progress.commands == 0 && failed.is_none() => {
@@ -257,15 +265,15 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<(
 
 /// Names the program and version that recorded the session, if it is another than this: differences may then come from
 /// the program.
-pub fn other_program(path: &Path) -> Result<Option<String>> {
-    let program = Reader::open(path, Sizes::Any)?.session().program.clone();
+pub fn describe_other_program(path: &Path) -> Result<Option<String>> {
+    let program = SessionReader::open(path, RobotSizes::Any)?.session().program.clone();
     let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
     Ok((program != this).then(|| format!("recorded by {program}, this is {this}")))
 }
 
 /// Reads the recorded outcome of a trial of this robot. The flag is true if the file was finished.
-fn outcome(path: &Path, robot: &RobotModel) -> Result<(Option<TrialRecord>, bool)> {
-    let (outcome, whole) = check(path, robot)?;
+fn read_outcome(path: &Path, robot: &RobotModel) -> Result<(Option<TrialRecord>, bool)> {
+    let (outcome, whole) = check_session(path, robot)?;
     let read = |text: Vec<u8>| serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()));
     Ok((outcome.map(read).transpose()?, whole))
 }

@@ -8,89 +8,89 @@ use clap::Command;
 
 use fault_injection::table::FaultTable;
 use grasp_verification::synthesis::evaluation::Evaluation;
-use grasp_verification::synthesis::report::Report;
+use grasp_verification::synthesis::report::SynthesisReport;
 use scenarios::summary::Summary;
 use sensor_calibration::reconstruction::output::ImageFigures;
 use sensor_calibration::render::real_sensor::SensorRender;
 use serde_json::json;
 
 use super::bridge;
-use super::{combos, demo, export, grasps, hand, optics, replay, sweep, touch, transport, trial, twin};
-use crate::json_schema::{self, Output, of};
-use crate::lab::hand_over::Lab;
+use super::{combos, demo, export, grasps, hand, optics, replay, sweep, sysid, touch, transport, trial};
+use crate::json_schema::{self, OutputSchema, schema_of};
+use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
 
 /// Outputs of the commands of this program, except those of `ftac-lab`.
-pub const OUTPUTS: &[Output] = &[
-    ("bench", of::<Summary>),
-    ("bridge calibrate", of::<bridge::calibrate::Calibrated>),
-    ("bridge clear-faults", of::<bridge::clear_faults::Cleared>),
-    ("bridge doctor", of::<bridge::shared::Findings>),
-    ("bridge emulate", of::<bridge::emulate::Answered>),
-    ("bridge emulate", of::<bridge::emulate::Started>),
-    ("bridge emulate", of::<bridge::emulate::Ended>),
-    ("bridge exercise", of::<bridge::exercise::Exercised>),
-    ("bridge faults", of::<FaultTable>),
-    ("bridge install", of::<bridge::install::Installed>),
-    ("bridge provision", of::<bridge::provision::Provisioned>),
-    ("bridge reboot", of::<bridge::reboot::Rebooted>),
-    ("bridge register", of::<bridge::register::Registered>),
-    ("bridge register", of::<bridge::register::Planned>),
-    ("bridge scan", of::<bridge::scan::Scanned>),
-    ("bridge sheet", of::<bridge::sheet::Sheet>),
-    ("bridge stop", of::<bridge::stop::Stopped>),
-    ("combos", of::<combos::Combinations>),
-    ("demo", of::<demo::Demo>),
-    ("export lerobot", of::<export::DataSet>),
-    ("export mcap", of::<export::Bags>),
-    ("export ros2", of::<export::Bag>),
-    ("export rrd", of::<export::Drawn>),
-    ("grasps collection", of::<grasps::collection::Answer>),
-    ("grasps eval", of::<Evaluation>),
-    ("grasps export", of::<grasps::export::Exported>),
-    ("grasps generate", of::<Report>),
-    ("grasps pick-ups", of::<grasps::pick_ups::Proven>),
-    ("grasps plan", of::<grasps::pick_ups::Planned>),
-    ("grasps show", of::<grasps::show::Shown>),
-    ("hand picture", of::<hand::picture::Pictured>),
-    ("optics calibrate", of::<optics::calibrate::Calibrated>),
-    ("optics eval", of::<optics::eval::Evaluation>),
-    ("optics pads", of::<optics::pads::Written>),
-    ("optics reconstruct", of::<optics::reconstruct::Reconstruction>),
-    ("optics reconstruct", of::<ImageFigures>),
-    ("optics render", of::<optics::render::PadRender>),
-    ("optics render", of::<SensorRender>),
-    ("optics shapes", of::<optics::render::Shapes>),
-    ("replay", of::<replay::Replayed>),
-    ("replay", of::<replay::Folder>),
-    ("replay", of::<replay::Compared>),
-    (SHARED, of::<Summary>),
-    (SHARED, of::<Results>),
-    ("sweep makespan", of::<sweep::output::Replayed>),
-    ("sweep merge", of::<sweep::output::Joined>),
-    ("sweep plan", of::<sweep::output::Planned>),
-    ("sweep run", of::<sweep::output::Played>),
-    ("sweep status", of::<sweep::output::Standing>),
-    ("sweep submit", of::<sweep::output::Handed>),
-    ("touch train", of::<touch::Trained>),
-    ("transport", of::<transport::Carried>),
-    ("transport", of::<transport::Rehearsed>),
-    ("trial", of::<trial::Played>),
-    ("twin evaluate", of::<twin::evaluate::Evaluated>),
-    ("twin excite", of::<twin::excite::Excited>),
-    ("twin identify", of::<twin::identify::Identified>),
+pub const OUTPUTS: &[OutputSchema] = &[
+    ("bench", schema_of::<Summary>),
+    ("bridge calibrate", schema_of::<bridge::calibrate::CalibrateOutput>),
+    ("bridge clear-faults", schema_of::<bridge::clear_faults::ClearFaultsOutput>),
+    ("bridge doctor", schema_of::<bridge::shared::FindingsOutput>),
+    ("bridge emulate", schema_of::<bridge::emulate::RequestOutput>),
+    ("bridge emulate", schema_of::<bridge::emulate::EmulatorStartOutput>),
+    ("bridge emulate", schema_of::<bridge::emulate::EmulatorEndOutput>),
+    ("bridge exercise", schema_of::<bridge::exercise::ExerciseOutput>),
+    ("bridge faults", schema_of::<FaultTable>),
+    ("bridge install", schema_of::<bridge::install::InstallOutput>),
+    ("bridge provision", schema_of::<bridge::provision::ProvisionOutput>),
+    ("bridge reboot", schema_of::<bridge::reboot::RebootOutput>),
+    ("bridge register", schema_of::<bridge::register::RegisterOutput>),
+    ("bridge register", schema_of::<bridge::register::RegisterPlanOutput>),
+    ("bridge scan", schema_of::<bridge::scan::ScanOutput>),
+    ("bridge sheet", schema_of::<bridge::sheet::SheetOutput>),
+    ("bridge stop", schema_of::<bridge::stop::StopReport>),
+    ("combos", schema_of::<combos::CombosOutput>),
+    ("demo", schema_of::<demo::DemoOutput>),
+    ("export lerobot", schema_of::<export::LerobotOutput>),
+    ("export mcap", schema_of::<export::BagsOutput>),
+    ("export ros2", schema_of::<export::BagOutput>),
+    ("export rrd", schema_of::<export::RrdOutput>),
+    ("grasps collection", schema_of::<grasps::collection::CollectionOutput>),
+    ("grasps eval", schema_of::<Evaluation>),
+    ("grasps export", schema_of::<grasps::export::GraspExportOutput>),
+    ("grasps generate", schema_of::<SynthesisReport>),
+    ("grasps pick-ups", schema_of::<grasps::repertoire::RepertoireOutput>),
+    ("grasps plan", schema_of::<grasps::repertoire::PairsOutput>),
+    ("grasps show", schema_of::<grasps::show::ShowOutput>),
+    ("hand picture", schema_of::<hand::picture::PictureOutput>),
+    ("optics calibrate", schema_of::<optics::calibrate::CalibrateOutput>),
+    ("optics eval", schema_of::<optics::eval::OpticsEvalOutput>),
+    ("optics pads", schema_of::<optics::pads::PadsOutput>),
+    ("optics reconstruct", schema_of::<optics::reconstruct::ReconstructOutput>),
+    ("optics reconstruct", schema_of::<ImageFigures>),
+    ("optics render", schema_of::<optics::render::PadRenderOutput>),
+    ("optics render", schema_of::<SensorRender>),
+    ("optics shapes", schema_of::<optics::render::ShapesOutput>),
+    ("replay", schema_of::<replay::ReplayOutput>),
+    ("replay", schema_of::<replay::FolderReplayOutput>),
+    ("replay", schema_of::<replay::ComparisonOutput>),
+    (SHARED_COMMAND, schema_of::<Summary>),
+    (SHARED_COMMAND, schema_of::<Results>),
+    ("sweep makespan", schema_of::<sweep::output::MakespanOutput>),
+    ("sweep merge", schema_of::<sweep::output::MergeOutput>),
+    ("sweep plan", schema_of::<sweep::output::SweepPlanOutput>),
+    ("sweep run", schema_of::<sweep::output::SweepRunOutput>),
+    ("sweep status", schema_of::<sweep::output::StatusOutput>),
+    ("sweep submit", schema_of::<sweep::output::SubmitOutput>),
+    ("touch train", schema_of::<touch::TrainOutput>),
+    ("transport", schema_of::<transport::TransportOutput>),
+    ("transport", schema_of::<transport::SkillSearchOutput>),
+    ("trial", schema_of::<trial::TrialOutput>),
+    ("twin evaluate", schema_of::<sysid::evaluate::EvaluateOutput>),
+    ("twin excite", schema_of::<sysid::excite::ExciteOutput>),
+    ("twin identify", schema_of::<sysid::identify::IdentifyOutput>),
 ];
 
 /// Commands without a JSON result.
-const WITHOUT: [&str; 4] = ["completions", "man", "schema", "view"];
+const COMMANDS_WITHOUT_OUTPUT: [&str; 4] = ["completions", "man", "schema", "view"];
 /// Command with outputs of both programs.
-const SHARED: &str = "report";
+const SHARED_COMMAND: &str = "report";
 
-/// Returns the commands of `program` that print a result.
-pub fn commands(program: &Command) -> BTreeSet<String> {
+/// Returns the commands of `find_lab_program` that print a result.
+pub fn commands_with_output(program: &Command) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
     add_leaves(program, "", &mut all);
-    all.retain(|name| !WITHOUT.contains(&name.as_str()));
+    all.retain(|name| !COMMANDS_WITHOUT_OUTPUT.contains(&name.as_str()));
     all
 }
 
@@ -104,24 +104,24 @@ fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
     }
 }
 
-/// Runs `ftac schema` for a command of `program`. The `lab` prints the schemas of its own commands, and those of all
+/// Runs `ftac schema` for a command of `find_lab_program`. The `lab` prints the schemas of its own commands, and those of all
 /// commands together.
-pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &Lab<'_>) -> Outcome {
+pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &LabProgram<'_>) -> Outcome {
     let name = command.join(" ");
-    if name != SHARED && OUTPUTS.iter().any(|(command, _)| *command == name) {
-        return print(terminal, command, &[OUTPUTS]);
+    if name != SHARED_COMMAND && OUTPUTS.iter().any(|(command, _)| *command == name) {
+        return print_schemas(terminal, command, &[OUTPUTS]);
     }
-    let known = commands(program);
+    let known = commands_with_output(program);
     if !name.is_empty() && !known.contains(&name) {
         let known: Vec<String> = known.into_iter().collect();
         bail!("COMMAND: found `{name}`, expected one of {}", known.join(", "));
     }
-    Err(lab.hand_over())
+    Err(lab.exec_lab())
 }
 
 /// Prints the schema of one command, or of all in `outputs`.
-pub fn print(terminal: &Terminal, command: &[String], outputs: &[&[Output]]) -> Outcome {
-    let all = json_schema::all(outputs.concat());
+pub fn print_schemas(terminal: &Terminal, command: &[String], outputs: &[&[OutputSchema]]) -> Outcome {
+    let all = json_schema::all_schemas(outputs.concat());
     let found = match command {
         [] => all,
         words => {

@@ -8,15 +8,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
 use sweep::file::Sweep;
-use sweep::folder::{Failure, Folder};
-use sweep::merge::{Merged, merge};
-use sweep::plan::Plan;
-use sweep::slurm::{self, Submitted, Task};
+use sweep::folder::{Failure, SweepFolder};
+use sweep::merge::{MergeResult, merge};
+use sweep::plan::SweepPlan;
+use sweep::slurm::{self, SlurmTask, Submission};
 use sweep::status::status;
-use sweep::work::{self, Options};
+use sweep::work::{self, WorkerOptions};
 
-use self::output::{FailedAttempt, FailedUnit, Handed, Joined, Planned, Played, Replayed, Standing};
-use super::bench::part;
+use self::output::{
+    FailedAttempt, FailedUnit, MakespanOutput, MergeOutput, StatusOutput, SubmitOutput, SweepPlanOutput, SweepRunOutput,
+};
+use super::bench::parse_part;
 use crate::terminal::{Outcome, Terminal};
 
 /// `sweep` commands.
@@ -102,23 +104,23 @@ pub struct SubmitArgs {
 /// Runs a `sweep` command.
 pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
     match command {
-        SweepCommand::Plan { file } => plan(terminal, file),
-        SweepCommand::Run(args) => play(terminal, args),
+        SweepCommand::Plan { file } => run_plan(terminal, file),
+        SweepCommand::Run(args) => run_sweep(terminal, args),
         SweepCommand::Submit(args) => submit(terminal, args),
-        SweepCommand::Status { folder } => tell_status(terminal, folder),
-        SweepCommand::Merge { folder } => join(terminal, folder),
+        SweepCommand::Status { folder } => print_status(terminal, folder),
+        SweepCommand::Merge { folder } => run_merge(terminal, folder),
         SweepCommand::Makespan { folder, trials, join } => makespan(terminal, folder, *trials, *join),
     }
 }
 
 /// Formats a duration for people.
-fn time(seconds: f64) -> String {
-    report::html::duration(seconds)
+fn format_duration(seconds: f64) -> String {
+    report::html::format_duration(seconds)
 }
 
-fn plan(terminal: &Terminal, file: &Path) -> Outcome {
-    let plan = Plan::of(&Sweep::read(file)?)?;
-    let cores = bench::workers::available();
+fn run_plan(terminal: &Terminal, file: &Path) -> Outcome {
+    let plan = SweepPlan::from_sweep(&Sweep::read(file)?)?;
+    let cores = bench::workers::available_threads();
     let (units, rows, bytes) = (plan.units.len(), plan.rows(), plan.bytes()?);
     let here = plan.core_s / cores.min(units) as f64;
     let mut text = format!("{}\n\n", plan.name);
@@ -140,12 +142,12 @@ fn plan(terminal: &Terminal, file: &Path) -> Outcome {
         text,
         "\n{} points, {rows} trials (one under one policy each), {units} units of work\nabout {} of one core, {} on the {cores} of this machine; about {:.0} MB",
         plan.points(),
-        time(plan.core_s),
-        time(here),
+        format_duration(plan.core_s),
+        format_duration(here),
         bytes / 1e6
     );
     let units: Vec<&str> = plan.units.iter().map(|unit| unit.id.as_str()).collect();
-    let planned = Planned {
+    let planned = SweepPlanOutput {
         name: &plan.name,
         points: plan.points(),
         trials: rows,
@@ -160,52 +162,52 @@ fn plan(terminal: &Terminal, file: &Path) -> Outcome {
 }
 
 /// Opens the requested result folder: from a sweep file and `--out`, or an existing one.
-fn folder(path: &Path, out: Option<&Path>) -> Result<Folder> {
+fn open_folder(path: &Path, out: Option<&Path>) -> Result<SweepFolder> {
     match (path.is_dir(), out) {
-        (true, None) => Folder::open(path),
+        (true, None) => SweepFolder::open(path),
         (true, Some(out)) => bail!(
             "--out: found {} beside the folder {}, expected it with a sweep's file only",
             out.display(),
             path.display()
         ),
-        (false, Some(out)) => Folder::join(out, Plan::of(&Sweep::read(path)?)?),
+        (false, Some(out)) => SweepFolder::join(out, SweepPlan::from_sweep(&Sweep::read(path)?)?),
         (false, None) => bail!("--out: found nothing, expected the folder for the results of {}", path.display()),
     }
 }
 
-fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
+fn run_sweep(terminal: &Terminal, args: &RunArgs) -> Outcome {
     if args.jobs == Some(0) {
         bail!("--jobs: found 0, expected at least 1");
     }
-    let worker = args.worker.as_deref().map(|text| part(text, "--worker")).transpose()?;
-    let folder = folder(&args.path, args.out.as_deref())?;
-    let jobs = args.jobs.unwrap_or_else(bench::workers::available);
+    let worker = args.worker.as_deref().map(|text| parse_part(text, "--worker")).transpose()?;
+    let folder = open_folder(&args.path, args.out.as_deref())?;
+    let jobs = args.jobs.unwrap_or_else(bench::workers::available_threads);
     let quiet = terminal.quiet || terminal.json;
-    let done = work::work(&folder, Options { jobs, quiet, worker })?;
+    let done = work::work(&folder, WorkerOptions { jobs, quiet, worker })?;
     let mut text = format!(
         "{} of {} units are finished, {} of them played by this worker in {}\n",
         done.finished,
-        done.of,
+        done.total_units,
         done.played,
-        time(done.wall_s)
+        format_duration(done.wall_s)
     );
     let mut shortfall = done.failed.first().map(|(unit, reason)| {
         let of = done.failed.len();
-        format!("{of} of {} units failed; the first is {unit}: {reason}", done.of)
+        format!("{of} of {} units failed; the first is {unit}: {reason}", done.total_units)
     });
     // One of many workers leaves merging to the job that runs after them.
     let mut joined = None;
     if worker.is_none() && done.finished > 0 {
         let merged = merge(&folder, quiet)?;
-        text += &tell_merged(&folder, &merged);
-        shortfall = shortfall.or_else(|| short(&merged));
-        joined = Some(Joined::of(merged));
+        text += &format_merged(&folder, &merged);
+        shortfall = shortfall.or_else(|| merge_shortfall(&merged));
+        joined = Some(MergeOutput::from_merged(merged));
     }
-    let played = Played {
+    let played = SweepRunOutput {
         folder: folder.path,
         played: done.played,
         finished: done.finished,
-        units: done.of,
+        units: done.total_units,
         failed: done.failed.into_iter().map(|(unit, reason)| FailedUnit { unit, reason }).collect(),
         wall_s: done.wall_s,
         merged: joined,
@@ -214,7 +216,7 @@ fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
     Ok(shortfall)
 }
 
-fn tell_merged(folder: &Folder, merged: &Merged) -> String {
+fn format_merged(folder: &SweepFolder, merged: &MergeResult) -> String {
     let mut text = String::new();
     for (unit, reason) in &merged.broken {
         let _ =
@@ -233,15 +235,15 @@ fn tell_merged(folder: &Folder, merged: &Merged) -> String {
 }
 
 /// Returns the shortfall of merged results, if units are missing.
-fn short(merged: &Merged) -> Option<String> {
+fn merge_shortfall(merged: &MergeResult) -> Option<String> {
     (merged.missing > 0).then(|| format!("{} of {} units are missing", merged.missing, merged.missing + merged.units))
 }
 
-fn join(terminal: &Terminal, path: &Path) -> Outcome {
-    let folder = Folder::open(path)?;
+fn run_merge(terminal: &Terminal, path: &Path) -> Outcome {
+    let folder = SweepFolder::open(path)?;
     let merged = merge(&folder, terminal.quiet || terminal.json)?;
-    let (text, shortfall) = (tell_merged(&folder, &merged), short(&merged));
-    terminal.print(&Joined::of(merged), &text)?;
+    let (text, shortfall) = (format_merged(&folder, &merged), merge_shortfall(&merged));
+    terminal.print(&MergeOutput::from_merged(merged), &text)?;
     Ok(shortfall)
 }
 
@@ -251,10 +253,10 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
             bail!("{name}: found 0, expected at least 1");
         }
     }
-    let folder = folder(&args.path, args.out.as_deref())?;
+    let folder = open_folder(&args.path, args.out.as_deref())?;
     // Jobs start in another working directory: the path must be absolute.
-    let folder = Folder { path: folder.path.canonicalize().context("--out")?, ..folder };
-    let options = slurm::Options {
+    let folder = SweepFolder { path: folder.path.canonicalize().context("--out")?, ..folder };
+    let options = slurm::SlurmOptions {
         partition: args.partition.clone(),
         max_jobs: args.max_jobs,
         cpus: args.cpus,
@@ -265,7 +267,7 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
     let program = std::env::current_exe().context("the program's own path")?;
     let submitted = slurm::submit(&folder, &program, &options)?;
     let (what, jobs, text) = match &submitted {
-        Submitted::New(jobs) => {
+        Submission::New(jobs) => {
             let text = format!(
                 "{} workers are job {1}, job {2} joins their results; see `ftac sweep status {3}`; `scancel {2} {1}` ends it\n",
                 jobs.workers,
@@ -275,17 +277,17 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
             );
             ("submitted", Some(jobs), text)
         }
-        Submitted::Joined(jobs) => (
+        Submission::Joined(jobs) => (
             "joined",
             Some(jobs),
             format!("jobs {} and {} of this sweep are under way already\n", jobs.array, jobs.merge),
         ),
-        Submitted::Finished => {
+        Submission::Finished => {
             let path = folder.path.display();
             ("finished", None, format!("all units are finished; join them with `ftac sweep merge {path}`\n"))
         }
     };
-    let handed = Handed {
+    let handed = SubmitOutput {
         folder: folder.path,
         outcome: what,
         array: jobs.map(|jobs| jobs.array),
@@ -296,23 +298,23 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
     Ok(None)
 }
 
-fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
-    let folder = Folder::open(path)?;
+fn print_status(terminal: &Terminal, path: &Path) -> Outcome {
+    let folder = SweepFolder::open(path)?;
     let now = status(&folder)?;
     let jobs = slurm::jobs(&folder)?;
-    let tasks: Result<Vec<Task>> = jobs.as_ref().map_or_else(|| Ok(Vec::new()), slurm::queue);
+    let tasks: Result<Vec<SlurmTask>> = jobs.as_ref().map_or_else(|| Ok(Vec::new()), slurm::queue);
     let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.0}"));
     let mut text = format!(
         "{}\n{:>8} of {} units finished, {} running, {} failed\n{:>8} of {} trials, {} a minute, {} left\n",
         folder.plan.name,
         now.finished,
-        now.of,
+        now.total_units,
         now.running,
         now.failed.len(),
         now.trials,
-        now.of_trials,
+        now.total_trials,
         number(now.trials_per_minute),
-        now.left_s.map_or("-".to_owned(), time)
+        now.left_s.map_or("-".to_owned(), format_duration)
     );
     for (unit, failure) in &now.failed {
         let _ = writeln!(text, "unit {unit} failed on {}: {}", failure.by, failure.reason);
@@ -330,14 +332,14 @@ fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
         }
     }
     let failed = |(unit, Failure { reason, by })| FailedAttempt { unit, reason, by };
-    let standing = Standing {
+    let standing = StatusOutput {
         name: folder.plan.name,
         finished: now.finished,
-        units: now.of,
+        units: now.total_units,
         running: now.running,
         failed: now.failed.into_iter().map(failed).collect(),
         trials: now.trials,
-        of_trials: now.of_trials,
+        of_trials: now.total_trials,
         trials_per_minute: now.trials_per_minute,
         left_s: now.left_s,
         jobs: tasks.unwrap_or_default(),
@@ -351,15 +353,15 @@ fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize
     if join == 0 {
         bail!("--join: found 0, expected at least 1");
     }
-    let folder = Folder::open(path)?;
+    let folder = SweepFolder::open(path)?;
     let (points, text) = sweep::page::makespan(&folder, trials, join)?;
-    terminal.print(&Replayed { points }, &text)?;
+    terminal.print(&MakespanOutput { points }, &text)?;
     Ok(None)
 }
 
 /// Runs `ftac report` on a sweep's folder.
 pub fn report(terminal: &Terminal, path: &Path, out: Option<&Path>) -> Outcome {
-    let folder = Folder::open(path)?;
+    let folder = SweepFolder::open(path)?;
     let made = sweep::page::report(&folder, out.unwrap_or(path))?;
     let text = format!("{}results in {}: report.html, curves.csv, contrasts.csv\n", made.text, made.folder.display());
     terminal.print(&made.results, &text)?;

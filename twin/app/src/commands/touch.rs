@@ -10,8 +10,8 @@ use sensor_calibration::pad_calibration;
 use serde::Serialize;
 
 use crate::lab::arguments::touch::TouchLabCommand;
-use crate::lab::hand_over::Lab;
-use crate::options::robot::{RobotArgs, individual_of};
+use crate::lab::hand_over::LabProgram;
+use crate::options::robot::{RobotArgs, instance_model};
 use crate::terminal::{Outcome, Terminal};
 
 /// `touch` commands.
@@ -38,7 +38,7 @@ pub enum TouchCommand {
 
 /// JSON output of `touch train`: angle between estimated and true normals on the presses of another unit.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Trained {
+pub struct TrainOutput {
     /// Mean angle, degrees.
     mean_deg: f64,
     /// Median angle, degrees.
@@ -49,24 +49,25 @@ pub struct Trained {
 }
 
 /// Runs a `touch` command; those of `ftac-lab` are handed over to the `lab`.
-pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &Lab<'_>) -> Outcome {
+pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &LabProgram<'_>) -> Outcome {
     match command {
         TouchCommand::Train { presses, out, individual, robot } => {
-            let hand = individual_of(individual.as_deref(), &robot.model()?)?.hand;
-            touch_train(terminal, *presses, out, &hand)
+            let hand = instance_model(individual.as_deref(), &robot.model()?)?.hand;
+            train(terminal, *presses, out, &hand)
         }
-        TouchCommand::Lab(_) => Err(lab.hand_over()),
+        TouchCommand::Lab(_) => Err(lab.exec_lab()),
     }
 }
 
-fn touch_train(terminal: &Terminal, presses: usize, out: &Path, hand: &Hand) -> Outcome {
+fn train(terminal: &Terminal, presses: usize, out: &Path, hand: &Hand) -> Outcome {
     let (calibration, error) = pad_calibration::train(hand, CALIBRATION_UNIT, presses, terminal.seed)?;
     calibration.write(out)?;
     let text = format!(
         "angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels\n",
         error.mean, error.median, error.p95, error.pixels
     );
-    let trained = Trained { mean_deg: error.mean, median_deg: error.median, p95_deg: error.p95, pixels: error.pixels };
+    let trained =
+        TrainOutput { mean_deg: error.mean, median_deg: error.median, p95_deg: error.p95, pixels: error.pixels };
     terminal.print(&trained, &text)?;
     Ok(None)
 }

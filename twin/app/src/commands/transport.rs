@@ -3,28 +3,28 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
+use bench::builtin::{HAND_UNIT, apply_hand_properties, simulated_touch_pipeline};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
-use control::policy::pick_sequence::plan::Pickup;
-use dexterous_grasping::digit_sets::in_words;
-use grasp_verification::simulated_world::World;
-use grasp_verification::skills::{SkillFile, for_sizes, of_repertoire};
+use control::policy::pick_sequence::plan::PickSkill;
+use dexterous_grasping::digit_sets::describe_digits;
+use grasp_verification::simulated_world::SimulatedWorld;
+use grasp_verification::skills::{SkillFile, for_sizes, from_repertoire};
 use hand_model::{Digit, RobotModel};
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
-use scenarios::transport::Transport;
+use scenarios::transport::TransportTask;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
-use statistics::FEWEST_SAMPLES;
-use transport::play::{Site, TransportRecord};
-use transport::recorded::Recorded;
-use transport::rehearse::{Searched, Wanted, WantedText};
+use statistics::MIN_SAMPLES;
+use transport::play::{TransportRecord, TransportSite};
+use transport::recording::TransportRecording;
+use transport::skill_search::{PickRequest, PickRequestText, SequencePickResult};
 
-use crate::options::body::Body;
+use crate::options::backend::BackendKind;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `transport`.
@@ -50,10 +50,10 @@ pub struct TransportArgs {
     pub rehearse: Option<PathBuf>,
     /// A pick of the sequence to search, in order: BALL=DIGIT+DIGIT, such as ball_1=ring+little.
     #[arg(long, requires = "rehearse")]
-    pub pick: Vec<WantedText>,
+    pub pick: Vec<PickRequestText>,
     /// Robot backend; transports run on the simulated robot only.
     #[arg(long, value_enum, default_value = "sim")]
-    pub robot: Body,
+    pub robot: BackendKind,
     /// Number of proposals for each pick.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
@@ -61,19 +61,19 @@ pub struct TransportArgs {
 
 /// JSON output of `transport`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Carried<'a> {
+pub struct TransportOutput<'a> {
     scenario: &'a str,
     /// Seed of all random draws.
     seed: u64,
     balls: usize,
     /// One entry per policy.
-    policies: &'a [Row],
+    policies: &'a [PolicyRow],
     transports: &'a [TransportRecord],
 }
 
 /// A skill that the search found.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Skill {
+struct FoundSkill {
     /// Digits that hold the ball.
     #[schemars(with = "Vec<String>")]
     keeps: Vec<Digit>,
@@ -82,7 +82,7 @@ struct Skill {
 
 /// Result of the search for one pick.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Pick {
+struct PickSearchResult {
     ball: String,
     /// Digits that close.
     #[schemars(with = "Vec<String>")]
@@ -96,15 +96,15 @@ struct Pick {
     /// Number of these that held it over the goal.
     held: usize,
     /// The best skills, most robust first.
-    skills: Vec<Skill>,
+    skills: Vec<FoundSkill>,
 }
 
-impl Pick {
-    fn of(site: &Site, pick: &Searched) -> Self {
-        let skill = |skill: &Pickup| Skill { keeps: skill.keeps.clone(), score: skill.grasp.score };
+impl PickSearchResult {
+    fn from_search(site: &TransportSite, pick: &SequencePickResult) -> Self {
+        let skill = |skill: &PickSkill| FoundSkill { keeps: skill.keeps.clone(), score: skill.grasp.score };
         Self {
-            ball: site.transport.ball[pick.wanted.ball].name.clone(),
-            closed: pick.wanted.digits.clone(),
+            ball: site.transport.ball[pick.request.ball].name.clone(),
+            closed: pick.request.digits.clone(),
             tried: pick.tried,
             touched: pick.touched,
             lifted: pick.lifted,
@@ -116,9 +116,9 @@ impl Pick {
 
 /// JSON output of `transport --rehearse`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Rehearsed<'a> {
+pub struct SkillSearchOutput<'a> {
     /// One entry per pick searched.
-    picks: Vec<Pick>,
+    picks: Vec<PickSearchResult>,
     /// Number of picks asked for.
     asked: usize,
     /// File of the skills.
@@ -135,7 +135,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     if args.trials == 0 || args.n == 0 {
         bail!("--trials and --n: found {} and {}, expected at least 1 each", args.trials, args.n);
     }
-    if args.robot != Body::Sim {
+    if args.robot != BackendKind::Sim {
         bail!(
             "--robot {}: found a body that does not see where the balls lie after each trip, expected sim: a transport looks at all of them before \
              it goes on, which only the simulated eyes do",
@@ -143,23 +143,23 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
         );
     }
     let transport = match &args.scenario {
-        Some(path) => Transport::read(path)?,
-        None => Transport::small_balls(),
+        Some(path) => TransportTask::read(path)?,
+        None => TransportTask::small_balls(),
     };
-    let site = site_of(transport, args.skills.as_deref(), terminal.seed)?;
+    let site = build_site(transport, args.skills.as_deref(), terminal.seed)?;
     match &args.rehearse {
-        Some(file) => search(terminal, args, &site, file),
-        None => carry(terminal, args, &site),
+        Some(file) => search_skills(terminal, args, &site, file),
+        None => run_transports(terminal, args, &site),
     }
 }
 
-fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site> {
+fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Result<TransportSite> {
     let mut scenario = Scenario::benchmark();
     // The skills of transports were rehearsed without effects.
     scenario.effects = Effects::default();
-    let world = World::new(&RobotModel::ftac_gen3(), scenario)?;
+    let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = grasp_verification::builtin::repertoire()?;
-    let mut proven = of_repertoire(&world, &repertoire)?;
+    let mut proven = from_repertoire(&world, &repertoire)?;
     proven.extend(SkillFile::builtin()?.skills);
     if let Some(path) = more {
         proven.extend(read_skills(path).context("--skills")?.skills);
@@ -176,14 +176,14 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
     let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
-    let mut pipeline = simulated_touch(&world.cell.robot, board.backgrounds())?;
-    know_hand(&mut pipeline, &world);
-    Ok(Site {
+    let mut pipeline = simulated_touch_pipeline(&world.cell.robot, board.backgrounds())?;
+    apply_hand_properties(&mut pipeline, &world);
+    Ok(TransportSite {
         world,
         transport,
         skills: numbered.into_iter().map(|skill| skill.1).collect(),
-        suited,
-        board,
+        suitable_skills: suited,
+        cameras: board,
         pipeline,
         seed,
     })
@@ -194,10 +194,10 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
     SkillFile::parse(&text, path)
 }
 
-fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -> Outcome {
-    let sequence: Vec<Wanted> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
+fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite, file: &Path) -> Outcome {
+    let sequence: Vec<PickRequest> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
     let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
-    let searched = transport::rehearse::rehearse(site, &sequence, args.n, terminal.quiet)?;
+    let searched = transport::skill_search::search_skills(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Ids are unique within a file.
         for skill in &pick.skills {
@@ -209,8 +209,8 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
     let command = "ftac transport --rehearse FILE --pick ..., sequence after sequence".to_owned();
     SkillFile::new(command, skills).write(file)?;
     if terminal.json {
-        let picks = searched.iter().map(|pick| Pick::of(site, pick)).collect();
-        terminal.print(&Rehearsed { picks, asked: sequence.len(), file }, "")?;
+        let picks = searched.iter().map(|pick| PickSearchResult::from_search(site, pick)).collect();
+        terminal.print(&SkillSearchOutput { picks, asked: sequence.len(), file }, "")?;
     } else {
         println!(
             "{:12} {:36} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
@@ -220,25 +220,25 @@ fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -
             let best = pick.skills.first();
             println!(
                 "{:12} {:36} {:>6} {:>8} {:>7} {:>5} {:>6}  {}",
-                site.transport.ball[pick.wanted.ball].name,
-                in_words(&pick.wanted.digits),
+                site.transport.ball[pick.request.ball].name,
+                describe_digits(&pick.request.digits),
                 pick.tried,
                 pick.touched,
                 pick.lifted,
                 pick.held,
                 best.map_or("-".to_owned(), |skill| format!("{:.2}", skill.grasp.score)),
-                best.map_or("-".to_owned(), |skill| in_words(&skill.keeps)),
+                best.map_or("-".to_owned(), |skill| describe_digits(&skill.keeps)),
             );
         }
     }
     let failed = searched.last().filter(|pick| pick.held == 0);
     Ok(failed.map(|pick| {
-        let name = &site.transport.ball[pick.wanted.ball].name;
-        format!("none of {} closings of {} on {name} holds", pick.tried, in_words(&pick.wanted.digits))
+        let name = &site.transport.ball[pick.request.ball].name;
+        format!("none of {} closings of {} on {name} holds", pick.tried, describe_digits(&pick.request.digits))
     }))
 }
 
-fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
+fn run_transports(terminal: &Terminal, args: &TransportArgs, site: &TransportSite) -> Outcome {
     let policies = if args.policy.is_empty() { PickMode::ALL.to_vec() } else { args.policy.clone() };
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -249,14 +249,14 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     let one = |&(policy, trial): &(PickMode, usize)| -> Result<TransportRecord> {
         let record = match args.out.as_ref().filter(|_| trial == 0) {
             Some(folder) => {
-                let mut recorded = Recorded::open(
+                let mut recorded = TransportRecording::open(
                     &folder.join(format!("{}.rrd", policy.name().replace(' ', "_"))),
                     site,
                     trial,
                     policy,
                 )?;
                 let record =
-                    site.play(trial, policy, &mut |truth, executor, note| recorded.see(truth, executor, note))?;
+                    site.play(trial, policy, &mut |truth, executor, note| recorded.record_tick(truth, executor, note))?;
                 recorded.finish(&record)?;
                 record
             }
@@ -267,8 +267,8 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     };
     let records: Vec<TransportRecord> = units.par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
-    let rows: Vec<Row> = policies.iter().map(|policy| Row::of(*policy, &records)).collect();
-    let result = Carried {
+    let rows: Vec<PolicyRow> = policies.iter().map(|policy| PolicyRow::from_records(*policy, &records)).collect();
+    let result = TransportOutput {
         scenario: &site.transport.name,
         seed: terminal.seed,
         balls: site.transport.ball.len(),
@@ -276,7 +276,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
         transports: &records,
     };
     if let Some(folder) = &args.out {
-        ftac_platform::data::write_whole(
+        ftac_platform::data::write_atomically(
             &folder.join("transports.json"),
             serde_json::to_string_pretty(&result)?.as_bytes(),
         )?;
@@ -288,7 +288,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     }
     let carried = |policy| rows.iter().find(|row| row.policy == policy).map(|row| row.objects_per_trip);
     // With few transports, policies are not compared.
-    let enough = args.trials >= FEWEST_SAMPLES;
+    let enough = args.trials >= MIN_SAMPLES;
     Ok(match (carried(PickMode::Touch), carried(PickMode::OneByOne)) {
         (Some(touch), Some(single)) if enough && touch <= single => {
             Some(format!("{touch:.2} objects a trip together, {single:.2} one by one"))
@@ -297,7 +297,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     })
 }
 
-fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRecord]) {
+fn print(terminal: &Terminal, site: &TransportSite, rows: &[PolicyRow], records: &[TransportRecord]) {
     println!("{}: {} balls, {} skills", site.transport.name, site.transport.ball.len(), site.skills.len());
     println!(
         "{:12} {:>10} {:>9} {:>11} {:>10} {:>9} {:>12} {:>12}",
@@ -327,7 +327,7 @@ fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRec
 
 /// Results of one policy.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-struct Row {
+struct PolicyRow {
     /// The policy.
     #[schemars(with = "String")]
     policy: PickMode,
@@ -343,8 +343,8 @@ struct Row {
     cm3_per_trip: f64,
 }
 
-impl Row {
-    fn of(policy: PickMode, records: &[TransportRecord]) -> Self {
+impl PolicyRow {
+    fn from_records(policy: PickMode, records: &[TransportRecord]) -> Self {
         let own: Vec<&TransportRecord> = records.iter().filter(|record| record.policy == policy).collect();
         let trips: Vec<usize> = own.iter().flat_map(|record| record.carried.iter().copied()).collect();
         let objects: usize = trips.iter().sum();
@@ -389,10 +389,10 @@ mod tests {
             record(PickMode::Touch, &[2, 2], 26.0),
             record(PickMode::OneByOne, &[], 0.0),
         ];
-        let touch = Row::of(PickMode::Touch, &records);
+        let touch = PolicyRow::from_records(PickMode::Touch, &records);
         assert_eq!((touch.objects_per_trip, touch.most_per_trip, touch.delivered), (1.75, 2, 0.875));
         assert_eq!((touch.seconds_per_object, touch.cm3_per_trip), (Some(8.0), 70.0));
-        let single = Row::of(PickMode::OneByOne, &records);
+        let single = PolicyRow::from_records(PickMode::OneByOne, &records);
         assert_eq!((single.objects_per_trip, single.seconds_per_object), (0.0, None));
     }
 }

@@ -3,26 +3,26 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, expect_errors, make_bench, read_pads_by};
-use bench::fault_watch::beside;
+use bench::builtin::{COMBINATION_COUNT, make_bench, replace_calibration, set_expected_errors};
+use bench::fault_watch::play_with_detector;
 use bench::recording::Recording;
-use bench::robot::robot_of;
+use bench::robot::robot_from_sources;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
-use fault_detection::divergence::Divergence;
-use robot_backends::Task;
+use fault_detection::fault::DetectedFault;
+use robot_backends::TrialTask;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::options::body::{Body, PlaceArgs, check_body, source};
-use crate::options::robot::{RobotArgs, individual, pads, say_whose_pads};
+use crate::options::backend::{BackendKind, PoseSourceArgs, backend_factory, check_backend};
+use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
 use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
-/// Arguments of `trial`.
+/// Arguments of `play_conditions`.
 #[derive(Debug, Args)]
 pub struct TrialArgs {
     /// Number of the combination, from 0.
@@ -30,16 +30,16 @@ pub struct TrialArgs {
     /// Number of the trial, from 0.
     #[arg(long, default_value_t = 0)]
     pub trial: usize,
-    /// Policy; `ideal` runs without noise.
-    #[arg(long, value_enum, default_value_t = Policy::Touch)]
-    pub policy: Policy,
+    /// Policy; `play_ideal` runs without noise.
+    #[arg(long, value_enum, default_value_t = TrialPolicy::Touch)]
+    pub policy: TrialPolicy,
     #[command(flatten)]
     pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
     /// Robot backend.
-    #[arg(long, value_enum, default_value_t = Body::Sim)]
-    pub robot: Body,
+    #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
+    pub robot: BackendKind,
     /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
     /// nominal robot.
     #[arg(long, value_name = "FILE")]
@@ -58,7 +58,7 @@ pub struct TrialArgs {
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
-    pub places: PlaceArgs,
+    pub places: PoseSourceArgs,
     /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by default.
     #[arg(long)]
     pub session: Option<PathBuf>,
@@ -79,7 +79,7 @@ pub struct TrialArgs {
 
 /// Policy that decides the second grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Policy {
+pub enum TrialPolicy {
     /// As planned, without noise.
     Ideal,
     /// As planned.
@@ -90,7 +90,7 @@ pub enum Policy {
     Touch,
 }
 
-impl Policy {
+impl TrialPolicy {
     /// Returns the condition of the benchmark that this policy plays.
     pub fn condition(self) -> Condition {
         match self {
@@ -102,51 +102,52 @@ impl Policy {
     }
 }
 
-/// JSON output of `trial`: the record, and the divergences that a mirror (parallel twin) named.
+/// JSON output of `play_conditions`: the record, and the divergences that a mirror (parallel twin) named.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Played<'a> {
+pub struct TrialOutput<'a> {
     #[serde(flatten)]
     record: &'a TrialRecord,
     /// With --mirror: divergences between robot and twin.
     #[serde(skip_serializing_if = "Option::is_none")]
-    divergences: Option<&'a [Divergence]>,
+    divergences: Option<&'a [DetectedFault]>,
 }
 
 /// Runs `ftac trial`: plays one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
-    check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
-    let places = args.places.places(args.robot)?;
+    check_backend(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
+    let places = args.places.pose_sources(args.robot)?;
     let (scenario, text) = args.scenario.read()?;
-    let pairs = scenario.combinations().min(COMBINATIONS);
+    let pairs = scenario.combination_count().min(COMBINATION_COUNT);
     if args.combination >= pairs {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);
     }
     let combos = args.combination + 1;
     let nominal = args.model.model()?;
-    args.robot.expect(&nominal)?;
-    let (individual, path) = individual(args.individual.as_deref(), &nominal)?;
-    let pads = pads(args.pads.as_deref(), &nominal)?;
+    args.robot.check_supported(&nominal)?;
+    let (individual, path) = instance_text(args.individual.as_deref(), &nominal)?;
+    let pads = pad_calibration_text(args.pads.as_deref(), &nominal)?;
     let robot_model = nominal.sources;
     let quiet = terminal.quiet || terminal.json;
-    let model = robot_of(robot_model.as_ref(), individual.as_deref(), &path)?;
+    let model = robot_from_sources(robot_model.as_ref(), individual.as_deref(), &path)?;
     let mut bench = make_bench(&model, scenario, combos, terminal.seed, quiet)?;
-    if bench.plans.plans.len() <= args.combination {
+    if bench.grasp_pairs.plans.len() <= args.combination {
         bail!(
             "COMBO: found {}, expected 0 to {}: {}",
             args.combination,
-            bench.plans.plans.len() - 1,
+            bench.grasp_pairs.plans.len() - 1,
             bench.notes.join("; ")
         );
     }
-    places.set_up(&mut bench.world)?;
-    read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
-    say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());
-    bench.board = args.tactile.board(bench.board);
-    bench.foresee(args.foresee);
-    expect_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
+    places.apply_to(&mut bench.world)?;
+    replace_calibration(&mut bench, pads.as_deref(), Path::new("--pads"))?;
+    warn_nominal_pads(args.robot, &[args.policy.condition()], pads.as_deref());
+    bench.cameras = args.tactile.select_renderer(bench.cameras);
+    bench.set_look_ahead(args.foresee);
+    set_expected_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
     let condition = args.policy.condition();
-    let mut place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
-    let task = Task {
+    let mut place =
+        backend_factory(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
+    let task = TrialTask {
         robot: args.robot.name().to_owned(),
         seed: terminal.seed,
         combination: args.combination,
@@ -168,29 +169,29 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let mut targets = vec![telemetry::Target::File(file.clone())];
+    let mut targets = vec![telemetry::RecordingTarget::File(file.clone())];
     if args.live {
-        targets.push(telemetry::Target::Spawn);
+        targets.push(telemetry::RecordingTarget::Spawn);
     }
-    let mut recording = Recording::open(&targets, &bench, &task, (args.robot.began(), args.truth))?;
+    let mut recording = Recording::open(&targets, &bench, &task, (args.robot.time_origin(), args.truth))?;
     let play = |watcher: &mut dyn Watcher| match (&mut place, condition) {
         (Some(place), _) => bench.play(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
-        (None, Condition::Ideal) => bench.ideal(args.combination, watcher).map(|outcome| outcome.record),
+        (None, Condition::Ideal) => bench.play_ideal(args.combination, watcher).map(|outcome| outcome.record),
         (None, condition) => bench
-            .trial(args.combination, args.trial, &[condition], &[], watcher)
+            .play_conditions(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
     };
-    let tells = args.robot == Body::Hardware && !terminal.quiet;
-    let (played, named) = beside(&bench, Some(&mut recording), (args.mirror, tells, condition), play);
+    let tells = args.robot == BackendKind::Hardware && !terminal.quiet;
+    let (played, named) = play_with_detector(&bench, Some(&mut recording), (args.mirror, tells, condition), play);
     let named = named.map(|named| named.into_iter().map(|named| named.divergence).collect::<Vec<_>>());
     // The recording of a stopped trial holds everything up to the stop.
     let finished = recording.finish();
     if let Some(named) = named.as_ref().filter(|_| !terminal.json) {
-        tell_divergences(named);
+        print_detected_faults(named);
     }
     let record = played?;
     finished?;
-    tell_trial(terminal, &record, named.as_deref())?;
+    print_trial(terminal, &record, named.as_deref())?;
     if !terminal.json {
         println!("recorded in {0}; see it with `ftac view {0}`", file.display());
     }
@@ -204,7 +205,7 @@ fn failure(record: &TrialRecord) -> Option<String> {
 }
 
 /// Prints the divergences that a mirror named, one per line.
-fn tell_divergences(named: &[Divergence]) {
+fn print_detected_faults(named: &[DetectedFault]) {
     match named {
         [] => println!("mirror: nothing differs between robot and twin that it can name"),
         named => named.iter().for_each(|divergence| println!("mirror: {divergence}")),
@@ -212,7 +213,7 @@ fn tell_divergences(named: &[Divergence]) {
 }
 
 /// Prints the record, with the divergences `named` by a mirror, if there was one.
-fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Divergence]>) -> Result<()> {
+fn print_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[DetectedFault]>) -> Result<()> {
     let mut text = format!(
         "{}, {}: success {}, unwanted contact {}\n",
         record.objects().join(" then "),
@@ -223,5 +224,5 @@ fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Diverge
     if !record.reason.is_empty() {
         text += &format!("{}\n", record.reason);
     }
-    terminal.print(&Played { record, divergences: named }, &text)
+    terminal.print(&TrialOutput { record, divergences: named }, &text)
 }

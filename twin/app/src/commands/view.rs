@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use telemetry::StreamError;
+use telemetry::TelemetryError;
 use telemetry::viewer;
 
 use super::export;
@@ -13,13 +13,13 @@ use crate::terminal::{Outcome, Terminal};
 /// Opens a recording, a session, or a folder's recordings in the Rerun viewer. If a folder has no recordings, its
 /// sessions are opened.
 pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
-    let program = viewer::find_viewer().ok_or(StreamError::NoViewer)?;
+    let program = viewer::find_viewer().ok_or(TelemetryError::NoViewer)?;
     // Recordings and sessions of a benchmark lie in subfolders of its results.
     let inside = |name: &str| Some(path.join(name)).filter(|folder| folder.is_dir()).unwrap_or_else(|| path.to_owned());
     let (recordings, sessions) = (inside("recordings"), inside("sessions"));
     let mut shortfall = None;
     let files = if path.extension().is_some_and(|extension| extension == "mcap") {
-        vec![drawn(terminal, path, &mut shortfall)?]
+        vec![ensure_recording(terminal, path, &mut shortfall)?]
     } else {
         match viewer::recordings(&recordings) {
             Ok(files) => files,
@@ -28,7 +28,10 @@ pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
                 if sessions.is_empty() {
                     return Err(error.into());
                 }
-                sessions.iter().map(|session| drawn(terminal, session, &mut shortfall)).collect::<Result<_>>()?
+                sessions
+                    .iter()
+                    .map(|session| ensure_recording(terminal, session, &mut shortfall))
+                    .collect::<Result<_>>()?
             }
         }
     };
@@ -38,14 +41,14 @@ pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
 }
 
 /// Returns the recording beside a session. It is made now unless it exists and is newer than the session.
-fn drawn(terminal: &Terminal, session: &Path, shortfall: &mut Option<String>) -> Result<PathBuf> {
+fn ensure_recording(terminal: &Terminal, session: &Path, shortfall: &mut Option<String>) -> Result<PathBuf> {
     let out = session.with_extension("rrd");
     let changed = |path: &Path| path.metadata().and_then(|found| found.modified());
     let recorded = changed(session).with_context(|| session.display().to_string())?;
     if changed(&out).is_ok_and(|drawn| drawn > recorded) {
         return Ok(out);
     }
-    let (_, left) = export::rrd(terminal, session, &out)?;
+    let (_, left) = export::export_rrd(terminal, session, &out)?;
     *shortfall = shortfall.take().or(left);
     Ok(out)
 }

@@ -6,15 +6,15 @@ use crate::commands::schema::OUTPUTS;
 use crate::json_schema;
 
 /// Number of hexadecimal digits of the digest.
-const DIGITS: usize = 16;
+const DIGEST_DIGITS: usize = 16;
 
 /// Returns the package version and a digest of the help of `command` with all its subcommands, and of the schemas of
 /// the JSON output of `ftac`.
 pub fn identity(mut command: Command) -> String {
     command.build();
-    let mut text = json_schema::all(OUTPUTS.iter().copied()).to_string();
+    let mut text = json_schema::all_schemas(OUTPUTS.iter().copied()).to_string();
     add_help(&mut command, &mut text);
-    format!("{} {}", env!("CARGO_PKG_VERSION"), &ftac_platform::digest::sha256(text.as_bytes())[..DIGITS])
+    format!("{} {}", env!("CARGO_PKG_VERSION"), &ftac_platform::digest::sha256(text.as_bytes())[..DIGEST_DIGITS])
 }
 
 fn add_help(command: &mut Command, text: &mut String) {

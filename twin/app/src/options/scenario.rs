@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::Args;
 use ftac_platform::data::{DataError, read_text};
-use ftac_platform::reach::{BELOW, Reach};
+use ftac_platform::file_access::{FileAccess, PERMITTED_FOLDER_PREFIX};
 use scenarios::Scenario;
 
 /// Options for the scenario.
@@ -23,19 +23,19 @@ impl ScenarioArgs {
     /// Reads the scenario. Also returns its self-contained text, which includes all files that it names.
     pub fn read(&self) -> Result<(Scenario, String)> {
         let Some(path) = &self.scenario else {
-            return Ok((Scenario::benchmark(), scenarios::scenario::BENCHMARK.to_owned()));
+            return Ok((Scenario::benchmark(), scenarios::scenario::BENCHMARK_TOML.to_owned()));
         };
         let text = read_text(path).context("--scenario")?;
-        let reach = if self.any_files { Reach::Anywhere } else { Reach::beside(path) };
-        let scenario = Scenario::parse_within(&text, path, reach).map_err(with_the_way_out)?;
+        let reach = if self.any_files { FileAccess::Anywhere } else { FileAccess::in_folder_of(path) };
+        let scenario = Scenario::parse_within(&text, path, reach).map_err(with_any_files_hint)?;
         Ok((scenario, Scenario::self_contained(&text, path, reach)?))
     }
 }
 
 /// Adds the option `--any-files` to an error about a file out of reach.
-fn with_the_way_out(mut error: DataError) -> DataError {
+fn with_any_files_hint(mut error: DataError) -> DataError {
     if let DataError::Field { expected, .. } = &mut error
-        && expected.starts_with(BELOW)
+        && expected.starts_with(PERMITTED_FOLDER_PREFIX)
     {
         expected.push_str(", or --any-files with a scenario of your own");
     }

@@ -17,7 +17,7 @@ pub enum TactileBackend {
 
 impl TactileBackend {
     /// Returns the board on this backend. Prints the rendering device on stderr, unless it is the default.
-    pub fn board(self, board: TactileBoard) -> TactileBoard {
+    pub fn select_renderer(self, board: TactileBoard) -> TactileBoard {
         match self {
             Self::Cpu => board,
             Self::Gpu => {

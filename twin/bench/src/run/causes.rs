@@ -7,20 +7,20 @@ use anyhow::Result;
 use scenarios::FailureCause;
 use scenarios::record::Condition;
 
-use super::{HARDWARE, Options, name, of_condition, play_unit};
-use crate::journal::{Entry, RunRequest, Unit};
+use super::{HARDWARE_BACKEND, RunOptions, condition_recording_name, play_unit, unit_name};
+use crate::journal::{JournalEntry, RunRequest, WorkUnit};
 use crate::trial::Bench;
 
 /// Plays the first trial of each cause of failure under each condition again, recorded, and lists the recordings in
 /// `causes.csv`. Real trials are not repeated: they have been recorded.
-pub fn record(
+pub fn record_causes(
     bench: &Bench,
     request: &RunRequest,
-    done: &BTreeMap<Unit, Entry>,
+    done: &BTreeMap<WorkUnit, JournalEntry>,
     folder: &Path,
-    options: &Options,
+    options: &RunOptions,
 ) -> Result<()> {
-    let mut examples: BTreeMap<(Condition, FailureCause), Unit> = BTreeMap::new();
+    let mut examples: BTreeMap<(Condition, FailureCause), WorkUnit> = BTreeMap::new();
     for (unit, record) in done.values().flat_map(|entry| entry.records.iter().map(|record| (entry.unit, record))) {
         if let Some(cause) = record.cause {
             examples.entry((record.condition, cause)).or_insert(unit);
@@ -28,33 +28,34 @@ pub fn record(
     }
     let mut table = "condition,cause,recording\n".to_owned();
     for ((condition, cause), unit) in examples {
-        if request.robot != HARDWARE {
-            let found = play_again(bench, request, (unit, condition), folder, options)?;
+        if request.robot != HARDWARE_BACKEND {
+            let found = replay_unit(bench, request, (unit, condition), folder, options)?;
             if found != Some(cause) {
                 let found = found.map_or_else(|| "no failure".to_owned(), |found| found.to_string());
                 eprintln!(
                     "{}, {condition}: played again for its recording, it shows {found} instead of {cause}",
-                    name(unit)
+                    unit_name(unit)
                 );
             }
         }
-        table += &format!("{condition},{cause},recordings/{}.rrd\n", of_condition(&name(unit), condition));
+        table +=
+            &format!("{condition},{cause},recordings/{}.rrd\n", condition_recording_name(&unit_name(unit), condition));
     }
-    Ok(ftac_platform::data::write_whole(&folder.join("causes.csv"), table.as_bytes())?)
+    Ok(ftac_platform::data::write_atomically(&folder.join("causes.csv"), table.as_bytes())?)
 }
 
 /// Plays and records a unit under one condition alone. Returns its cause of failure.
-fn play_again(
+fn replay_unit(
     bench: &Bench,
     request: &RunRequest,
-    (unit, condition): (Unit, Condition),
+    (unit, condition): (WorkUnit, Condition),
     folder: &Path,
-    options: &Options,
+    options: &RunOptions,
 ) -> Result<Option<FailureCause>> {
     let alone = RunRequest { conditions: vec![condition], ablations: Vec::new(), ..request.clone() };
     // Bodies that cannot be cloned append the condition themselves.
     let cloned = request.robot == "sim";
-    let name = if cloned { of_condition(&name(unit), condition) } else { name(unit) };
+    let name = if cloned { condition_recording_name(&unit_name(unit), condition) } else { unit_name(unit) };
     let results = play_unit(bench, &alone, (unit, &name), folder, options, true)?;
     Ok(results.records.first().and_then(|record| record.cause))
 }

@@ -8,16 +8,17 @@ use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::tries::TryRecord;
 
 use super::branch::TrialOutcome;
-use super::eyes::Looks;
-use super::means::Means;
-use super::setup::{Setup, Start};
+use super::capabilities::PolicyCapabilities;
+use super::setup::{InitialConditions, PreparedTrial};
 use super::shared::Bench;
+use super::simulated_detector::DetectionNoise;
 use super::watcher::Watcher;
-use fault_detection::divergence::Named;
+use fault_detection::fault::FaultRow;
 
-impl From<Ablation> for Means {
+impl From<Ablation> for PolicyCapabilities {
     fn from(ablation: Ablation) -> Self {
-        let recovery = Recovery { retry: ablation != Ablation::NoRetry, new_look: ablation != Ablation::NoNewLook };
+        let recovery =
+            Recovery { retry: ablation != Ablation::NoRetry, new_detection: ablation != Ablation::NoNewLook };
         Self { sensing: ablation.sensing(), recovery, explores: ablation != Ablation::NoExploration }
     }
 }
@@ -29,10 +30,10 @@ pub struct TrialResults {
     pub records: Vec<TrialRecord>,
     /// Tries of the records.
     pub tries: Vec<TryRecord>,
-    /// Ablations: the policy `touch` with one of its means removed.
+    /// Ablations: the policy `play_touch` with one of its means removed.
     pub ablated: Vec<AblatedTrial>,
     /// Diagnoses of a mirror, if one ran.
-    pub divergences: Vec<Named>,
+    pub faults: Vec<FaultRow>,
 }
 
 impl TrialResults {
@@ -54,49 +55,60 @@ pub struct Branches<'a> {
     /// Data that all trials share.
     pub bench: &'a Bench,
     /// Setup of the trial.
-    pub setup: &'a Setup<'a>,
+    pub setup: &'a InitialConditions<'a>,
     /// State after the first grasp.
-    pub start: Start,
+    pub start: PreparedTrial,
     /// Generators of the trial's later looks.
-    pub looks: Looks,
+    pub detection_noise: DetectionNoise,
 }
 
 impl Branches<'_> {
     /// Plays one condition.
     pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        match Means::of(id.condition) {
-            _ if id.condition == Condition::Own => self.own(id, watcher),
-            None => self.bench.plan(&self.start, self.bench.options(id, self.looks.clone()), watcher),
-            Some(means) => self.deliberate(id, means, watcher),
+        match PolicyCapabilities::for_condition(id.condition) {
+            _ if id.condition == Condition::Own => self.play_external_policy(id, watcher),
+            None => self.bench.play_blind(
+                &self.start,
+                self.bench.branch_settings(id, self.detection_noise.clone()),
+                watcher,
+            ),
+            Some(means) => self.play_deciding_policy(id, means, watcher),
         }
     }
 
     /// Plays the user's own policy.
-    fn own(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, looks } = self;
-        let options = bench.options(id, looks.clone());
-        if bench.begins_otherwise(Condition::Own) {
-            return bench.own(&setup.at_rest(bench, None, watcher)?, options, watcher);
+    fn play_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let Self { bench, setup, start, detection_noise: looks } = self;
+        let options = bench.branch_settings(id, looks.clone());
+        if bench.skips_planned_grasp(Condition::Own) {
+            return bench.play_external_policy(&setup.begin_at_rest(bench, None, watcher)?, options, watcher);
         }
-        bench.own(start, options, watcher)
+        bench.play_external_policy(start, options, watcher)
     }
 
-    /// Plays a policy that decides, with the `means` that are left to it.
-    pub fn deliberate(&self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, looks } = self;
-        let options = bench.options(id, looks.clone());
-        if let Some(why) = bench.intact.as_ref().and_then(|intact| intact.impossible.get(&id.combination)) {
-            return bench.decline(setup, id, why, watcher);
+    /// Plays a policy that decides, with the `capabilities` that are left to it.
+    pub fn play_deciding_policy(
+        &self,
+        id: TrialId,
+        means: PolicyCapabilities,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        let Self { bench, setup, start, detection_noise: looks } = self;
+        let options = bench.branch_settings(id, looks.clone());
+        if let Some(why) = bench.intact_grasps.as_ref().and_then(|intact| intact.impossible.get(&id.combination)) {
+            return bench.declined_trial(setup, id, why, watcher);
         }
-        let own = bench.intact.as_ref().map(|_| setup.without_digits(bench, id.combination));
-        let mut start = match (means.begin_otherwise(), own) {
-            (true, own) => own.as_ref().unwrap_or(setup).ordered(bench, means)?.at_rest(bench, None, watcher)?,
-            (false, Some(own)) => own.first_grasp(bench, None, watcher)?,
-            (false, None) => Start::clone(start),
+        let own = bench.intact_grasps.as_ref().map(|_| setup.without_digits(bench, id.combination));
+        let mut start = match (means.may_skip_planned_grasp(), own) {
+            (true, own) => {
+                own.as_ref().unwrap_or(setup).reordered_for(bench, means)?.begin_at_rest(bench, None, watcher)?
+            }
+            (false, Some(own)) => own.play_first_grasp(bench, None, watcher)?,
+            (false, None) => PreparedTrial::clone(start),
         };
         if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
             start.run.snapshot.executor.react_to_slip();
         }
-        bench.touch(&start, options, means, watcher)
+        bench.play_touch(&start, options, means, watcher)
     }
 }

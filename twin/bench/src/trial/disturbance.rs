@@ -8,46 +8,46 @@ use std::sync::Arc;
 use anyhow::Result;
 use control::executor::Executor;
 use nalgebra::Vector3;
-use scenarios::disturbance::{Disturbances, Moment, Target, Which};
+use scenarios::disturbance::{Disturbances, EventTiming, PushTarget, TargetObject};
 use scenarios::noise::{ObjectNoise, TrialNoise};
 use sim::SimulatedRobot;
-use sim::robot::Truth;
-use world::layout::MOST_OBJECTS;
+use sim::robot::GroundTruth;
+use world::layout::MAX_OBJECTS;
 use world::objects::ObjectModel;
 
 /// A disturbance that begins at a moment of a trial and ends some time later.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-enum Interval {
+enum DisturbancePhase {
     /// Has not begun.
     #[default]
-    Ahead,
+    Pending,
     /// Active since this time, s.
-    Since(f64),
-    Over,
+    Active(f64),
+    Finished,
 }
 
 /// Change within one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Change {
+enum IntervalChange {
     Begins,
     Lasts,
     Ends,
     Nothing,
 }
 
-impl Interval {
-    fn advance(&mut self, moment: &Moment, executor: &Executor, time: f64) -> Change {
+impl DisturbancePhase {
+    fn advance(&mut self, moment: &EventTiming, executor: &Executor, time: f64) -> IntervalChange {
         match *self {
-            Self::Ahead if executor.phase() == moment.phase && executor.motion().progress() >= moment.at => {
-                *self = Self::Since(time);
-                Change::Begins
+            Self::Pending if executor.phase() == moment.phase && executor.motion().progress() >= moment.at => {
+                *self = Self::Active(time);
+                IntervalChange::Begins
             }
-            Self::Since(start) if time - start >= moment.duration => {
-                *self = Self::Over;
-                Change::Ends
+            Self::Active(start) if time - start >= moment.duration => {
+                *self = Self::Finished;
+                IntervalChange::Ends
             }
-            Self::Since(_) => Change::Lasts,
-            Self::Ahead | Self::Over => Change::Nothing,
+            Self::Active(_) => IntervalChange::Lasts,
+            Self::Pending | Self::Finished => IntervalChange::Nothing,
         }
     }
 }
@@ -55,11 +55,11 @@ impl Interval {
 /// Disturbances of a trial in progress; they branch with the trial.
 #[derive(Debug, Clone, Default)]
 pub struct Disturber {
-    what: Disturbances,
-    push: Interval,
-    slip: Interval,
+    disturbances: Disturbances,
+    push: DisturbancePhase,
+    slip: DisturbancePhase,
     /// True for objects that the hand has touched.
-    touched: [bool; MOST_OBJECTS],
+    touched: [bool; MAX_OBJECTS],
     log: Vec<String>,
 }
 
@@ -67,7 +67,7 @@ impl Disturber {
     /// Creates the disturbances of the scenario for a trial with `objects`.
     pub fn new(what: &Disturbances, objects: &[Arc<ObjectModel>]) -> Self {
         let mut log = Vec::new();
-        for (object, size) in objects.iter().zip(what.sizes()).filter(|(_, size)| *size != 1.0) {
+        for (object, size) in objects.iter().zip(what.size_factors()).filter(|(_, size)| *size != 1.0) {
             log.push(format!("the {} is {size:.3} times as large as its model", object.name));
         }
         if let Some(wrong) = &what.wrong_position {
@@ -82,49 +82,50 @@ impl Disturber {
         if let Some(blind) = &what.blind_pads {
             log.push(format!("cameras failed: {}", blind.pads.join(", ")));
         }
-        Self { what: what.clone(), log, ..Self::default() }
+        Self { disturbances: what.clone(), log, ..Self::default() }
     }
 
     /// Applies the disturbances that exist from the beginning.
     pub fn prepare(&self, robot: &mut SimulatedRobot) {
-        robot.cut_power(self.what.disabled());
-        if let Some(blind) = &self.what.blind_pads {
+        robot.cut_power(self.disturbances.disabled());
+        if let Some(blind) = &self.disturbances.blind_pads {
             robot.fail_cameras(&blind.pads, blind.frames);
         }
     }
 
     /// Applies the disturbances of the coming tick. Returns a description of one that begins now.
-    pub fn act(&mut self, robot: &mut SimulatedRobot, executor: &Executor) -> Option<String> {
+    pub fn apply(&mut self, robot: &mut SimulatedRobot, executor: &Executor) -> Option<String> {
         let time = robot.time();
         let mut began = None;
-        let name = |target: Target| match target {
-            Target::First => "first object",
-            Target::Second => "second object",
-            Target::Hand => "hand",
+        let name = |target: PushTarget| match target {
+            PushTarget::First => "first object",
+            PushTarget::Second => "second object",
+            PushTarget::Hand => "hand",
         };
-        if let Some(push) = &self.what.push {
-            let change = self.push.advance(&push.moment(), executor, time);
-            if matches!(change, Change::Begins | Change::Lasts) {
-                robot.pull(push.on.object(), Vector3::from(push.force));
+        if let Some(push) = &self.disturbances.push {
+            let change = self.push.advance(&push.timing(), executor, time);
+            if matches!(change, IntervalChange::Begins | IntervalChange::Lasts) {
+                robot.apply_force(push.on.object(), Vector3::from(push.force));
             }
-            if change == Change::Begins {
+            if change == IntervalChange::Begins {
                 let force = Vector3::from(push.force).norm();
                 began = Some(format!("push of {force:.1} N on the {} at {time:.2} s", name(push.on)));
             }
         }
-        if let Some(slip) = &self.what.slip {
-            let change = self.slip.advance(&slip.moment(), executor, time);
+        if let Some(slip) = &self.disturbances.slip {
+            let change = self.slip.advance(&slip.timing(), executor, time);
             let object = slip.object.index();
             match change {
-                Change::Begins => robot.set_friction(object, slip.friction),
-                Change::Ends => robot.set_friction(object, 1.0),
-                Change::Lasts | Change::Nothing => {}
+                IntervalChange::Begins => robot.set_friction(object, slip.friction),
+                IntervalChange::Ends => robot.set_friction(object, 1.0),
+                IntervalChange::Lasts | IntervalChange::Nothing => {}
             }
-            if matches!(change, Change::Begins | Change::Lasts) {
-                robot.pull(Some(object), Vector3::from(slip.force));
+            if matches!(change, IntervalChange::Begins | IntervalChange::Lasts) {
+                robot.apply_force(Some(object), Vector3::from(slip.force));
             }
-            if change == Change::Begins {
-                let which = name(if slip.object == Which::First { Target::First } else { Target::Second });
+            if change == IntervalChange::Begins {
+                let which =
+                    name(if slip.object == TargetObject::First { PushTarget::First } else { PushTarget::Second });
                 let force = Vector3::from(slip.force).norm();
                 began = Some(format!(
                     "the {which} becomes slippery (friction times {:.2}, tug of {force:.1} N) at {time:.2} s",
@@ -137,7 +138,7 @@ impl Disturber {
     }
 
     /// Notes which objects the hand has touched.
-    pub fn see(&mut self, truth: &Truth) {
+    pub fn note_touched(&mut self, truth: &GroundTruth) {
         for (touched, by) in self.touched.iter_mut().zip(&truth.touched_by) {
             *touched |= *by != 0;
         }
@@ -146,7 +147,7 @@ impl Disturber {
     /// Returns `noise` of a look at object `index`, plus the position error of the scenario until the hand has touched
     /// the object.
     pub fn perceived_noise(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
-        match &self.what.wrong_position {
+        match &self.disturbances.wrong_position {
             Some(wrong) if wrong.object.index() == index && !self.touched[index] => {
                 ObjectNoise { offset: noise.offset + Vector3::from(wrong.offset), ..*noise }
             }
@@ -155,19 +156,19 @@ impl Disturber {
     }
 
     /// Returns the noise of the first looks, with the same errors.
-    pub fn first_percepts(&self, noise: &TrialNoise) -> TrialNoise {
+    pub fn first_detection_noise(&self, noise: &TrialNoise) -> TrialNoise {
         let objects = std::array::from_fn(|index| self.perceived_noise(index, &noise.objects[index]));
         TrialNoise { objects, ..*noise }
     }
 
     /// Returns a description of the disturbances so far.
-    pub fn log(&self) -> String {
+    pub fn description(&self) -> String {
         self.log.join("; ")
     }
 }
 
 /// Returns the real objects: `models` scaled by these sizes.
-pub fn resized(models: &[Arc<ObjectModel>], sizes: &[f64]) -> Result<Vec<Arc<ObjectModel>>> {
+pub fn scaled_objects(models: &[Arc<ObjectModel>], sizes: &[f64]) -> Result<Vec<Arc<ObjectModel>>> {
     let resize = |(model, size): (&Arc<ObjectModel>, &f64)| -> Result<Arc<ObjectModel>> {
         if *size == 1.0 { Ok(model.clone()) } else { Ok(Arc::new(model.scaled(*size)?)) }
     };

@@ -1,16 +1,16 @@
 //! A watcher that keeps the poses of everything for a film.
 
 use anyhow::Result;
-use report::film::{Film, Frame, Stage};
+use report::film::{Film, FilmFrame, FilmStage};
 use scenarios::record::{Condition, TrialRecord};
 
-use super::{Bench, Moment, Watcher};
+use super::{Bench, TickView, Watcher};
 
 /// Films the branch of one condition on a body with ground truth.
 pub struct Filming {
     condition: Condition,
     /// True if the branch shares no first grasp with the others.
-    begins_otherwise: bool,
+    skips_planned_grasp: bool,
     /// Time between frames, s.
     period: f64,
     /// The film so far.
@@ -21,17 +21,17 @@ impl Filming {
     /// Films `rate` frames per second of `condition`.
     pub fn new(bench: &Bench, condition: Condition, rate: f64) -> Self {
         let film = Film { title: condition.name().to_owned(), ..Film::default() };
-        Self { condition, begins_otherwise: bench.begins_otherwise(condition), period: 1.0 / rate, film }
+        Self { condition, skips_planned_grasp: bench.skips_planned_grasp(condition), period: 1.0 / rate, film }
     }
 }
 
 impl Watcher for Filming {
-    fn active(&self) -> bool {
+    fn is_active(&self) -> bool {
         true
     }
 
-    fn see(&mut self, moment: &Moment) -> Result<()> {
-        if moment.condition.map_or(self.begins_otherwise, |condition| condition != self.condition) {
+    fn on_tick(&mut self, moment: &TickView) -> Result<()> {
+        if moment.condition.map_or(self.skips_planned_grasp, |condition| condition != self.condition) {
             return Ok(());
         }
         if let Some(note) = moment.note {
@@ -44,7 +44,7 @@ impl Watcher for Filming {
             if moment.reversed {
                 objects.reverse();
             }
-            self.film.frames.push(Frame {
+            self.film.frames.push(FilmFrame {
                 time: moment.time,
                 phase: moment.executor.phase().to_string(),
                 arm: truth.arm_links.clone(),
@@ -56,11 +56,11 @@ impl Watcher for Filming {
         Ok(())
     }
 
-    fn branch(&mut self, _: Condition) -> Result<()> {
+    fn on_branch(&mut self, _: Condition) -> Result<()> {
         Ok(())
     }
 
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+    fn on_outcome(&mut self, record: &TrialRecord) -> Result<()> {
         if record.condition == self.condition {
             let contact = if record.contact { ", an unwanted contact" } else { "" };
             let text = match (record.success, record.cause) {
@@ -75,29 +75,29 @@ impl Watcher for Filming {
 }
 
 /// Returns the constant parts of a film of this combination.
-pub fn stage(bench: &Bench, combination: usize) -> Result<Stage<'_>> {
-    let (plan, world) = (&bench.plans.plans[combination], &bench.world);
+pub fn film_stage(bench: &Bench, combination: usize) -> Result<FilmStage<'_>> {
+    let (plan, world) = (&bench.grasp_pairs.plans[combination], &bench.world);
     let objects = world.models(&plan.objects())?;
-    Ok(Stage { hand: &world.cell.robot.hand, arm: &world.cell.robot.arm, objects })
+    Ok(FilmStage { hand: &world.cell.robot.hand, arm: &world.cell.robot.arm, objects })
 }
 
 /// Several watchers of one trial.
-pub struct All<'a>(pub Vec<&'a mut dyn Watcher>);
+pub struct Watchers<'a>(pub Vec<&'a mut dyn Watcher>);
 
-impl Watcher for All<'_> {
-    fn active(&self) -> bool {
-        self.0.iter().any(|one| one.active())
+impl Watcher for Watchers<'_> {
+    fn is_active(&self) -> bool {
+        self.0.iter().any(|one| one.is_active())
     }
 
-    fn see(&mut self, moment: &Moment) -> Result<()> {
-        self.0.iter_mut().try_for_each(|one| one.see(moment))
+    fn on_tick(&mut self, moment: &TickView) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.on_tick(moment))
     }
 
-    fn branch(&mut self, condition: Condition) -> Result<()> {
-        self.0.iter_mut().try_for_each(|one| one.branch(condition))
+    fn on_branch(&mut self, condition: Condition) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.on_branch(condition))
     }
 
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
-        self.0.iter_mut().try_for_each(|one| one.outcome(record))
+    fn on_outcome(&mut self, record: &TrialRecord) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.on_outcome(record))
     }
 }

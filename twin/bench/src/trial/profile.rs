@@ -44,7 +44,7 @@ pub struct Profile([AtomicU64; Activity::ALL.len()]);
 
 impl Profile {
     /// Runs `work` and adds its time to `activity`.
-    pub fn on<T>(&self, activity: Activity, work: impl FnOnce() -> T) -> T {
+    pub fn measure<T>(&self, activity: Activity, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let done = work();
         self.0[activity as usize].fetch_add(begun.elapsed().as_nanos() as u64, Ordering::Relaxed);
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn time_goes_to_the_part_that_took_it() {
         let profile = Profile::default();
-        let value = profile.on(Activity::Choice, || (0..100_000u64).map(|n| n % 7).sum::<u64>());
+        let value = profile.measure(Activity::Choice, || (0..100_000u64).map(|n| n % 7).sum::<u64>());
         assert_eq!(value, 299_995);
         for (activity, seconds) in profile.seconds() {
             assert_eq!(seconds > 0.0, activity == Activity::Choice, "{}", activity.name());

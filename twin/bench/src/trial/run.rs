@@ -5,42 +5,42 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use control::executor::{Executor, Phase};
 use control::outage::Outage;
-use control::perception::Felt;
-use control::policy::{Choice, Injected};
-use grasp_verification::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
+use control::perception::ObjectEstimate;
+use control::policy::{DecisionRecord, InjectedHold};
+use grasp_verification::rollout::{PALM, RolloutSnapshot, digit_bits, in_hand};
 use hand_model::Hand;
-use hand_model::robot::{Command, Observation, RobotBackend, RobotError};
+use hand_model::robot::{Observation, RobotBackend, RobotCommand, RobotError};
 use scenarios::FailureCause;
+use scenarios::phase_tracker::PhaseTracker;
 use scenarios::record::{Condition, PoseErrors, TrialId, TrialRecord};
-use scenarios::referee::{ObjectTruth, Referee, SceneTruth, Touch, Toucher};
-use scenarios::stages::Stages;
-use sim::robot::Truth;
+use scenarios::referee::{ContactingBody, ObjectTruth, Referee, SceneTruth, TouchEvent};
+use sim::robot::GroundTruth;
 use world::objects::ObjectModel;
 use world::phase::ordinal;
 
 use super::disturbance::Disturber;
-use super::eyes::History;
 use super::profile::{Activity, Profile};
-use super::watcher::{Moment, Watcher};
-use robot_backends::{Body, Stopped};
+use super::simulated_detector::PoseHistory;
+use super::watcher::{TickView, Watcher};
+use robot_backends::{Backend, TrialStopped};
 
 /// A trial in progress; a clone on a simulated body is a branch.
 #[derive(Clone)]
 pub struct Run {
     /// Body and controller.
-    pub snapshot: Snapshot<Body>,
+    pub snapshot: RolloutSnapshot<Backend>,
     /// Referee that judges the trial.
     pub referee: Referee,
     /// Disturbances of the trial.
     pub disturber: Disturber,
     /// Past object poses, for eyes with latency.
-    pub history: History,
+    pub history: PoseHistory,
     /// Profile of the computing time.
     pub profile: Arc<Profile>,
     /// True if the object that the combination names second is grasped first: the body's first object is that one.
     pub reversed: bool,
     /// True if a trial whose body stops counts as failed. If false it does not count at all.
-    pub outlasts_faults: bool,
+    pub continues_after_faults: bool,
     /// Reason for which the body stopped.
     pub fault: Option<String>,
     /// Failed calls of the body.
@@ -72,7 +72,7 @@ impl Run {
             switched: false,
             retries: 0,
             reason: String::new(),
-            disturbance: self.disturber.log(),
+            disturbance: self.disturber.description(),
             risk: None,
             plan_separation_mm: None,
             chosen_separation_mm: None,
@@ -90,7 +90,7 @@ impl Run {
     pub fn play(
         &mut self,
         until: impl Fn(Phase) -> bool,
-        felt: &[Felt],
+        felt: &[ObjectEstimate],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -104,7 +104,7 @@ impl Run {
     pub fn wait(
         &mut self,
         time: f64,
-        felt: &[Felt],
+        felt: &[ObjectEstimate],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -113,11 +113,11 @@ impl Run {
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `on` returns true for the executor and the time (s).
+    /// Plays as long as `measure` returns true for the executor and the time (s).
     fn play_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
-        felt: &[Felt],
+        felt: &[ObjectEstimate],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
@@ -125,10 +125,10 @@ impl Run {
             match self.observe()? {
                 Some(observation) => {
                     let executor = &mut self.snapshot.executor;
-                    let command = self.profile.on(Activity::Control, || executor.tick(&observation))?;
+                    let command = self.profile.measure(Activity::Control, || executor.tick(&observation))?;
                     self.carry_out(&command, None, (felt, condition), watcher)?;
                 }
-                None => self.pass(None, false, None, (felt, condition), watcher)?,
+                None => self.finish_tick(None, false, None, (felt, condition), watcher)?,
             }
         }
         Ok(())
@@ -136,61 +136,61 @@ impl Run {
 
     /// Returns the newest measurements, or none while the body fails. A body that fails for too long ends the trial.
     pub fn observe(&mut self) -> Result<Option<Observation>> {
-        let seen = self.outage.observed(self.snapshot.robot.observe());
-        self.unless_lost(seen)
+        let seen = self.outage.record_observation(self.snapshot.robot.observe());
+        self.check_outage(seen)
     }
 
     /// Plays one tick with `command`; referee and watcher see it. Returns the command after limits, if one was sent.
-    /// The phase comes from the executor, or from `stages` if the executor does not command.
+    /// The phase comes from the executor, or from `phase_tracker` if the executor does not command.
     pub fn carry_out(
         &mut self,
-        command: &Command,
-        stages: Option<&mut Stages>,
-        shown: (&[Felt], Option<Condition>),
+        command: &RobotCommand,
+        stages: Option<&mut PhaseTracker>,
+        shown: (&[ObjectEstimate], Option<Condition>),
         watcher: &mut dyn Watcher,
-    ) -> Result<Option<Command>> {
-        let sent = self.outage.sent(self.snapshot.robot.send(command));
-        let sent = self.unless_lost(sent)?;
-        self.pass(sent.as_ref(), command.capture, stages, shown, watcher)?;
+    ) -> Result<Option<RobotCommand>> {
+        let sent = self.outage.record_send(self.snapshot.robot.send(command));
+        let sent = self.check_outage(sent)?;
+        self.finish_tick(sent.as_ref(), command.capture, stages, shown, watcher)?;
         Ok(sent)
     }
 
-    /// Lets a tick pass in which `sent` was sent; referee and watcher see it.
-    fn pass(
+    /// Lets a tick pass in which `record_send` was sent; referee and watcher see it.
+    fn finish_tick(
         &mut self,
-        sent: Option<&Command>,
+        sent: Option<&RobotCommand>,
         captures: bool,
-        stages: Option<&mut Stages>,
-        (felt, condition): (&[Felt], Option<Condition>),
+        stages: Option<&mut PhaseTracker>,
+        (felt, condition): (&[ObjectEstimate], Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executor }, referee, disturber, history, profile, .. } = self;
+        let Self { snapshot: RolloutSnapshot { robot, executor }, referee, disturber, history, profile, .. } = self;
         let reversed = self.reversed;
         let note = match robot {
-            Body::Simulated(robot) => disturber.act(robot, executor),
-            Body::Single(_) => None,
+            Backend::Simulated(robot) => disturber.apply(robot, executor),
+            Backend::Single(_) => None,
         };
         let activity = if captures { Activity::Images } else { Activity::Physics };
-        profile.on(activity, || robot.wait_for_tick());
-        profile.on(Activity::Referee, || {
+        profile.measure(activity, || robot.wait_for_tick());
+        profile.measure(Activity::Referee, || {
             let (truth, hand) = (robot.truth(), executor.motion().hand());
             if let Some(truth) = &truth {
-                referee.see(&match stages {
-                    Some(stages) => staged(hand, truth, stages),
+                referee.observe(&match stages {
+                    Some(stages) => staged_scene_truth(hand, truth, stages),
                     None => {
                         let digits = executor.targets().iter().map(|target| digit_bits(hand, &target.grasp.digits));
-                        let mut seen = scene(hand, truth, executor.phase(), &digits.collect::<Vec<_>>());
+                        let mut seen = scene_truth(hand, truth, executor.phase(), &digits.collect::<Vec<_>>());
                         for (object, target) in seen.objects.iter_mut().zip(executor.targets()).skip(1) {
-                            object.palm_takes = target.grasp.digits.len() == 1;
+                            object.palm_grasp = target.grasp.digits.len() == 1;
                         }
                         seen
                     }
                 });
-                disturber.see(truth);
-                history.see(truth);
+                disturber.note_touched(truth);
+                history.record(truth);
             }
             let (time, note) = (robot.time(), note.as_deref());
-            watcher.see(&Moment {
+            watcher.on_tick(&TickView {
                 time,
                 truth: truth.as_ref(),
                 executor,
@@ -204,29 +204,29 @@ impl Run {
         })?;
         // The last tick of a recording may also be the last of a trial.
         if self.fault.is_none()
-            && let Some(why) = robot.stopped().filter(|_| !executor.phase().is_done())
+            && let Some(why) = robot.stop_reason().filter(|_| !executor.phase().is_done())
         {
-            self.stop(&why)?;
+            self.end_trial(&why)?;
         }
         Ok(())
     }
 
     /// Returns the outcome of a call of the body. If the body has failed for too long, returns none and ends the trial.
-    fn unless_lost<T>(&mut self, called: Result<Option<T>, RobotError>) -> Result<Option<T>> {
+    fn check_outage<T>(&mut self, called: Result<Option<T>, RobotError>) -> Result<Option<T>> {
         called.or_else(|error| {
             // The party that stopped the body knows the reason better.
-            let why = self.snapshot.robot.stopped().unwrap_or_else(|| error.to_string());
-            self.stop(&why)?;
+            let why = self.snapshot.robot.stop_reason().unwrap_or_else(|| error.to_string());
+            self.end_trial(&why)?;
             Ok(None)
         })
     }
 
     /// Ends the trial here: as failed, or as not counting.
-    fn stop(&mut self, why: &str) -> Result<()> {
-        let Snapshot { robot, executor } = &self.snapshot;
+    fn end_trial(&mut self, why: &str) -> Result<()> {
+        let RolloutSnapshot { robot, executor } = &self.snapshot;
         let why = format!("{why} (phase: {})", executor.phase().name());
-        if !self.outlasts_faults || !robot.is_written() {
-            bail!(Stopped(why));
+        if !self.continues_after_faults || !robot.is_session_writable() {
+            bail!(TrialStopped(why));
         }
         self.referee.give_up(FailureCause::RobotFault);
         self.fault = Some(why);
@@ -234,8 +234,8 @@ impl Run {
     }
 
     /// Describes how often the slip reflex increased the grip force.
-    pub fn slips(&self) -> Option<String> {
-        let slips = self.snapshot.executor.slips();
+    pub fn describe_slips(&self) -> Option<String> {
+        let slips = self.snapshot.executor.slip_counts();
         (slips.iter().sum::<u32>() > 0).then(|| {
             let grips = slips.iter().enumerate().map(|(n, count)| match n {
                 0 => format!("{count} times in the {} grip", ordinal(n)),
@@ -247,20 +247,20 @@ impl Run {
     }
 
     /// Shows the watcher a note about the coming action, or the options weighed for it.
-    pub fn tell(
+    pub fn notify_watcher(
         &self,
-        (note, choice): (Option<&str>, Option<&Choice>),
-        felt: &[Felt],
+        (note, choice): (Option<&str>, Option<&DecisionRecord>),
+        felt: &[ObjectEstimate],
         condition: Condition,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Snapshot { robot, executor } = &self.snapshot;
-        if !watcher.active() {
+        let RolloutSnapshot { robot, executor } = &self.snapshot;
+        if !watcher.is_active() {
             return Ok(());
         }
         let (time, truth) = (robot.time(), robot.truth());
         let condition = Some(condition);
-        watcher.see(&Moment {
+        watcher.on_tick(&TickView {
             time,
             truth: truth.as_ref(),
             executor,
@@ -274,30 +274,30 @@ impl Run {
     }
 
     /// Returns the true state of the objects in the hand, as an estimate to inject.
-    pub fn true_state(&self) -> Option<Injected> {
+    pub fn true_state(&self) -> Option<InjectedHold> {
         let truth = self.snapshot.robot.truth()?;
-        Some(Injected {
+        Some(InjectedHold {
             palm_from_object: truth.palm.inverse() * truth.objects[0],
-            grip: (0..truth.objects.len()).map(|object| in_hand(&truth, object)).collect(),
+            hold_state: (0..truth.objects.len()).map(|object| in_hand(&truth, object)).collect(),
         })
     }
 }
 
 /// Returns the referee's view of a scene whose phases are read from it. The digits that hold an object are those that
 /// touch it.
-fn staged(hand: &Hand, truth: &Truth, stages: &mut Stages) -> SceneTruth {
+fn staged_scene_truth(hand: &Hand, truth: &GroundTruth, stages: &mut PhaseTracker) -> SceneTruth {
     let on = |touched: &u32| {
         let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit]));
         digits.filter(|bits| touched & bits != 0).fold(0, |all, bits| all | bits)
     };
     let holding: Vec<u32> = truth.touched_by.iter().map(on).collect();
-    let phase = stages.see(&scene(hand, truth, stages.phase(), &holding));
-    scene(hand, truth, phase, &holding)
+    let phase = stages.observe(&scene_truth(hand, truth, stages.phase(), &holding));
+    scene_truth(hand, truth, phase, &holding)
 }
 
 /// Returns the referee's view of the scene; `holding` are the links of the digits assigned to each object (bits as in
-/// [`Truth::touched_by`]).
-fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTruth {
+/// [`GroundTruth::touched_by`]).
+fn scene_truth(hand: &Hand, truth: &GroundTruth, phase: Phase, holding: &[u32]) -> SceneTruth {
     let object = |n: usize| {
         let touched = truth.touched_by[n];
         let of = |wanted: &dyn Fn(usize) -> bool| {
@@ -310,11 +310,11 @@ fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTrut
                 .iter()
                 .filter_map(|&(a, b)| (a.max(b) == n).then_some(a.min(b)))
                 .collect(),
-            holding_digits_touch: touched & of(&|other| phase.lifts(other)) != 0,
+            holding_digits_touch: touched & of(&|other| phase.has_begun_lift(other)) != 0,
             palm_touches: touched & PALM != 0,
             free_digits: digits_on(hand, touched & !before),
-            palm_takes: false,
-            pressed_by: if n == 0 { Vec::new() } else { pressed_by(truth, n, before) },
+            palm_grasp: false,
+            pressed_by: if n == 0 { Vec::new() } else { pressing_contacts(truth, n, before) },
             hand_contacts: touched.count_ones() as usize,
             on_table: truth.on_table[n],
             world_from_object: truth.objects[n],
@@ -328,16 +328,16 @@ fn scene(hand: &Hand, truth: &Truth, phase: Phase, holding: &[u32]) -> SceneTrut
     }
 }
 
-/// Returns the number of digits with a link among `links` (bits as in [`Truth::touched_by`]).
+/// Returns the number of digits with a link among `links` (bits as in [`GroundTruth::touched_by`]).
 fn digits_on(hand: &Hand, links: u32) -> usize {
     hand.digits().iter().filter(|digit| links & digit_bits(hand, &[**digit]) != 0).count()
 }
 
 /// Returns the contacts that press on an object after the first at the end of the tick; `holding` are the links of the
 /// digits assigned to the objects before it.
-fn pressed_by(truth: &Truth, object: usize, holding: u32) -> Vec<Touch> {
-    let by_hand = truth.contacts.iter().filter(|contact| contact.object == object).map(|contact| Touch {
-        by: contact.link.map_or(Toucher::Palm, Toucher::Link),
+fn pressing_contacts(truth: &GroundTruth, object: usize, holding: u32) -> Vec<TouchEvent> {
+    let by_hand = truth.contacts.iter().filter(|contact| contact.object == object).map(|contact| TouchEvent {
+        by: contact.link.map_or(ContactingBody::Palm, ContactingBody::Link),
         holding: contact.link.is_some_and(|link| holding >> link & 1 != 0),
         point: contact.point,
         force: contact.force.norm(),
@@ -345,10 +345,10 @@ fn pressed_by(truth: &Truth, object: usize, holding: u32) -> Vec<Touch> {
     let by_objects = truth.object_contacts.iter().filter_map(|contact| {
         let (a, b) = contact.objects;
         let by = match a.min(b) {
-            0 => Toucher::FirstObject,
-            _ => Toucher::SecondObject,
+            0 => ContactingBody::FirstObject,
+            _ => ContactingBody::SecondObject,
         };
-        (a.max(b) == object).then_some(Touch { by, holding: false, point: contact.point, force: contact.force })
+        (a.max(b) == object).then_some(TouchEvent { by, holding: false, point: contact.point, force: contact.force })
     });
     by_hand.chain(by_objects).collect()
 }
@@ -362,12 +362,12 @@ mod tests {
 
     use super::*;
 
-    fn truth(touched_by: [u32; 2]) -> Truth {
-        Truth {
+    fn truth(touched_by: [u32; 2]) -> GroundTruth {
+        GroundTruth {
             objects: vec![Isometry3::identity(); 2],
             touched_by: touched_by.to_vec(),
             on_table: vec![false, true],
-            ..Truth::default()
+            ..GroundTruth::default()
         }
     }
 
@@ -380,7 +380,7 @@ mod tests {
         let ring = 1 << Digit::Ring.ftac_joints()[2];
         let index = 1 << Digit::Index.ftac_joints()[2];
         let seen = |touched: u32, phase: Phase| {
-            scene(&hand, &truth([holding, touched]), phase, &[holding, 0]).objects[1].clone()
+            scene_truth(&hand, &truth([holding, touched]), phase, &[holding, 0]).objects[1].clone()
         };
         assert!(seen(ring, Phase::run(Skill::Approach, 1)).holding_digits_touch);
         assert!(!seen(ring, Phase::run(Skill::Approach, 0)).holding_digits_touch);
@@ -395,10 +395,10 @@ mod tests {
     #[test]
     fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
         let hand = Hand::ftac();
-        let seen = scene(&hand, &truth([0b101, 0]), Phase::run(Skill::Lift, 0), &[0; 2]).objects;
+        let seen = scene_truth(&hand, &truth([0b101, 0]), Phase::run(Skill::Lift, 0), &[0; 2]).objects;
         assert_eq!([0, 1].map(|n| (seen[n].hand_contacts, seen[n].on_table)), [(2, false), (0, true)]);
         assert!(seen[1].touching_objects.is_empty());
-        let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
-        assert_eq!(scene(&hand, &pair, Phase::run(Skill::Lift, 0), &[0; 2]).objects[1].touching_objects, [0]);
+        let pair = GroundTruth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
+        assert_eq!(scene_truth(&hand, &pair, Phase::run(Skill::Lift, 0), &[0; 2]).objects[1].touching_objects, [0]);
     }
 }

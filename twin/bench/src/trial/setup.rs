@@ -3,48 +3,48 @@
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
+use control::detection::DetectedObject;
 use control::executor::Phase;
 use control::outage::Outage;
-use control::percept::Percept;
 use control::perception::KnownObject;
-use control::policy::Reordered;
+use control::policy::OrderComparison;
 use dexterous_grasping::Repertoire;
 use grasp_verification::ball_sizes;
-use grasp_verification::plan::{Plan, PlannedGrasps, Plans};
-use grasp_verification::rehearsal::{Snapshot, TrialStart};
+use grasp_verification::grasp_pair::{GraspPair, GraspPairTable, PlannedGrasps};
+use grasp_verification::rollout::{RolloutSnapshot, TrialStart};
+use scenarios::detector_model::DetectorModel;
 use scenarios::disturbance::Disturbances;
 use scenarios::effects::Effect;
 use scenarios::generator::trial_rng;
 use scenarios::noise::{ObjectNoise, TrialNoise, draw_shifts};
-use scenarios::referee::{Limits, Referee};
-use scenarios::sight::Sight;
-use sim::tactile::Drift;
+use scenarios::referee::{Referee, RefereeLimits};
+use sim::tactile::BrightnessDrift;
 use tactile_perception::{TouchPipeline, backgrounds};
-use world::layout::MOST_OBJECTS;
+use world::layout::MAX_OBJECTS;
 use world::objects::ObjectModel;
 
-use super::disturbance::{Disturber, resized};
-use super::eyes::{History, Looks};
-use super::means::Means;
+use super::capabilities::PolicyCapabilities;
+use super::disturbance::{Disturber, scaled_objects};
 use super::run::Run;
 use super::shared::Bench;
+use super::simulated_detector::{DetectionNoise, PoseHistory};
 use super::watcher::Watcher;
-use robot_backends::{Body, BodySource, Glance, Task, TrialSetup};
+use robot_backends::{Backend, BackendFactory, Detection, TrialSetup, TrialTask};
 
 /// Interval between the tactile images of a watched trial, s.
 const WATCH_PERIOD: f64 = 0.2;
 /// The same with a real body and no mirror, s: its sessions keep every pixel, 3.1 MB per capture.
 const REAL_WATCH_PERIOD: f64 = 1.0;
 /// Interval longer than any trial, s: a single capture of the untouched pads.
-const ONCE: f64 = 1e6;
+const SINGLE_CAPTURE_PERIOD: f64 = 1e6;
 /// Time within which the images of a first capture usually arrive, s, and number of times it is waited for them.
-const FIRST_IMAGES: (f64, u32) = (0.5, 10);
+const FIRST_CAPTURE_WAIT: (f64, u32) = (0.5, 10);
 
 /// Initial conditions of a trial.
 #[derive(Clone)]
-pub struct Setup<'a> {
+pub struct InitialConditions<'a> {
     /// Plan of the combination.
-    pub plan: Plan,
+    pub grasp_pair: GraspPair,
     /// Repertoire of the grasps that the plan names.
     pub repertoire: &'a Repertoire,
     /// Errors of the arm and of the first look.
@@ -52,16 +52,16 @@ pub struct Setup<'a> {
     /// Seed of the cameras' noise.
     pub camera_noise: u64,
     /// Drift of the cameras' brightness. Without it, idle pads show their backgrounds.
-    pub drift: Option<Drift>,
+    pub drift: Option<BrightnessDrift>,
     /// Disturbances in addition to noise.
     pub disturbances: Disturbances,
-    /// Reason for which `plan` grasps the objects in another order than planned for the combination, if it does.
-    pub reordered: Option<Reordered>,
+    /// Reason for which `grasp_pair` grasps the objects in another order than planned for the combination, if it does.
+    pub reordered: Option<OrderComparison>,
 }
 
 /// A trial after its first grasp, or about to begin.
 #[derive(Clone)]
-pub struct Start {
+pub struct PreparedTrial {
     /// Body, controller and referee, with the controller waiting for a decision.
     pub run: Run,
     /// The objects as the controller knows them.
@@ -69,18 +69,18 @@ pub struct Start {
     /// Planned grasps.
     pub grasps: PlannedGrasps,
     /// Reason for which the objects are grasped in another order than planned, if they are.
-    pub reordered: Option<Reordered>,
+    pub reordered: Option<OrderComparison>,
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial. `None` to
     /// use the bench's own, if the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
     /// Standard error that the first look states for each object, m.
-    pub sighted: [Option<f64>; MOST_OBJECTS],
+    pub detection_errors: [Option<f64>; MAX_OBJECTS],
 }
 
-impl Start {
+impl PreparedTrial {
     /// Sets the object poses to those that the body's own eyes see.
-    fn see_first(mut self) -> Result<Self> {
-        match self.look() {
+    fn detect_objects(mut self) -> Result<Self> {
+        match self.update_detections() {
             Ok(()) => Ok(self),
             Err(error) => {
                 // The recording is finished; the first error is the one to report.
@@ -90,118 +90,133 @@ impl Start {
         }
     }
 
-    fn look(&mut self) -> Result<()> {
-        let Snapshot { robot, executor } = &mut self.run.snapshot;
+    fn update_detections(&mut self) -> Result<()> {
+        let RolloutSnapshot { robot, executor } = &mut self.run.snapshot;
         let mut seen = |object: usize| {
             let known = &self.objects[object];
-            let glance = Glance { object, noise: ObjectNoise::default(), then: None, camera: None };
-            let sighted = robot.look(&glance)?.with_context(|| {
+            let glance =
+                Detection { object, noise: ObjectNoise::default(), pose_at_capture: None, camera_position: None };
+            let sighted = robot.detect(&glance)?.with_context(|| {
                 format!("{}: found it hidden, expected all objects in sight before the trial begins", known.name)
             })?;
-            self.sighted[object] = sighted.sigma;
-            anyhow::Ok(Percept::of(known, &sighted.pose))
+            self.detection_errors[object] = sighted.sigma;
+            anyhow::Ok(DetectedObject::from_pose(known, &sighted.pose))
         };
         for object in 0..self.objects.len() {
-            executor.see(object, seen(object)?);
+            executor.update_detection(object, seen(object)?);
         }
         Ok(())
     }
 }
 
-impl Start {
+impl PreparedTrial {
     /// Returns the prior knowledge that a policy gets of the trial.
-    pub fn known(&self) -> Known<'_> {
-        Known { objects: &self.objects, grasps: &self.grasps, reordered: self.reordered, sighted: self.sighted }
+    pub fn prior_knowledge(&self) -> PriorKnowledge<'_> {
+        PriorKnowledge {
+            objects: &self.objects,
+            grasps: &self.grasps,
+            reordered: self.reordered,
+            sighted: self.detection_errors,
+        }
     }
 }
 
 /// Prior knowledge of a trial that a policy gets before it begins.
 #[derive(Clone, Copy)]
-pub struct Known<'a> {
+pub struct PriorKnowledge<'a> {
     /// The objects, in the order in which they are grasped.
     pub objects: &'a [Arc<ObjectModel>],
     /// Planned grasps.
     pub grasps: &'a PlannedGrasps,
     /// Reason for this order, if it is not the planned one.
-    pub reordered: Option<Reordered>,
+    pub reordered: Option<OrderComparison>,
     /// Standard error that the first look states for each object, m.
-    pub sighted: [Option<f64>; MOST_OBJECTS],
+    pub sighted: [Option<f64>; MAX_OBJECTS],
 }
 
 /// Body of a trial: a simulated one of its own (`None`), or one from a source for a task.
-pub type Source<'a> = Option<(&'a mut dyn BodySource, &'a Task)>;
+pub type TrialBackendSource<'a> = Option<(&'a mut dyn BackendFactory, &'a TrialTask)>;
 
-impl<'a> Setup<'a> {
+impl<'a> InitialConditions<'a> {
     /// Sets up a combination as it was planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
-        let (repertoire, plan) = (known(bench).0, plan(bench, combination).clone());
+        let (repertoire, plan) = (intact_grasps(bench).0, planned_pair(bench, combination).clone());
         let disturbances = Disturbances::default();
-        Self { plan, repertoire, noise, camera_noise, drift: None, disturbances, reordered: None }
+        Self { grasp_pair: plan, repertoire, noise, camera_noise, drift: None, disturbances, reordered: None }
     }
 
     /// Sets up a trial with its noise and disturbances. Returns also the generators of its later looks.
-    pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, Looks)> {
-        let (noise, camera_noise, looks) = draw(bench, combination, trial)?;
-        let mut setup = Self::planned(bench, combination, noise, camera_noise).drifting(bench, combination, trial);
+    pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, DetectionNoise)> {
+        let (noise, camera_noise, looks) = draw_noise(bench, combination, trial)?;
+        let mut setup = Self::planned(bench, combination, noise, camera_noise).with_drift(bench, combination, trial);
         setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
-            setup.plan = ball_sizes::plan_of(&setup.plan, sweep, trial);
+            setup.grasp_pair = ball_sizes::pair_for_trial(&setup.grasp_pair, sweep, trial);
         }
         Ok((setup, looks))
     }
 
     /// Adds the camera drift drawn for a trial, if the scenario has one.
-    pub fn drifting(mut self, bench: &Bench, combination: usize, trial: usize) -> Self {
+    pub fn with_drift(mut self, bench: &Bench, combination: usize, trial: usize) -> Self {
         self.drift = bench.world.scenario.effects.pads.map(|pads| {
-            let mut rng = Effect::Pads.stream(bench.seed, combination, trial);
-            Drift::new(pads.draw_rates(bench.world.cell.robot.hand.cameras.len(), &mut rng), pads.background_age)
+            let mut rng = Effect::Pads.draw_rng(bench.seed, combination, trial);
+            BrightnessDrift::new(
+                pads.draw_drift_rates(bench.world.cell.robot.hand.cameras.len(), &mut rng),
+                pads.background_age,
+            )
         });
         self
     }
 
     /// Returns the setup of the same trial for a policy that knows which digits have no power.
     pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
-        let (plan, repertoire) = (bench.plans.plans[combination].clone(), &bench.repertoire);
-        Self { plan, repertoire, disturbances: self.disturbances.clone(), drift: self.drift.clone(), ..*self }
+        let (plan, repertoire) = (bench.grasp_pairs.plans[combination].clone(), &bench.repertoire);
+        Self {
+            grasp_pair: plan,
+            repertoire,
+            disturbances: self.disturbances.clone(),
+            drift: self.drift.clone(),
+            ..*self
+        }
     }
 
-    /// Returns the setup of the same trial in the order that a policy with these `means` chooses: with the other object
+    /// Returns the setup of the same trial in the order that a policy with these `capabilities` chooses: with the other object
     /// first, if that promises more. The real poses, errors and properties of the objects stay those of the planned
     /// order. A scenario that disturbs the first or the second object keeps the planned order.
-    pub fn ordered(&self, bench: &Bench, means: Means) -> Result<Self> {
+    pub fn reordered_for(&self, bench: &Bench, means: PolicyCapabilities) -> Result<Self> {
         // Plans tried after a single hold are not comparable with those proven after many.
-        let comparable = |reversed: &&Plan| self.plan.proof.is_none() || reversed.proof.is_some();
-        let reversed = self.plan.reversed.as_deref().filter(comparable);
+        let comparable = |reversed: &&GraspPair| self.grasp_pair.proof.is_none() || reversed.proof.is_some();
+        let reversed = self.grasp_pair.reversed.as_deref().filter(comparable);
         let Some(reversed) = reversed.filter(|_| self.disturbances.is_none()) else {
             return Ok(self.clone());
         };
-        let other = Self { plan: reversed.clone(), noise: self.noise.in_other_order(), ..self.clone() };
-        let [planned, promised] = [self, &other].map(|setup| bench.promise(setup, means));
-        let reordered = Reordered::of(planned?, promised?);
+        let other = Self { grasp_pair: reversed.clone(), noise: self.noise.with_swapped_objects(), ..self.clone() };
+        let [planned, promised] = [self, &other].map(|setup| bench.expected_score(setup, means));
+        let reordered = OrderComparison::if_better(planned?, promised?);
         Ok(if reordered.is_some() { Self { reordered, ..other } } else { self.clone() })
     }
 
     /// Returns the objects of the plan.
     pub fn objects(&self, bench: &Bench) -> Result<Vec<Arc<ObjectModel>>> {
-        bench.world.models(&self.plan.objects())
+        bench.world.models(&self.grasp_pair.objects())
     }
 
     /// Creates body, controller and referee of a trial about to begin.
-    pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
-        let reversed = self.reordered.map(|_| bench.world.in_other_order());
+    pub fn begin(&self, bench: &Bench, source: TrialBackendSource, watched: bool) -> Result<PreparedTrial> {
+        let reversed = self.reordered.map(|_| bench.world.with_places_swapped());
         let world = reversed.as_ref().unwrap_or(&bench.world);
-        let planned = self.plan.grasps(&world.cell.robot.hand, self.repertoire)?;
+        let planned = self.grasp_pair.grasps(&world.cell.robot.hand, self.repertoire)?;
         let objects = self.objects(bench)?;
         if source.is_some() {
             // A body in real time does not wait for this preparation later.
-            objects.iter().filter_map(|object| bench.known.get(&object.name)).for_each(KnownObject::prepare);
+            objects.iter().filter_map(|object| bench.known_objects.get(&object.name)).for_each(KnownObject::prepare);
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
-        let sized = resized(&objects, &self.disturbances.sizes())?;
+        let sized = scaled_objects(&objects, &self.disturbances.size_factors())?;
         let real = sized.iter().zip(&self.noise.individuals);
-        let real = real.map(|(object, one)| Ok(one.of(object)?)).collect::<Result<Vec<_>>>()?;
+        let real = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<Result<Vec<_>>>()?;
         let grasps = planned.planned();
-        let mut board = bench.board.with_noise(self.camera_noise);
+        let mut board = bench.cameras.with_noise(self.camera_noise);
         let mut pipeline = None;
         if let Some(drift) = &self.drift {
             board = board.drifting(drift.clone());
@@ -212,29 +227,30 @@ impl<'a> Setup<'a> {
         let in_reality = source.as_ref().filter(|(body, _)| body.is_real());
         let mirrored = in_reality.is_some_and(|(_, task)| task.mirrored);
         let period = if in_reality.is_some() && !mirrored { REAL_WATCH_PERIOD } else { WATCH_PERIOD };
-        let noise = disturber.first_percepts(&self.noise);
-        let start = TrialStart { protocol: world.protocol(), grasps: &grasps, noise: &noise, arm: world.cell.ready };
-        let Snapshot { mut robot, executor } = Snapshot::at_start(world, &start, &real, board)?;
+        let noise = disturber.first_detection_noise(&self.noise);
+        let start =
+            TrialStart { protocol: world.protocol(), grasps: &grasps, noise: &noise, arm: world.cell.ready_posture };
+        let RolloutSnapshot { mut robot, executor } = RolloutSnapshot::at_start(world, &start, &real, board)?;
         disturber.prepare(&mut robot);
         let robot = match source {
-            None => Body::Simulated(Box::new(robot)),
+            None => Backend::Simulated(Box::new(robot)),
             Some((source, task)) => {
-                let places = world.places(&objects, &noise);
+                let places = world.object_poses(&objects, &noise);
                 let named = objects.iter().zip(places).map(|(object, place)| (object.name.as_str(), place)).collect();
-                Body::open(source, &TrialSetup { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
+                Backend::open(source, &TrialSetup { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
             }
         };
-        let mut snapshot = Snapshot { robot, executor };
+        let mut snapshot = RolloutSnapshot { robot, executor };
         if watched || mirrored {
-            snapshot.executor.watch_images(period);
-        } else if !snapshot.robot.branches() {
-            snapshot.executor.watch_images(ONCE);
+            snapshot.executor.request_images_every(period);
+        } else if !snapshot.robot.is_cloneable() {
+            snapshot.executor.request_images_every(SINGLE_CAPTURE_PERIOD);
         }
         let protocol = &world.scenario.protocol;
-        let limits = Limits { hold: protocol.hold_time, trial: protocol.time_limit };
+        let limits = RefereeLimits { hold: protocol.hold_time, trial: protocol.time_limit };
         let referee = Referee::new(world.scenario.referee, limits);
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
-        let history = History::new(latency);
+        let history = PoseHistory::new(latency);
         let reversed = self.reordered.is_some();
         let run = Run {
             snapshot,
@@ -243,57 +259,77 @@ impl<'a> Setup<'a> {
             history,
             profile: bench.profile.clone(),
             reversed,
-            outlasts_faults: bench.outlasts_faults,
+            continues_after_faults: bench.continues_after_faults,
             fault: None,
             outage: Outage::default(),
         };
-        let sighted = [None; MOST_OBJECTS];
-        let start = Start { run, objects, grasps: planned, reordered: self.reordered, pipeline, sighted };
-        if eyes { start.see_first() } else { Ok(start) }
+        let sighted = [None; MAX_OBJECTS];
+        let start = PreparedTrial {
+            run,
+            objects,
+            grasps: planned,
+            reordered: self.reordered,
+            pipeline,
+            detection_errors: sighted,
+        };
+        if eyes { start.detect_objects() } else { Ok(start) }
     }
 
     /// Begins a trial at rest, with the controller waiting for a policy. A body that is not simulated shows its
     /// untouched pads.
-    pub fn at_rest(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
-        let start = self.begin(bench, source, watcher.active())?;
+    pub fn begin_at_rest(
+        &self,
+        bench: &Bench,
+        source: TrialBackendSource,
+        watcher: &mut dyn Watcher,
+    ) -> Result<PreparedTrial> {
+        let start = self.begin(bench, source, watcher.is_active())?;
         finish_on_error(start, |run| {
-            if run.snapshot.robot.branches() {
+            if run.snapshot.robot.is_cloneable() {
                 return Ok(None);
             }
-            let (time, most) = FIRST_IMAGES;
+            let (time, most) = FIRST_CAPTURE_WAIT;
             for _ in 0..most {
                 run.wait(time, &[], None, watcher)?;
                 if run.snapshot.executor.motion().newest_images().len() >= bench.world.cell.robot.hand.cameras.len() {
                     break;
                 }
             }
-            own_backgrounds(run, &bench.pipeline).map(Some)
+            with_backend_backgrounds(run, &bench.pipeline).map(Some)
         })
     }
 
     /// Plays up to the decision after the first grasp. A body that is not simulated shows its untouched pads on the way
     /// to the first object, if images will matter.
-    pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
+    pub fn play_first_grasp(
+        &self,
+        bench: &Bench,
+        source: TrialBackendSource,
+        watcher: &mut dyn Watcher,
+    ) -> Result<PreparedTrial> {
         let condition = source.as_ref().map(|(_, task)| task.condition);
-        let sees = condition.and_then(Means::of).is_some_and(Means::see_images);
-        let start = self.begin(bench, source, watcher.active())?;
+        let sees = condition.and_then(PolicyCapabilities::for_condition).is_some_and(PolicyCapabilities::use_images);
+        let start = self.begin(bench, source, watcher.is_active())?;
         finish_on_error(start, |run| {
             run.snapshot.executor.take_planned(0)?;
             let mut own = None;
-            if !run.snapshot.robot.branches() {
-                run.play(|phase| phase.closes(0), &[], None, watcher)?;
-                own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
+            if !run.snapshot.robot.is_cloneable() {
+                run.play(|phase| phase.has_begun_grasp(0), &[], None, watcher)?;
+                own = sees.then(|| with_backend_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::waits, &[], None, watcher)?;
+            run.play(Phase::waits_for_decision, &[], None, watcher)?;
             Ok(own)
         })
     }
 }
 
-/// Runs `play` on `start`, and adopts the perception that it returns, if any.
-fn finish_on_error(mut start: Start, play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>) -> Result<Start> {
+/// Runs `roll_out` on `start`, and adopts the perception that it returns, if any.
+fn finish_on_error(
+    mut start: PreparedTrial,
+    play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>,
+) -> Result<PreparedTrial> {
     match play(&mut start.run) {
-        Ok(shown) => Ok(Start { pipeline: shown.or(start.pipeline), ..start }),
+        Ok(shown) => Ok(PreparedTrial { pipeline: shown.or(start.pipeline), ..start }),
         Err(error) => {
             // The recording is finished in any case; the first error is the one to report.
             let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
@@ -303,37 +339,37 @@ fn finish_on_error(mut start: Start, play: impl FnOnce(&mut Run) -> Result<Optio
 }
 
 /// Returns the repertoire and the plans made while all digits had power.
-fn known(bench: &Bench) -> (&Repertoire, &Plans) {
-    match &bench.intact {
+fn intact_grasps(bench: &Bench) -> (&Repertoire, &GraspPairTable) {
+    match &bench.intact_grasps {
         Some(intact) => (&intact.repertoire, &intact.plans),
-        None => (&bench.repertoire, &bench.plans),
+        None => (&bench.repertoire, &bench.grasp_pairs),
     }
 }
 
-fn plan(bench: &Bench, combination: usize) -> &Plan {
-    &known(bench).1.plans[combination]
+fn planned_pair(bench: &Bench, combination: usize) -> &GraspPair {
+    &intact_grasps(bench).1.plans[combination]
 }
 
 /// Draws a trial's errors with those of the first look, the seed of its camera noise, and the generators of its later
 /// looks.
-pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoise, u64, Looks)> {
+pub fn draw_noise(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoise, u64, DetectionNoise)> {
     let (world, seed) = (&bench.world, bench.seed);
     let scenario = &world.scenario;
     let mut rng = trial_rng(seed, combination, trial);
-    let objects = world.models(&plan(bench, combination).objects())?;
+    let objects = world.models(&planned_pair(bench, combination).objects())?;
     let mut noise = TrialNoise::draw(&scenario.noise, objects.len(), &mut rng);
     let camera_noise = rand::RngExt::random(&mut rng);
     noise.shifts = draw_shifts(&scenario.layout, objects.len(), &mut rng);
     let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
-    let stream = Effect::Eyes.stream(seed, combination, trial);
-    let sight = scenario.effects.eyes.map(|eyes| Sight::draw(eyes, &scenario.noise.perception, stream));
-    let mut looks = Looks::new(rng, sight);
-    let noise = looks.first(&noise, &objects, &world.objects, &world.places(&objects, &noise));
+    let stream = Effect::Eyes.draw_rng(seed, combination, trial);
+    let sight = scenario.effects.eyes.map(|eyes| DetectorModel::draw(eyes, &scenario.noise.perception, stream));
+    let mut looks = DetectionNoise::new(rng, sight);
+    let noise = looks.first_detection(&noise, &objects, &world.objects, &world.object_poses(&objects, &noise));
     Ok((noise, camera_noise, looks))
 }
 
 /// Returns perception with the backgrounds that the body has shown.
-fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
+fn with_backend_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
     Ok(pipeline
         .with_backgrounds(backgrounds(run.snapshot.executor.motion().newest_images(), pipeline.backgrounds().len())?)?)
 }

@@ -7,89 +7,91 @@ use anyhow::{Result, ensure};
 use control::perception::KnownObject;
 use control::uncertainty::Uncertainty;
 use dexterous_grasping::Repertoire;
-use grasp_verification::plan::Plans;
-use grasp_verification::plan::without::plan_without;
-use grasp_verification::simulated_world::World;
-use grasp_verification::twin::SceneTwin;
+use grasp_verification::grasp_pair::GraspPairTable;
+use grasp_verification::grasp_pair::reduced_digits::plan_without_digits;
+use grasp_verification::scene_model::SceneModel;
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::Digit;
 use scenarios::record::Condition;
 use sim::tactile::TactileBoard;
 use tactile_perception::TouchPipeline;
 
-use super::means::Means;
+use super::capabilities::PolicyCapabilities;
 use super::profile::Profile;
-use external_policy::{Level, Own};
+use external_policy::{DecisionLevel, ExternalPolicy};
 
 /// Robot, objects, grasps and plans of a benchmark.
 pub struct Bench {
     /// Robot, objects, scenario.
-    pub world: World,
+    pub world: SimulatedWorld,
     /// Proven grasps.
     pub repertoire: Repertoire,
     /// Plans of the combinations.
-    pub plans: Plans,
+    pub grasp_pairs: GraspPairTable,
     /// Cameras of the hand unit.
-    pub board: TactileBoard,
+    pub cameras: TactileBoard,
     /// Tactile perception.
     pub pipeline: TouchPipeline,
     /// The objects of all plans, ready for registration.
-    pub known: BTreeMap<String, KnownObject>,
+    pub known_objects: BTreeMap<String, KnownObject>,
     /// Errors that the controller expects.
     pub uncertainty: Uncertainty,
     /// Seed of all random draws.
     pub seed: u64,
     /// Profile of the computing time.
     pub profile: Arc<Profile>,
-    /// Twin of the scene in which `touch` and `reflex` simulate second grasps before they choose one, if enabled.
-    pub twin: Option<SceneTwin>,
+    /// Twin of the scene in which `play_touch` and `reflex` simulate second grasps before they choose one, if enabled.
+    pub rollout_model: Option<SceneModel>,
     /// True if a trial whose body stops counts as failed and others follow. If false, such a stop ends the benchmark.
-    pub outlasts_faults: bool,
+    pub continues_after_faults: bool,
     /// Policy of the user's own, if one plays.
-    pub own: Option<Own>,
+    pub external_policy: Option<ExternalPolicy>,
     /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
     pub notes: Vec<String>,
     /// The scenario's own objects that are excluded, with the reasons.
     pub left_out: Vec<String>,
-    /// Repertoire and plans made while all digits had power, if some have none. `ideal` and `blind` know nothing else.
-    pub intact: Option<Intact>,
+    /// Repertoire and plans made while all digits had power, if some have none. `play_ideal` and `blind` know nothing else.
+    pub intact_grasps: Option<IntactGrasps>,
 }
 
 /// Repertoire and plans from before digits lost their power.
-pub struct Intact {
+pub struct IntactGrasps {
     /// Proven grasps.
     pub repertoire: Repertoire,
     /// Plans of the combinations.
-    pub plans: Plans,
+    pub plans: GraspPairTable,
     /// Combinations that are infeasible without those digits, with the reasons.
     pub impossible: BTreeMap<usize, String>,
 }
 
 impl Bench {
     /// True if a trial under a condition does not begin with the planned first grasp.
-    pub fn begins_otherwise(&self, condition: Condition) -> bool {
+    pub fn skips_planned_grasp(&self, condition: Condition) -> bool {
         match condition {
-            Condition::Own => self.own.as_ref().is_some_and(|own| own.guest.level == Level::Act),
-            _ => Means::of(condition).is_some_and(Means::begin_otherwise),
+            Condition::Own => {
+                self.external_policy.as_ref().is_some_and(|own| own.introduction.level == DecisionLevel::Act)
+            }
+            _ => PolicyCapabilities::for_condition(condition).is_some_and(PolicyCapabilities::may_skip_planned_grasp),
         }
     }
 
     /// Sets whether policies that decide simulate second grasps in a twin of the scene before they choose one.
-    pub fn foresee(&mut self, foresees: bool) {
-        self.twin = foresees.then(|| SceneTwin::new(self.world.clone(), self.board.clone()));
+    pub fn set_look_ahead(&mut self, foresees: bool) {
+        self.rollout_model = foresees.then(|| SceneModel::new(self.world.clone(), self.cameras.clone()));
     }
 
-    /// From now on `touch` does without `digits`, as well as it can. The original plans stay those of `ideal` and
+    /// From now on `play_touch` does without `digits`, as well as it can. The original plans stay those of `play_ideal` and
     /// `blind`.
-    pub fn do_without(&mut self, digits: &[Digit]) -> Result<()> {
+    pub fn disable_digits(&mut self, digits: &[Digit]) -> Result<()> {
         ensure!(
-            self.world.scenario.lists().len() == 2,
+            self.world.scenario.object_lists().len() == 2,
             "{}: disturbance.disabled_digits: found digits, expected none: only trials of two objects are planned without digits",
             self.world.scenario.name
         );
-        let without = plan_without(&self.world, &self.repertoire, &self.plans, digits)?;
-        self.intact = Some(Intact {
+        let without = plan_without_digits(&self.world, &self.repertoire, &self.grasp_pairs, digits)?;
+        self.intact_grasps = Some(IntactGrasps {
             repertoire: std::mem::replace(&mut self.repertoire, without.repertoire),
-            plans: std::mem::replace(&mut self.plans, without.plans),
+            plans: std::mem::replace(&mut self.grasp_pairs, without.pairs),
             impossible: without.impossible,
         });
         Ok(())

@@ -2,30 +2,30 @@
 
 use anyhow::Result;
 use control::executor::Executor;
-use control::perception::Felt;
-use control::policy::Choice;
-use hand_model::robot::Command;
+use control::perception::ObjectEstimate;
+use control::policy::DecisionRecord;
+use hand_model::robot::RobotCommand;
 use scenarios::record::{Condition, TrialRecord};
-use sim::robot::Truth;
+use sim::robot::GroundTruth;
 
 /// View of one tick for a watcher.
-pub struct Moment<'a> {
+pub struct TickView<'a> {
     /// Time of the body, s.
     pub time: f64,
     /// Ground truth of the body, if it is known.
-    pub truth: Option<&'a Truth>,
+    pub truth: Option<&'a GroundTruth>,
     /// The controller.
     pub executor: &'a Executor,
     /// Command sent in this tick, after limits; `None` if no tick passed.
-    pub sent: Option<&'a Command>,
+    pub sent: Option<&'a RobotCommand>,
     /// Pose estimate of each object in the hand, once it was felt.
-    pub felt: &'a [Felt],
+    pub felt: &'a [ObjectEstimate],
     /// The condition, or `None` while all conditions share the first grasp.
     pub condition: Option<Condition>,
     /// Note about the last decision or action.
     pub note: Option<&'a str>,
     /// Options just weighed, and the chosen one.
-    pub choice: Option<&'a Choice>,
+    pub choice: Option<&'a DecisionRecord>,
     /// True if the body's objects are in the reverse of the combination's order.
     pub reversed: bool,
 }
@@ -34,29 +34,29 @@ pub struct Moment<'a> {
 pub trait Watcher {
     /// True if it records. Then every branch is played, even one whose outcome is known, and images are taken
     /// throughout.
-    fn active(&self) -> bool;
+    fn is_active(&self) -> bool;
     /// Processes one tick.
-    fn see(&mut self, moment: &Moment) -> Result<()>;
+    fn on_tick(&mut self, moment: &TickView) -> Result<()>;
     /// Begins a branch; everything seen so far also belongs to it.
-    fn branch(&mut self, condition: Condition) -> Result<()>;
+    fn on_branch(&mut self, condition: Condition) -> Result<()>;
     /// Ends a branch with this record.
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()>;
+    fn on_outcome(&mut self, record: &TrialRecord) -> Result<()>;
 }
 
 /// A watcher that records nothing.
 pub struct NoWatcher;
 
 impl Watcher for NoWatcher {
-    fn active(&self) -> bool {
+    fn is_active(&self) -> bool {
         false
     }
-    fn see(&mut self, _: &Moment) -> Result<()> {
+    fn on_tick(&mut self, _: &TickView) -> Result<()> {
         Ok(())
     }
-    fn branch(&mut self, _: Condition) -> Result<()> {
+    fn on_branch(&mut self, _: Condition) -> Result<()> {
         Ok(())
     }
-    fn outcome(&mut self, _: &TrialRecord) -> Result<()> {
+    fn on_outcome(&mut self, _: &TrialRecord) -> Result<()> {
         Ok(())
     }
 }

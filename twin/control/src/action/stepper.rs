@@ -10,7 +10,7 @@ use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::workcell::Workcell;
 
 /// Ticks per step: six of 1/120 s.
-pub const TICKS: usize = 6;
+pub const TICKS_PER_STEP: usize = 6;
 
 /// Reference that the arm follows.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ enum Reference {
 }
 
 /// Set-points of one tick: arm joints (rad) and servo goals.
-pub type Goals = (Joints, ActuatorVector<ServoGoal>);
+pub type TickSetPoints = (Joints, ActuatorVector<ServoGoal>);
 
 /// Carries out actions. A clone continues independently from an identical state.
 #[derive(Debug, Clone)]
@@ -34,11 +34,11 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    /// A stepper for a robot whose arm is at the set-points `posture` (rad) and whose cables are pulled with `tensions`
+    /// A stepper for a robot whose arm is at the set-points `posture` (rad) and whose cables are pulled with `palpation_tensions`
     /// (N).
     pub fn new(cell: &Workcell, posture: Joints, tensions: DigitVector) -> Result<Self, IkError> {
         let reference = Reference::Palm(Box::new(cell.arm_servo(posture)?));
-        Ok(Self { cell: cell.clone(), limits: ActionLimits::of(cell), reference, tensions })
+        Ok(Self { cell: cell.clone(), limits: ActionLimits::for_workcell(cell), reference, tensions })
     }
 
     /// Limits of the actions.
@@ -48,18 +48,18 @@ impl Stepper {
 
     /// Computes all ticks of a step, of `tick` s each, before any of them is carried out. On an error the state is
     /// unchanged.
-    pub fn step(&mut self, action: &Action, tick: f64) -> Result<[Goals; TICKS], ActionError> {
+    pub fn step(&mut self, action: &Action, tick: f64) -> Result<[TickSetPoints; TICKS_PER_STEP], ActionError> {
         self.limits.check(action)?;
         let mut reference = match (action.arm, &self.reference) {
             (ArmAction::Twist(_), Reference::Palm(servo)) => Reference::Palm(servo.clone()),
             (ArmAction::Twist(_), Reference::Joints(sent)) => Reference::Palm(Box::new(self.cell.arm_servo(*sent)?)),
             (ArmAction::Joints(joints), _) => Reference::Joints(joints),
         };
-        let mut wanted = [Joints::default(); TICKS];
+        let mut wanted = [Joints::default(); TICKS_PER_STEP];
         for joints in &mut wanted {
             *joints = match (&mut reference, action.arm) {
                 (Reference::Palm(servo), ArmAction::Twist(twist)) => {
-                    let target = moved(&servo.palm_pose(), &twist, tick);
+                    let target = integrate_twist(&servo.palm_pose(), &twist, tick);
                     servo.step(&target, &twist, tick)?.q
                 }
                 (Reference::Palm(servo), ArmAction::Joints(_)) => *servo.q(),
@@ -71,11 +71,13 @@ impl Stepper {
             self.tensions = tensions;
         }
         self.reference = reference;
-        Ok(std::array::from_fn(|n| (wanted[n], self.servo_goals(&action.hand, &before, (n + 1) as f64 / TICKS as f64))))
+        Ok(std::array::from_fn(|n| {
+            (wanted[n], self.servo_goals(&action.hand, &before, (n + 1) as f64 / TICKS_PER_STEP as f64))
+        }))
     }
 
     /// Takes over the set-points that were last sent to the arm after limiting. Joint set-points continue from there.
-    pub fn sent(&mut self, arm: Joints) {
+    pub fn adopt_sent(&mut self, arm: Joints) {
         if let Reference::Joints(joints) = &mut self.reference {
             *joints = arm;
         }
@@ -95,7 +97,7 @@ impl Stepper {
 }
 
 /// Pose reached from `pose` after `time` (s) of motion with `twist`.
-fn moved(pose: &Isometry3<f64>, twist: &Twist, time: f64) -> Isometry3<f64> {
+fn integrate_twist(pose: &Isometry3<f64>, twist: &Twist, time: f64) -> Isometry3<f64> {
     let (linear, angular): (Vector3<f64>, Vector3<f64>) =
         (twist.fixed_rows::<3>(0).into(), twist.fixed_rows::<3>(3).into());
     Isometry3::from_parts(

@@ -4,7 +4,7 @@ use super::*;
 use crate::trajectory::PathLimits;
 
 fn path(poses: &[Isometry3<f64>]) -> PosePath {
-    PosePath::timed(poses, PathLimits::default()).expect("valid")
+    PosePath::fastest(poses, PathLimits::default()).expect("valid")
 }
 
 fn check(path: &PosePath, moving: &[Solid], fixed: &[Solid]) -> Clearance {
@@ -21,12 +21,12 @@ fn sphere_passes_sphere() {
         ball("far", 0.01, Isometry3::translation(0.0, 2.0, 0.0)),
     ];
     let found = check(&way, &moving, &fixed);
-    assert!((0.03 - 1e-9..0.03 + TOLERANCE).contains(&found.min_distance), "{found:?}");
+    assert!((0.03 - 1e-9..0.03 + CLEARANCE_TOLERANCE).contains(&found.min_distance), "{found:?}");
     assert!((way.sample(found.time).0.translation.x - 0.05).abs() < 0.01);
     assert_eq!((found.moving.as_str(), found.fixed.as_str()), ("held", "target"));
     assert!(found.queries < 150, "{found:?}");
     let through = check(&way, &moving, &[ball("target", 0.03, Isometry3::translation(0.05, 0.0, 0.01))]);
-    assert!((through.min_distance + 0.04).abs() < TOLERANCE, "{through:?}");
+    assert!((through.min_distance + 0.04).abs() < CLEARANCE_TOLERANCE, "{through:?}");
 }
 
 /// The lowest point of a box that turns onto its edge while it goes down is known.
@@ -37,9 +37,9 @@ fn box_over_table() {
     let solid = Solid::rounded_box("box", Vector3::new(0.03, 0.03, 0.03), 0.005, Isometry3::identity());
     let found = check(&way, std::slice::from_ref(&solid), &[Solid::table(0.0)]);
     let expected = 0.1 - 0.025 * 2f64.sqrt() - 0.005;
-    assert!((found.min_distance - expected).abs() < TOLERANCE, "{found:?} {expected}");
+    assert!((found.min_distance - expected).abs() < CLEARANCE_TOLERANCE, "{found:?} {expected}");
     let sunk = check(&way, &[solid], &[Solid::table(0.08)]);
-    assert!((sunk.min_distance - expected + 0.08).abs() < TOLERANCE, "{sunk:?}");
+    assert!((sunk.min_distance - expected + 0.08).abs() < CLEARANCE_TOLERANCE, "{sunk:?}");
 }
 
 /// A long lever passes a post only in the middle of a turn on the spot, which neither end pose shows.
@@ -54,7 +54,7 @@ fn turning_lever_is_caught() {
         Isometry3::rotation(Vector3::z() * 0.8) * Isometry3::new(at, Vector3::x() * FRAC_PI_2),
     );
     let found = clearance_along(&way, &[lever], &[post], 2000).expect("supported").expect("a pair");
-    assert!((found.min_distance + 0.004).abs() < TOLERANCE, "{found:?}");
+    assert!((found.min_distance + 0.004).abs() < CLEARANCE_TOLERANCE, "{found:?}");
 }
 
 #[test]
@@ -124,6 +124,6 @@ fn typical_motion_is_quick() {
     for n in 0..=400 {
         let (pose, _) = way.sample(way.duration() * n as f64 / 400.0);
         let grid = clearance_at(&pose, &moving, &fixed).expect("supported").expect("a pair");
-        assert!(grid.min_distance >= found.min_distance - TOLERANCE, "{grid:?}");
+        assert!(grid.min_distance >= found.min_distance - CLEARANCE_TOLERANCE, "{grid:?}");
     }
 }

@@ -2,55 +2,62 @@
 
 use dexterous_grasping::Grasp;
 use nalgebra::Isometry3;
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 
-use super::{Executor, Target};
+use super::{Executor, GraspTarget};
+use crate::detection::DetectedObject;
 use crate::motion::MotionError;
-use crate::motion::approach::in_parts;
-use crate::palpation::{self, Touching};
-use crate::percept::Percept;
+use crate::motion::approach::approach_in_parts;
+use crate::palpation::{self, PalpationPaths};
 use crate::trajectory::PosePath;
 
 /// Rises of the palm before it goes to an object beside others, m, so that what it holds passes above them.
-const RISES: [f64; 3] = [0.0, 0.05, 0.1];
+const RISE_CANDIDATES: [f64; 3] = [0.0, 0.05, 0.1];
 
 impl Executor {
     /// Via poses of the candidate ways from the present palm pose to the next approach pose: the direct way first, then
     /// higher ones.
-    pub fn ways(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
-        RISES.iter().map(|rise| self.motion.stops(self.rise() + rise))
+    pub fn approach_paths(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
+        RISE_CANDIDATES.iter().map(|rise| self.motion.start_stops(self.rise() + rise))
     }
 
-    /// Path by way of `stops` that takes an object seen at `percept` with `grasp`, in two parts: to the approach pose,
+    /// Path by way of `start_stops` that takes an object seen at `detection` with `grasp`, in two parts: to the approach pose,
     /// and from there to the pose at which the digits close.
     pub fn path_to(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
-        percept: &Percept,
+        percept: &DetectedObject,
     ) -> Result<[PosePath; 2], MotionError> {
-        Ok(in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
+        Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
     }
 
-    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `percept`;
-    /// see [`crate::motion::Motion::rehearsed_approach`].
-    pub fn rehearsed_approach(&self, stops: &[Isometry3<f64>], grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
+    /// Path by way of `start_stops` that the arm can follow to the pose at which `grasp` closes on the object at `detection`;
+    /// see [`crate::motion::MotionExecutor::feasible_approach`].
+    pub fn feasible_approach(
+        &self,
+        stops: &[Isometry3<f64>],
+        grasp: &Grasp,
+        percept: &DetectedObject,
+    ) -> Option<PosePath> {
+        self.motion.feasible_approach(&self.protocol.limits, grasp, percept, stops)
     }
 
     /// Rise of the palm before any other motion, m: fingers that touch an object must leave it upwards.
     fn rise(&self) -> f64 {
-        if self.has_touched() { palpation::RISE } else { 0.0 }
+        if self.has_touched() { palpation::RETREAT_HEIGHT } else { 0.0 }
     }
 
     /// Ways in which the arm can touch `object` of this `shape` at its percept, the preferred one first.
-    pub fn rehearsed_touches(&self, object: usize, shape: &Shape) -> impl Iterator<Item = Touching> {
-        let (motion, limits, Target { grasp, percept }) = (&self.motion, &self.protocol.limits, self.target(object));
-        let onto = palpation::touches(motion.hand(), grasp.yaw + percept.yaw, (shape, percept)).into_iter();
+    pub fn feasible_palpations(&self, object: usize, shape: &ObjectShape) -> impl Iterator<Item = PalpationPaths> {
+        let (motion, limits, GraspTarget { grasp, detected: percept }) =
+            (&self.motion, &self.protocol.limits, self.target(object));
+        let onto = palpation::guarded_motions(motion.hand(), grasp.yaw + percept.yaw, (shape, percept)).into_iter();
         onto.filter_map(move |onto| {
             let there = onto.start();
-            let way = motion.rehearsed(limits, |limits| [palpation::way(limits, &motion.end(), &there)])?;
-            Some(Touching { way, onto })
+            let way =
+                motion.first_feasible(limits, |limits| [palpation::approach_path(limits, &motion.end(), &there)])?;
+            Some(PalpationPaths { approach: way, guarded_motion: onto })
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
-use super::{ArmKinematics, IkError, IkSettings, Jacobian, JointVector, Joints, QpPath, bounds, program, wrap};
+use super::{ArmKinematics, IkError, IkSettings, Jacobian, JointVector, Joints, QpMethod, bounds, program, wrap};
 use crate::Twist;
 use crate::trajectory::{PosePath, displacement};
 
@@ -21,13 +21,13 @@ pub struct IkStep {
     pub speed_scale: f64,
     /// True if limits or a singularity keep the arm from the desired twist: it lags, or the target is out of reach.
     pub saturated: bool,
-    /// Method by which the program was solved; with [`QpPath::Failed`] the arm brakes.
-    pub solved: QpPath,
+    /// Method by which the program was solved; with [`QpMethod::Failed`] the arm brakes.
+    pub method: QpMethod,
 }
 
 /// Tracking errors over a whole path, from a rehearsal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Rehearsal {
+pub struct PathRollout {
     /// Largest distance from the path, m.
     pub worst_position_error: f64,
     /// Largest angle from the path, rad.
@@ -91,7 +91,7 @@ impl ArmServo {
         self.comfort = comfort;
     }
 
-    /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which
+    /// Moves the reference by one tick of `dt` (s) towards `aim_sigma` (`world_from_palm` at the end of the tick), which
     /// itself moves with the twist `feedforward` (world axes, at the palm's origin).
     pub fn step(&mut self, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Result<IkStep, IkError> {
         if !(dt.is_finite() && dt > 0.0) {
@@ -101,9 +101,9 @@ impl ArmServo {
             return Err(IkError::Target);
         }
         let (palm, jacobian) = self.kinematics.jacobian(&self.q_ref);
-        let wanted = self.wanted_twist(&palm, target, feedforward, dt);
+        let wanted = self.desired_twist(&palm, target, feedforward, dt);
         let bounds = bounds::speed_bounds(self.kinematics.arm(), &self.settings, &self.q_ref, &self.qd_ref, dt);
-        let task = self.weighted_task(&jacobian, &wanted);
+        let task = self.weighted_objective(&jacobian, &wanted);
         let solution = program::solve(&task, &bounds);
         let residual = (task.jacobian * solution.qd - task.twist).norm();
         for i in 0..self.q_ref.len() {
@@ -117,16 +117,16 @@ impl ArmServo {
             position_error: shift.norm(),
             rotation_error: turn.norm(),
             speed_scale: solution.speed_scale,
-            saturated: residual > 0.2 * task.twist.norm() + 1e-3 || solution.path == QpPath::Failed,
-            solved: solution.path,
+            saturated: residual > 0.2 * task.twist.norm() + 1e-3 || solution.method == QpMethod::Failed,
+            method: solution.method,
         })
     }
 
-    /// Rehearses `path` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
+    /// Rehearses `method` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
     /// the tracking errors of a motion before it is made. Takes about 4 us per tick.
-    pub fn rehearse(&self, path: &PosePath, settle: f64, dt: f64) -> Result<Rehearsal, IkError> {
+    pub fn roll_out(&self, path: &PosePath, settle: f64, dt: f64) -> Result<PathRollout, IkError> {
         let mut servo = self.clone();
-        let mut out = Rehearsal { q: servo.q_ref, ..Rehearsal::default() };
+        let mut out = PathRollout { q: servo.q_ref, ..PathRollout::default() };
         let mut time = 0.0;
         while time < path.duration() + settle {
             time += dt;
@@ -155,11 +155,11 @@ impl ArmServo {
     }
 
     /// Desired twist: feed-forward plus feedback. The feedback slows down in time to stop at the target.
-    fn wanted_twist(&self, palm: &Isometry3<f64>, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Twist {
+    fn desired_twist(&self, palm: &Isometry3<f64>, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Twist {
         let s = &self.settings;
         let gain = s.gain.min(0.5 / dt);
         let (shift, turn) = displacement(palm, target);
-        // Error relative to the target's present pose, one tick before `target`.
+        // Error relative to the target's present pose, one tick before `aim_sigma`.
         let shift = shift - feedforward.fixed_rows::<3>(0) * dt;
         let turn = turn - feedforward.fixed_rows::<3>(3) * dt;
         let toward = |error: Vector3<f64>, deceleration: f64| {
@@ -176,7 +176,7 @@ impl ArmServo {
         Twist::new(v.x, v.y, v.z, w.x, w.y, w.z)
     }
 
-    fn weighted_task(&self, jacobian: &Jacobian, wanted: &Twist) -> program::Task {
+    fn weighted_objective(&self, jacobian: &Jacobian, wanted: &Twist) -> program::MotionObjective {
         let s = &self.settings;
         let mut weighted = *jacobian;
         weighted.fixed_rows_mut::<3>(3).scale_mut(s.turn_weight);
@@ -201,6 +201,6 @@ impl ArmServo {
         let comfort = (square + Matrix6::identity() * damping)
             .cholesky()
             .map_or_else(JointVector::zeros, |factor| pull - weighted.transpose() * factor.solve(&(weighted * pull)));
-        program::Task { jacobian: weighted, twist, damping, comfort, slowdown: s.slowdown }
+        program::MotionObjective { jacobian: weighted, twist, damping, comfort, slowdown: s.slowdown }
     }
 }

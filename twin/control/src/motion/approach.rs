@@ -5,42 +5,42 @@ use dexterous_grasping::grasp::pregrasp_pose;
 use hand_model::Hand;
 use nalgebra::Isometry3;
 
-use crate::percept::Percept;
+use crate::detection::DetectedObject;
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// Distance of the approach pose from the grasp, m.
 pub const APPROACH_DISTANCE: f64 = 0.09;
 /// Share of the speed limits on the last part of an approach.
-const LAST_STRETCH: f64 = 0.6;
+const FINAL_SPEED_SHARE: f64 = 0.6;
 /// Shortest duration of a motion, s.
-const SHORTEST: f64 = 0.05;
+const MIN_DURATION: f64 = 0.05;
 
 /// Duration (s) of a motion between two poses within limits.
 pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
     let length = (to.translation.vector - from.translation.vector).norm();
     let angle = from.rotation.angle_to(&to.rotation);
-    limits.duration(length, angle).max(SHORTEST)
+    limits.duration(length, angle).max(MIN_DURATION)
 }
 
-/// Path from the first of `stops` through the others and the approach pose of `grasp` to the pose at which the digits
-/// close on the object at `percept`.
+/// Path from the first of `start_stops` through the others and the approach pose of `grasp` to the pose at which the digits
+/// close on the object at `detection`.
 pub fn approach(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &Percept,
+    percept: &DetectedObject,
 ) -> Result<PosePath, PathError> {
     let (mut waypoints, last) = waypoints((hand, limits), stops, grasp, percept);
     waypoints.push(last);
     PosePath::new(waypoints)
 }
 
-/// The path of [`approach`] in two parts: up to the approach pose, and from there.
-pub fn in_parts(
+/// The path of [`approach_path`] in two parts: up to the approach pose, and from there.
+pub fn approach_in_parts(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &Percept,
+    percept: &DetectedObject,
 ) -> Result<[PosePath; 2], PathError> {
     let (way, last) = waypoints((hand, limits), stops, grasp, percept);
     let from = way.last().map(|(_, before)| (0.0, *before));
@@ -52,7 +52,7 @@ fn waypoints(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &Percept,
+    percept: &DetectedObject,
 ) -> (Vec<Waypoint>, Waypoint) {
     let target = grasp.palm_pose(&percept.position, percept.yaw);
     let before = pregrasp_pose(hand, &target, APPROACH_DISTANCE);
@@ -61,7 +61,7 @@ fn waypoints(
         let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));
         waypoints.push((time, *pose));
     }
-    (waypoints, (duration(&limits.scaled(LAST_STRETCH), &before, &target), target))
+    (waypoints, (duration(&limits.scaled(FINAL_SPEED_SHARE), &before, &target), target))
 }
 
 /// Time (s) from the waypoint before, and pose.

@@ -20,7 +20,12 @@ pub(super) fn servo_goals(hand: &Hand, tension: &[f64], opposition: f64) -> Actu
 
 /// Servo tensions (N) for which the joints of closing digits feel the tensions `wanted` (N). They compensate for the
 /// guide friction up to the middle joint of a digit whose measured excursion is shared equally among its joints.
-pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoState], wanted: &[f64]) -> DigitVector {
+pub fn friction_compensated(
+    hand: &Hand,
+    friction: &CableFriction,
+    servos: &[ServoState],
+    wanted: &[f64],
+) -> DigitVector {
     if friction.coefficient == 0.0 {
         return wanted.iter().copied().collect();
     }
@@ -28,13 +33,13 @@ pub fn against_friction(hand: &Hand, friction: &CableFriction, servos: &[ServoSt
         let full = hand.transmission.cables[cable].full_excursion();
         let angle = FRAC_PI_2 * (cable_excursion(hand, cable, &servos[cable]) / full).clamp(0.0, 1.0);
         // Wrap of the cable up to the middle joint: all of the first joint's angle and half of its own.
-        let friction = hand.guides(cable, friction);
-        wanted[cable] / friction.ratio(1.0, friction.routing + 1.5 * angle)
+        let friction = hand.cable_guide_friction(cable, friction);
+        wanted[cable] / friction.tension_ratio(1.0, friction.routing + 1.5 * angle)
     })
 }
 
 /// Moves the tensions `now` towards `wanted` (N) for one tick (s), within [`TENSION_RATE`].
-pub fn approach_tension(now: &mut DigitVector, wanted: &[f64], tick: f64) {
+pub fn ramp_tension(now: &mut DigitVector, wanted: &[f64], tick: f64) {
     for (now, wanted) in now.iter_mut().zip(wanted) {
         *now += (wanted - *now).clamp(-TENSION_RATE * tick, TENSION_RATE * tick);
     }
@@ -63,11 +68,11 @@ mod tests {
         let radius = hand.parameters.cable.spool_radius;
         let mut servos = hand.each_actuator(|_| ServoState::default());
         servos[digit].position = path.excursion(&q) / radius;
-        let pulled = against_friction(&hand, &friction, &servos, &wanted);
+        let pulled = friction_compensated(&hand, &friction, &servos, &wanted);
         let felt = path.span_tensions(&q, pulled[digit], &friction, &[1.0; 3])[1];
         assert!((felt - 10.0).abs() < 0.2, "{felt} of {pulled:?}");
-        let open = against_friction(&hand, &friction, &hand.each_actuator(|_| ServoState::default()), &wanted);
+        let open = friction_compensated(&hand, &friction, &hand.each_actuator(|_| ServoState::default()), &wanted);
         assert!((open[0] / 10.0 - (friction.coefficient * friction.routing).exp()).abs() < 1e-12);
-        assert_eq!(against_friction(&hand, &CableFriction::NONE, &servos, &wanted)[..], wanted);
+        assert_eq!(friction_compensated(&hand, &CableFriction::NONE, &servos, &wanted)[..], wanted);
     }
 }

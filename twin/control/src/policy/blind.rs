@@ -3,54 +3,59 @@
 use dexterous_grasping::Grasp;
 use world::attempt::Attempt;
 
-use super::{Injected, Policy, PolicyError, Step, Story};
+use super::{DecisionTrace, InjectedHold, PolicyError, PolicyStep, TrialPolicy};
+use crate::detection::ObjectDetector;
 use crate::executor::{Executor, Skill};
-use crate::percept::Eyes;
-use crate::perception::Felt;
+use crate::perception::ObjectEstimate;
 
 /// Takes one object after another with its planned grasp, whether or not the previous ones were held.
 #[derive(Debug, Clone)]
-pub struct Blind {
+pub struct BlindPolicy {
     grasps: Vec<Grasp>,
-    story: Story,
+    trace: DecisionTrace,
 }
 
-impl Blind {
+impl BlindPolicy {
     /// The policy with the planned grasp of each object.
     pub fn new(grasps: Vec<Grasp>) -> Self {
-        Self { grasps, story: Story::default() }
+        Self { grasps, trace: DecisionTrace::default() }
     }
 }
 
-impl Policy for Blind {
-    fn perceive(&mut self, _: &Executor, _: Option<Injected>) -> Result<(), PolicyError> {
+impl TrialPolicy for BlindPolicy {
+    fn perceive(&mut self, _: &Executor, _: Option<InjectedHold>) -> Result<(), PolicyError> {
         Ok(())
     }
 
-    fn decide(&mut self, executor: &mut Executor, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
+    fn decide(
+        &mut self,
+        executor: &mut Executor,
+        _: &mut dyn ObjectDetector,
+        _: f64,
+    ) -> Result<PolicyStep, PolicyError> {
         let phase = executor.phase();
-        if phase.skill != Skill::Look {
-            return Ok(Step::Finish);
+        if phase.skill != Skill::Snapshot {
+            return Ok(PolicyStep::Finish);
         }
         let object = phase.object + 1;
         let Some(next) = self.grasps.get(object) else {
             executor.carry_aside()?;
-            return Ok(Step::Play);
+            return Ok(PolicyStep::Continue);
         };
         if executor.take_with(object, next.clone()).is_err() {
-            return Ok(Step::GiveUp);
+            return Ok(PolicyStep::GiveUp);
         }
         let (grasp, why) = (next.id, "as planned, unseen".to_owned());
-        self.story.attempts.push(Attempt { object, grasp, why, ..Attempt::default() });
-        self.story.announcements.push("the plan is carried out unseen".to_owned());
-        Ok(Step::Play)
+        self.trace.attempts.push(Attempt { object, grasp, why, ..Attempt::default() });
+        self.trace.announcements.push("the plan is carried out unseen".to_owned());
+        Ok(PolicyStep::Continue)
     }
 
-    fn story(&mut self) -> &mut Story {
-        &mut self.story
+    fn trace(&mut self) -> &mut DecisionTrace {
+        &mut self.trace
     }
 
-    fn felt(&self) -> &[Felt] {
+    fn felt(&self) -> &[ObjectEstimate] {
         &[]
     }
 

@@ -4,11 +4,11 @@ use dexterous_grasping::Grasp;
 
 use super::Knowledge;
 use super::touch::empty_hand;
-use crate::sensing::Senses;
+use crate::sensing::TouchPerception;
 
 /// Value of the best sequence of grasps in a trial whose first grasp is planned as `first`: the proven score of the
 /// first grasp times the worth of the best second grasp after it.
-pub fn promise(knowledge: &Knowledge, senses: &Senses, first: &Grasp) -> f64 {
+pub fn best_sequence_score(knowledge: &Knowledge, senses: &TouchPerception, first: &Grasp) -> f64 {
     let candidates = empty_hand::candidates(knowledge, senses, first);
-    candidates.iter().map(|candidate| candidate.worth).fold(0.0, f64::max)
+    candidates.iter().map(|candidate| candidate.score).fold(0.0, f64::max)
 }

@@ -9,14 +9,16 @@ use dexterous_grasping::Grasp;
 use dexterous_grasping::digit_sets;
 use hand_model::Digit;
 use serde::Serialize;
-use tactile_perception::Perceived;
+use tactile_perception::PadPerception;
 
-use self::plan::{Pick, PickPlan, Pickup, Ready, feeling, in_words, plan, why_not};
-use super::reach::TURNS;
-use super::{PolicyError, Step};
-use crate::executor::{Executor, Target};
-use crate::percept::{Eyes, Percept};
-use crate::sensing::Senses;
+use self::plan::{
+    Pick, PickPlan, PickSkill, ReachableObject, describe_plan, explain_replan, holding_digits, plan_picks,
+};
+use super::reach::YAW_CANDIDATES;
+use super::{PolicyError, PolicyStep};
+use crate::detection::{DetectedObject, ObjectDetector};
+use crate::executor::{Executor, GraspTarget};
+use crate::sensing::TouchPerception;
 use crate::workcell::Workcell;
 
 /// Rule by which objects are chosen.
@@ -66,12 +68,12 @@ impl PickMode {
 
 /// An object to be carried.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Item {
+pub struct PickObject {
     pub name: String,
     /// Volume, m3.
     pub volume: f64,
     /// Indices of the pickups that suit the object.
-    pub pickups: Vec<usize>,
+    pub skills: Vec<usize>,
 }
 
 /// Knowledge of the policy before a transport begins.
@@ -80,18 +82,18 @@ pub struct PickTask<'a> {
     /// Hand and arm.
     pub cell: &'a Workcell,
     /// Ways to pick up a ball.
-    pub pickups: &'a [Pickup],
+    pub skills: &'a [PickSkill],
     /// The objects to carry.
-    pub items: &'a [Item],
+    pub items: &'a [PickObject],
     /// Position of the palm above the place of release, m.
     pub goal: [f64; 2],
     /// Largest number of picks.
-    pub tries: usize,
+    pub max_picks: usize,
 }
 
 /// An object that is believed to be in the hand.
 #[derive(Debug, Clone)]
-struct Had {
+struct PickedObject {
     object: usize,
     digits: Vec<Digit>,
 }
@@ -100,35 +102,35 @@ struct Had {
 pub struct PickSequence<'a> {
     task: PickTask<'a>,
     mode: PickMode,
-    senses: Senses<'a>,
+    senses: TouchPerception<'a>,
     /// Objects that are believed to be still on the table.
-    left: Vec<usize>,
-    had: Vec<Had>,
+    remaining: Vec<usize>,
+    picked: Vec<PickedObject>,
     /// Remaining picks of the plan.
     planned: Vec<Pick>,
     /// The pick under way.
-    picking: Option<Pick>,
+    current_pick: Option<Pick>,
     failures: Vec<(usize, usize)>,
     picks: usize,
     /// Number of picks since the last delivery, which is the length of the executor's list.
-    in_list: usize,
+    picks_since_delivery: usize,
     reasons: Vec<String>,
 }
 
 impl<'a> PickSequence<'a> {
     /// A transport of all objects, beginning with an empty hand.
-    pub fn new(task: PickTask<'a>, mode: PickMode, senses: Senses<'a>) -> Self {
+    pub fn new(task: PickTask<'a>, mode: PickMode, senses: TouchPerception<'a>) -> Self {
         Self {
-            left: (0..task.items.len()).collect(),
+            remaining: (0..task.items.len()).collect(),
             task,
             mode,
             senses,
-            had: Vec::new(),
+            picked: Vec::new(),
             planned: Vec::new(),
-            picking: None,
+            current_pick: None,
             failures: Vec::new(),
             picks: 0,
-            in_list: 0,
+            picks_since_delivery: 0,
             reasons: Vec::new(),
         }
     }
@@ -144,41 +146,46 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Decides on the next action and begins it: a pick, or the delivery of everything that is held.
-    pub fn decide(&mut self, executor: &mut Executor, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
-        let next = if self.picks < self.task.tries { self.next_pick(eyes)? } else { None };
+    pub fn decide(
+        &mut self,
+        executor: &mut Executor,
+        eyes: &mut dyn ObjectDetector,
+    ) -> Result<PolicyStep, PolicyError> {
+        let next = if self.picks < self.task.max_picks { self.next_pick(eyes)? } else { None };
         if let Some((pick, percept)) = next {
             self.take(executor, pick, &percept)?;
-            return Ok(Step::Play);
+            return Ok(PolicyStep::Continue);
         }
-        if self.had.is_empty() {
-            return Ok(Step::Finish);
+        if self.picked.is_empty() {
+            return Ok(PolicyStep::Finish);
         }
         executor.deliver(self.task.goal)?;
-        self.had.clear();
+        self.picked.clear();
         self.planned.clear();
-        self.in_list = 0;
-        Ok(Step::Play)
+        self.picks_since_delivery = 0;
+        Ok(PolicyStep::Continue)
     }
 
     /// Next pick and the percept of its object; `None` if there is nothing to take.
-    fn next_pick(&mut self, eyes: &mut dyn Eyes) -> Result<Option<(Pick, Percept)>, PolicyError> {
+    fn next_pick(&mut self, eyes: &mut dyn ObjectDetector) -> Result<Option<(Pick, DetectedObject)>, PolicyError> {
         let most = match self.mode {
-            PickMode::OneByOne => 1_usize.saturating_sub(self.had.len()),
-            PickMode::Blind | PickMode::Touch => Digit::ALL.len() - self.had.len(),
+            PickMode::OneByOne => 1_usize.saturating_sub(self.picked.len()),
+            PickMode::Blind | PickMode::Touch => Digit::ALL.len() - self.picked.len(),
         };
-        if most == 0 || self.left.is_empty() {
+        if most == 0 || self.remaining.is_empty() {
             return Ok(None);
         }
-        let mut percepts: Vec<(usize, Percept)> = Vec::with_capacity(self.left.len());
-        for &object in &self.left {
-            percepts.extend(eyes.look(object)?.map(|seen| (object, Percept::of_ball(&seen.pose))));
+        let mut percepts: Vec<(usize, DetectedObject)> = Vec::with_capacity(self.remaining.len());
+        for &object in &self.remaining {
+            percepts.extend(eyes.detect(object)?.map(|seen| (object, DetectedObject::from_ball_pose(&seen.pose))));
         }
         let of = |object: usize| percepts.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
-        if self.mode != PickMode::Blind || self.had.is_empty() {
-            let holding = self.holding();
-            let ready: Vec<Ready> = percepts.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
-            let now = plan(self.task.pickups, &ready, &holding, most);
-            self.tell_plan(&now, &holding);
+        if self.mode != PickMode::Blind || self.picked.is_empty() {
+            let holding = self.holding_digits();
+            let ready: Vec<ReachableObject> =
+                percepts.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
+            let now = plan_picks(self.task.skills, &ready, &holding, most);
+            self.record_plan(&now, &holding);
             self.planned = now.picks;
         }
         if self.planned.is_empty() {
@@ -188,97 +195,104 @@ impl<'a> PickSequence<'a> {
         Ok(of(pick.object).map(|percept| (pick, percept)))
     }
 
-    fn holding(&self) -> Vec<Digit> {
-        self.had.iter().flat_map(|had| had.digits.iter().copied()).collect()
+    fn holding_digits(&self) -> Vec<Digit> {
+        self.picked.iter().flat_map(|had| had.digits.iter().copied()).collect()
     }
 
     /// Pickups for `object` at its percept that a rotation about the vertical brings within the arm's reach.
-    fn ready(&self, object: usize, percept: &Percept) -> Ready {
+    fn ready(&self, object: usize, percept: &DetectedObject) -> ReachableObject {
         let failed = |pickup: usize| self.failures.iter().filter(|failed| **failed == (object, pickup)).count() as i32;
         let item = &self.task.items[object];
-        let pickups = item.pickups.iter().filter(|pickup| self.turn(**pickup, percept).is_some());
-        Ready { object, volume: item.volume, pickups: pickups.map(|pickup| (*pickup, failed(*pickup))).collect() }
+        let pickups = item.skills.iter().filter(|pickup| self.yaw_within_reach(**pickup, percept).is_some());
+        ReachableObject {
+            object,
+            volume: item.volume,
+            skills: pickups.map(|pickup| (*pickup, failed(*pickup))).collect(),
+        }
     }
 
     /// Smallest yaw (rad) that brings the grasp of a pickup within the arm's reach.
-    fn turn(&self, pickup: usize, percept: &Percept) -> Option<f64> {
-        let grasp = &self.task.pickups[pickup].grasp;
-        TURNS.into_iter().find(|turn| self.task.cell.reaches(&grasp.palm_pose(&percept.position, percept.yaw + turn)))
+    fn yaw_within_reach(&self, pickup: usize, percept: &DetectedObject) -> Option<f64> {
+        let grasp = &self.task.skills[pickup].grasp;
+        YAW_CANDIDATES
+            .into_iter()
+            .find(|turn| self.task.cell.reaches(&grasp.palm_pose(&percept.position, percept.yaw + turn)))
     }
 
     fn names(&self) -> Vec<String> {
         self.task.items.iter().map(|item| item.name.clone()).collect()
     }
 
-    fn tell_plan(&mut self, now: &PickPlan, holding: &[Digit]) {
-        let (pickups, names) = (self.task.pickups, self.names());
-        let changed = why_not(&self.planned, now, pickups, holding, &names);
+    fn record_plan(&mut self, now: &PickPlan, holding: &[Digit]) {
+        let (pickups, names) = (self.task.skills, self.names());
+        let changed = explain_replan(&self.planned, now, pickups, holding, &names);
         self.reasons.push(match (changed, now.picks.is_empty()) {
-            (Some(why), false) => format!("{why}: {} instead", in_words(now, pickups, &names)),
+            (Some(why), false) => format!("{why}: {} instead", describe_plan(now, pickups, &names)),
             (Some(why), true) => format!("{why}: nothing else fits"),
-            (None, false) if self.had.is_empty() => format!("plan: {}", in_words(now, pickups, &names)),
-            (None, false) => format!("on with {}", in_words(now, pickups, &names)),
-            (None, true) => format!("no ball left fits beside what {} holds", digit_sets::in_words(holding)),
+            (None, false) if self.picked.is_empty() => format!("plan: {}", describe_plan(now, pickups, &names)),
+            (None, false) => format!("on with {}", describe_plan(now, pickups, &names)),
+            (None, true) => format!("no ball left fits beside what {} holds", digit_sets::describe_digits(holding)),
         });
     }
 
-    fn take(&mut self, executor: &mut Executor, pick: Pick, percept: &Percept) -> Result<(), PolicyError> {
+    fn take(&mut self, executor: &mut Executor, pick: Pick, percept: &DetectedObject) -> Result<(), PolicyError> {
         self.picks += 1;
-        self.picking = Some(pick);
-        let pickup = &self.task.pickups[pick.pickup];
-        let turn = self.turn(pick.pickup, percept).unwrap_or(0.0);
+        self.current_pick = Some(pick);
+        let pickup = &self.task.skills[pick.skill];
+        let turn = self.yaw_within_reach(pick.skill, percept).unwrap_or(0.0);
         let grasp = Grasp { yaw: pickup.grasp.yaw + turn, ..pickup.grasp.clone() };
         // A digit that seems empty may still keep an object from rolling out. It therefore opens only when it is
         // needed.
-        let holding = self.holding();
+        let holding = self.holding_digits();
         let needed = |digit: &Digit| pickup.grasp.digits.contains(digit) && !holding.contains(digit);
-        let kept: Vec<Digit> = executor.holding().into_iter().filter(|digit| !needed(digit)).collect();
+        let kept: Vec<Digit> = executor.holding_digits().into_iter().filter(|digit| !needed(digit)).collect();
         executor.keep_only(&kept);
-        self.in_list += 1;
-        Ok(executor.take(self.in_list - 1, Target { grasp, percept: *percept })?)
+        self.picks_since_delivery += 1;
+        Ok(executor.take(self.picks_since_delivery - 1, GraspTarget { grasp, detected: *percept })?)
     }
 
     /// Determines the contents of the hand after a pick was played.
     pub fn perceive(&mut self, executor: &mut Executor) -> Result<(), PolicyError> {
-        let Some(pick) = self.picking.take() else { return Ok(()) };
-        let pickup = &self.task.pickups[pick.pickup];
+        let Some(pick) = self.current_pick.take() else { return Ok(()) };
+        let pickup = &self.task.skills[pick.skill];
         if self.mode == PickMode::Blind {
-            self.left.retain(|object| *object != pick.object);
-            self.had.push(Had { object: pick.object, digits: pickup.keeps.clone() });
+            self.remaining.retain(|object| *object != pick.object);
+            self.picked.push(PickedObject { object: pick.object, digits: pickup.keeps.clone() });
             return Ok(());
         }
-        let look = executor.motion().look();
-        let Perceived { touches, .. } = self.senses.perceive(&look)?;
-        let with = (self.senses.pipeline().hand(), self.senses.hold());
-        let feels = |digits: &[Digit]| feeling(with, &touches, look.readings.servos, digits);
+        let look = executor.motion().snapshot();
+        let PadPerception { touches, .. } = self.senses.perceive(&look)?;
+        let with = (self.senses.pipeline().hand(), self.senses.hold_limits());
+        let feels = |digits: &[Digit]| holding_digits(with, &touches, look.readings.servos, digits);
         let new = feels(&pickup.grasp.digits);
         let items = self.task.items;
         let name = &items[pick.object].name;
         if new.is_empty() {
             self.reasons.push(format!("nothing felt of {name}: not picked up"));
-            self.failures.push((pick.object, pick.pickup));
+            self.failures.push((pick.object, pick.skill));
             self.planned.clear();
         } else {
             let as_planned = if new == pickup.keeps { "as planned" } else { "not as planned" };
-            let by = (digit_sets::in_words(&new), digit_sets::in_words(&pickup.keeps));
+            let by = (digit_sets::describe_digits(&new), digit_sets::describe_digits(&pickup.keeps));
             self.reasons.push(format!("{name} is felt by {}, {as_planned} ({})", by.0, by.1));
-            self.left.retain(|object| *object != pick.object);
+            self.remaining.retain(|object| *object != pick.object);
         }
-        for had in &mut self.had {
+        for had in &mut self.picked {
             had.digits = feels(&had.digits);
             if had.digits.is_empty() {
                 self.reasons.push(format!("{} is no longer felt", items[had.object].name));
-                self.left.push(had.object);
+                self.remaining.push(had.object);
             }
         }
-        self.had.retain(|had| !had.digits.is_empty());
-        self.left.sort_unstable();
+        self.picked.retain(|had| !had.digits.is_empty());
+        self.remaining.sort_unstable();
         if new.is_empty() {
             let closed = &pickup.grasp.digits;
-            let kept: Vec<Digit> = executor.holding().into_iter().filter(|digit| !closed.contains(digit)).collect();
+            let kept: Vec<Digit> =
+                executor.holding_digits().into_iter().filter(|digit| !closed.contains(digit)).collect();
             executor.keep_only(&kept);
         } else {
-            self.had.push(Had { object: pick.object, digits: new });
+            self.picked.push(PickedObject { object: pick.object, digits: new });
         }
         Ok(())
     }

@@ -5,26 +5,27 @@ use hand_model::Digit;
 use world::objects::ObjectModel;
 
 use super::Knowledge;
-use super::tracked::Tracked;
-use crate::percept::Percept;
-use crate::stand_in::stand_ins;
-use crate::worth::Candidate;
+use super::tracked::TrackedObject;
+use crate::detection::DetectedObject;
+use crate::fallback_grasp::fallback_grasps;
+use crate::score::GraspCandidate;
 
 /// Yaws that are tried if an object is out of reach of the planned grasp, rad.
-pub const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
+pub const YAW_CANDIDATES: [f64; 15] =
+    [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
 
 /// Variants of `grasp` from all sides from which the object looks the same, as far as the arm can reach them; the
 /// unturned one first.
-pub fn turned<'a>(
+pub fn yaw_variants<'a>(
     knowledge: &'a Knowledge,
     grasp: &'a Grasp,
-    seen: &'a Percept,
+    seen: &'a DetectedObject,
     object: &ObjectModel,
 ) -> impl Iterator<Item = Grasp> + use<'a> {
     let turns = if object.round_about_vertical(&seen.rotation) {
-        TURNS.to_vec()
+        YAW_CANDIDATES.to_vec()
     } else {
-        let others = object.standing_yaws(&seen.rotation).into_iter().map(|yaw| yaw - seen.yaw);
+        let others = object.resting_yaws(&seen.rotation).into_iter().map(|yaw| yaw - seen.yaw);
         std::iter::once(0.0).chain(others.filter(|turn| turn.abs() > 1e-6)).collect()
     };
     turns
@@ -34,24 +35,29 @@ pub fn turned<'a>(
 }
 
 /// Inputs of a search for grasps.
-pub struct Wanted<'a> {
+pub struct ReachQuery<'a> {
     pub object: &'a ObjectModel,
     /// Digits that take the object.
     pub digits: &'a [Digit],
     /// Grasps of the object in the pose that the plan expects.
-    pub candidates: &'a [Candidate],
+    pub candidates: &'a [GraspCandidate],
     /// Record of the failures in this trial.
-    pub tracked: &'a Tracked,
+    pub tracked: &'a TrackedObject,
 }
 
 /// Candidates whose grasp the arm can reach. For an object that fell over, grasps of objects that lie like it.
-pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> Vec<Candidate> {
-    let turn_into_reach = |candidate: &Candidate| {
-        let grasp = turned(knowledge, &candidate.grasp, seen, wanted.object).next()?;
-        let trust = wanted.tracked.trust(grasp.id);
-        Some(Candidate { grasp, worth: candidate.worth * trust, trust, rehearsed: candidate.rehearsed.clone() })
+pub fn reachable_candidates(knowledge: &Knowledge, wanted: &ReachQuery, seen: &DetectedObject) -> Vec<GraspCandidate> {
+    let turn_into_reach = |candidate: &GraspCandidate| {
+        let grasp = yaw_variants(knowledge, &candidate.grasp, seen, wanted.object).next()?;
+        let trust = wanted.tracked.failure_factor(grasp.id);
+        Some(GraspCandidate {
+            grasp,
+            score: candidate.score * trust,
+            failure_factor: trust,
+            rollouts: candidate.rollouts.clone(),
+        })
     };
-    let own: Vec<Candidate> = match wanted.object.standing_yaw(&seen.rotation) {
+    let own: Vec<GraspCandidate> = match wanted.object.resting_yaw(&seen.rotation) {
         Some(_) => wanted.candidates.iter().filter_map(turn_into_reach).collect(),
         None => Vec::new(),
     };
@@ -59,6 +65,7 @@ pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> V
         return own;
     }
     let (library, repertoire) = (knowledge.library, knowledge.repertoire);
-    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.digits, &knowledge.fallen);
+    let others =
+        fallback_grasps((library, repertoire), (wanted.object, seen), wanted.digits, &knowledge.fallen_candidates);
     others.iter().filter_map(turn_into_reach).collect()
 }

@@ -3,36 +3,36 @@
 use std::collections::BTreeMap;
 
 use super::{Knowledge, PolicyError};
+use crate::detection::{AveragedDetection, DetectedObject, ObjectDetector};
 use crate::executor::Executor;
-use crate::odds::Belief;
-use crate::percept::{Eyes, Looked, Percept};
+use crate::outcome_model::AimPosterior;
+use crate::score;
 use crate::uncertainty::Uncertainty;
-use crate::worth;
 
 /// Looks at an object and failed tries.
-pub struct Tracked {
+pub struct TrackedObject {
     /// Number of the object in the trial.
     object: usize,
     /// Number of looks over which its position is averaged.
-    pub looks: u32,
+    pub detections: u32,
     /// Standard deviation stated by the latest look, m.
-    sighted: Option<f64>,
+    detection_sigma: Option<f64>,
     /// Belief about the error of its position since it was touched; `None` if it was only seen.
-    pub located: Option<Belief>,
+    pub touch_posterior: Option<AimPosterior>,
     /// True if it was hidden when it was last looked for.
     pub hidden: bool,
     /// Number of failures of each grasp, by the grasp's number.
     failures: BTreeMap<u32, i32>,
 }
 
-impl Tracked {
+impl TrackedObject {
     /// Records for all objects of a trial, each of which was looked at once.
-    pub fn all(knowledge: &Knowledge) -> Vec<Self> {
+    pub fn for_trial(knowledge: &Knowledge) -> Vec<Self> {
         let one = |object| Self {
             object,
-            looks: 1,
-            sighted: knowledge.sighted[object],
-            located: None,
+            detections: 1,
+            detection_sigma: knowledge.first_detection_sigmas[object],
+            touch_posterior: None,
             hidden: false,
             failures: BTreeMap::new(),
         };
@@ -41,41 +41,46 @@ impl Tracked {
 
     /// Expected errors of its seen position and of the arm.
     pub fn uncertainty(&self, knowledge: &Knowledge) -> Uncertainty {
-        knowledge.uncertainty.stated(self.sighted)
+        knowledge.uncertainty.with_detector_sigma(self.detection_sigma)
     }
 
     /// Looks at the object again; `None` if it is hidden.
-    pub fn look(&mut self, knowledge: &Knowledge, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
-        let Some(sighted) = eyes.look(self.object)? else { return Ok(None) };
-        self.sighted = sighted.sigma;
-        Ok(Some(Percept::of(&knowledge.objects[self.object], &sighted.pose)))
+    pub fn detect(
+        &mut self,
+        knowledge: &Knowledge,
+        eyes: &mut dyn ObjectDetector,
+    ) -> Result<Option<DetectedObject>, PolicyError> {
+        let Some(sighted) = eyes.detect(self.object)? else { return Ok(None) };
+        self.detection_sigma = sighted.sigma;
+        Ok(Some(DetectedObject::from_pose(&knowledge.objects[self.object], &sighted.pose)))
     }
 
     /// Replaces the percept by `seen`, because something may have moved the object since the previous looks; `None` if
     /// it is hidden.
-    pub fn replace(&mut self, seen: Option<Percept>, executor: &mut Executor) {
+    pub fn replace_detection(&mut self, seen: Option<DetectedObject>, executor: &mut Executor) {
         self.hidden = seen.is_none();
         if let Some(seen) = seen {
-            executor.see(self.object, seen);
-            (self.looks, self.located) = (1, None);
+            executor.update_detection(self.object, seen);
+            (self.detections, self.touch_posterior) = (1, None);
         }
     }
 
     /// Adds the look `seen` of an object that nothing has moved: its position is the mean of all looks that agree.
-    pub fn refine(&mut self, seen: Percept, knowledge: &Knowledge, executor: &mut Executor) {
-        let known = Looked { mean: executor.target(self.object).percept, looks: self.looks };
-        let Looked { mean, looks } = known.again(seen, self.uncertainty(knowledge).fresh_look());
-        executor.see(self.object, mean);
-        self.looks = looks;
+    pub fn add_detection(&mut self, seen: DetectedObject, knowledge: &Knowledge, executor: &mut Executor) {
+        let known = AveragedDetection { mean: executor.target(self.object).detected, detections: self.detections };
+        let AveragedDetection { mean, detections: looks } =
+            known.with_detection(seen, self.uncertainty(knowledge).independent_detection_sigma());
+        executor.update_detection(self.object, mean);
+        self.detections = looks;
     }
 
     /// Counts a failure of a grasp of this object.
-    pub fn failed(&mut self, grasp: u32) {
+    pub fn count_failure(&mut self, grasp: u32) {
         *self.failures.entry(grasp).or_default() += 1;
     }
 
     /// Factor on a grasp's worth after its failures.
-    pub fn trust(&self, grasp: u32) -> f64 {
-        worth::FAILED.powi(self.failures.get(&grasp).copied().unwrap_or(0))
+    pub fn failure_factor(&self, grasp: u32) -> f64 {
+        score::FAILURE_FACTOR.powi(self.failures.get(&grasp).copied().unwrap_or(0))
     }
 }

@@ -4,7 +4,7 @@
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::shape::SharedShape;
-use world::geometry::{Shape, hull_mesh};
+use world::geometry::{ObjectShape, hull_mesh};
 use world::objects::ObjectModel;
 
 use crate::collision::{Solid, hand_solids};
@@ -12,11 +12,11 @@ use crate::collision::{Solid, hand_solids};
 /// Number of points kept of a convex part for distance queries, whose cost grows with it.
 const HULL_POINTS: usize = 96;
 /// Threshold below which a mesh counts as convex: the volume of its hull relative to its own.
-const NEARLY_CONVEX: f64 = 1.03;
+const CONVEX_VOLUME_RATIO: f64 = 1.03;
 
 /// The held object, as estimated.
 #[derive(Clone)]
-pub struct Held<'a> {
+pub struct HeldObject<'a> {
     pub name: &'a str,
     /// Solids in the object's frame: [`object_solids`].
     pub solids: &'a [Solid],
@@ -34,19 +34,20 @@ pub struct Held<'a> {
 pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
     let pose = Isometry3::identity();
     match &object.shape {
-        Shape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), pose)],
-        Shape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, pose)],
-        Shape::Cylinder { radius, half_height } => {
+        ObjectShape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), pose)],
+        ObjectShape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, pose)],
+        ObjectShape::Cylinder { radius, half_height } => {
             let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
             vec![Solid::new(object.name.clone(), SharedShape::cylinder(*half_height, *radius), pose * upright)]
         }
-        Shape::Mesh(mesh) => {
+        ObjectShape::Mesh(mesh) => {
             let hull_of = |points: &[Point3<f64>]| {
-                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&outline(points))?, pose))
+                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&extreme_points(points))?, pose))
             };
             // Distances to one hull cost a fraction of those to many, so the slices of a nearly convex mesh are
             // combined.
-            let whole = hull_mesh(mesh.vertices()).ok().filter(|hull| hull.volume() < NEARLY_CONVEX * mesh.volume());
+            let whole =
+                hull_mesh(mesh.vertices()).ok().filter(|hull| hull.volume() < CONVEX_VOLUME_RATIO * mesh.volume());
             match whole.and_then(|hull| hull_of(hull.vertices())) {
                 Some(hull) => vec![hull],
                 None => mesh.convex_parts().iter().filter_map(|points| hull_of(points)).collect(),
@@ -56,7 +57,7 @@ pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
 }
 
 /// Extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
-fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
+fn extreme_points(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let mut kept: Vec<usize> = (0..HULL_POINTS)
         .filter_map(|n| {
@@ -73,19 +74,19 @@ fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
 }
 
 /// Moves the `solids` of an object to `pose`.
-pub fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
+pub fn transformed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
 /// Solids that move with the palm (palm frame): the held object at a pose in it, with its digits at these angles.
-pub(super) fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
-    let mut moving = placed(held.solids, pose);
+pub(super) fn held_solids(hand: &Hand, held: &HeldObject, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
+    let mut moving = transformed(held.solids, pose);
     moving.extend(hand_solids(hand, joints, &held.digits, false));
     moving
 }
 
 /// Solids of the rest of the hand: its palm and the digits that hold nothing, in the palm frame.
-pub(super) fn free_solids(hand: &Hand, held: &Held) -> Vec<Solid> {
+pub(super) fn free_solids(hand: &Hand, held: &HeldObject) -> Vec<Solid> {
     let free: Vec<Digit> = hand.digits().iter().copied().filter(|digit| !held.digits.contains(digit)).collect();
     hand_solids(hand, &held.joints, &free, true)
 }

@@ -4,11 +4,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use control::executor::Executor;
-use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
-use control::odds::{Belief, Rehearsed, TryOutcome};
-use control::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, object_solids};
+use control::look_ahead::{LookAheadSettings, RolloutError, RolloutModel, RolloutScene, SampledScene};
+use control::outcome_model::{AimPosterior, Rollout, TryOutcome};
+use control::score::GraspCandidate;
+use control::strategy::{Assessment, Decision, DecisionContext, HeldObject, LookAhead, choose, object_solids};
 use control::uncertainty::Uncertainty;
-use control::worth::Candidate;
 use nalgebra::{Isometry3, Vector3};
 use world::objects::{ObjectModel, ObjectSet};
 
@@ -21,7 +21,7 @@ fn with_bar_at(x: f64) -> (bool, Assessment) {
     run_until(&mut executor, DECIDE);
     let bar = bar();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
-    let held = Held {
+    let held = HeldObject {
         name: "bar",
         solids: &bar,
         pose: Isometry3::translation(x, 0.09, -0.02),
@@ -30,27 +30,27 @@ fn with_bar_at(x: f64) -> (bool, Assessment) {
         sigma: 0.001,
     };
     let hand = &table.cell.robot.hand;
-    let belief = Belief::new(&Uncertainty::standard());
-    let situation = Situation {
+    let belief = AimPosterior::new(&Uncertainty::standard());
+    let situation = DecisionContext {
         executor: &executor,
         hand,
         held: &held,
-        rehearsed: None,
+        rollout_hold: None,
         target: &target,
         target_sigma: 0.002,
-        all: Arc::default(),
-        belief: &belief,
-        looks: 1,
+        all_rollouts: Arc::default(),
+        aim_posterior: &belief,
+        detections: 1,
         probe: Vector3::zeros(),
-        foresight: None,
+        look_ahead: None,
     };
     let decision = choose(&situation, &table.second()).expect("geometry").expect("a plan");
-    (decision.switched, decision.plan)
+    (decision.switched, decision.planned)
 }
 
 fn bar() -> ObjectModel {
     let cube = ObjectSet::standard().get(FIRST).expect("a cube").clone();
-    let shape = world::Shape::Cuboid { half: Vector3::new(0.008, 0.008, 0.06), radius: 0.0 };
+    let shape = world::ObjectShape::Cuboid { half: Vector3::new(0.008, 0.008, 0.06), radius: 0.0 };
     ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
 }
 
@@ -86,29 +86,29 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
 }
 
 /// A twin in which the grasp of this number makes contact and every other one holds.
-struct Touches(u32);
+struct OneContactModel(u32);
 
-impl Twin for Touches {
-    fn imagine(&self, _: &Scene) -> Result<Box<dyn Imagined>, TwinError> {
+impl RolloutModel for OneContactModel {
+    fn prepare(&self, _: &RolloutScene) -> Result<Box<dyn SampledScene>, RolloutError> {
         Ok(Box::new(Self(self.0)))
     }
 }
 
-impl Imagined for Touches {
-    fn play(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
+impl SampledScene for OneContactModel {
+    fn roll_out(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, RolloutError> {
         let outcome = if going.target(1).grasp.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
         Ok(vec![Some(outcome); draws.len()])
     }
 }
 
 /// Like [`with_rehearsals`], with a twin in which the candidates are played first.
-fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
+fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn RolloutModel>) -> Decision {
     let table = Table::new();
     let mut executor = table.executor();
     run_until(&mut executor, DECIDE);
     let bar = bar();
     let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
-    let held = Held {
+    let held = HeldObject {
         name: "bar",
         solids: &bar,
         pose: Isometry3::translation(-0.10, 0.09, -0.02),
@@ -116,21 +116,21 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         digits: SIDE.to_vec(),
         sigma: 0.001,
     };
-    let belief = Belief::new(&Uncertainty::standard());
+    let belief = AimPosterior::new(&Uncertainty::standard());
     let covariance = nalgebra::Matrix6::zeros();
-    let situation = Situation {
+    let situation = DecisionContext {
         executor: &executor,
         hand: &table.cell.robot.hand,
         held: &held,
-        rehearsed: None,
+        rollout_hold: None,
         target: &target,
         target_sigma: 0.002,
-        all: Arc::default(),
-        belief: &belief,
-        looks: 1,
+        all_rollouts: Arc::default(),
+        aim_posterior: &belief,
+        detections: 1,
         probe: Vector3::zeros(),
-        foresight: twin.map(|twin| Foresight {
-            foresees: Foresees::best(twin),
+        look_ahead: twin.map(|twin| LookAhead {
+            settings: LookAheadSettings::with_alternatives(twin),
             objects: &table.objects,
             covariance: &covariance,
         }),
@@ -138,13 +138,13 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
     let rehearsed = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
-        errors.iter().map(|error| Rehearsed::new(*error, outcome(error))).collect()
+        errors.iter().map(|error| Rollout::new(*error, outcome(error))).collect()
     };
     let candidates: Vec<_> = table
         .second()
         .into_iter()
         .zip(rehearsals)
-        .map(|(candidate, how)| Candidate { rehearsed: rehearsed(how), ..candidate })
+        .map(|(candidate, how)| GraspCandidate { rollouts: rehearsed(how), ..candidate })
         .collect();
     choose(&situation, &candidates).expect("geometry").expect("a plan")
 }
@@ -157,7 +157,7 @@ fn a_miss_is_better_than_a_contact() {
         |error| if error.x.abs() < 0.006 { Held } else { Contact },
         |error| if error.x.abs() < 0.006 { Held } else { Missed },
     ]);
-    assert!(decision.switched && decision.chosen.risk < 0.1 && decision.plan.risk > 0.3, "{}", decision.reason);
+    assert!(decision.switched && decision.chosen.risk < 0.1 && decision.planned.risk > 0.3, "{}", decision.reason);
 }
 
 /// A plan that makes contact on one side only is kept and aimed away from that side.
@@ -166,7 +166,7 @@ fn the_aim_leaves_the_side_that_touches() {
     use TryOutcome::{Contact, Held};
     let decision = with_rehearsals([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
     assert!(!decision.switched && decision.aim.x > 0.0, "{}", decision.reason);
-    assert!(decision.chosen.risk < decision.plan.risk - 0.1, "{}", decision.reason);
+    assert!(decision.chosen.risk < decision.planned.risk - 0.1, "{}", decision.reason);
 }
 
 /// A plan that is good in rehearsals is given up when it makes contact in the twin, and the reason says so.
@@ -175,9 +175,9 @@ fn what_touches_in_the_twin_is_left() {
     let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
     let [plan, other] = [0, 1].map(|n| Table::new().second()[n].grasp.id);
     assert!(!with_rehearsals(held).switched);
-    let decision = with_twin(held, Some(&Touches(plan)));
-    assert!(decision.switched && decision.plan.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
+    let decision = with_twin(held, Some(&OneContactModel(plan)));
+    assert!(decision.switched && decision.planned.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
     assert!(decision.reason.contains("of 8 tries in the twin 8 hold and 0 touch"), "{}", decision.reason);
-    let decision = with_twin(held, Some(&Touches(other)));
-    assert!(!decision.switched && decision.plan.risk < 0.1, "{}", decision.reason);
+    let decision = with_twin(held, Some(&OneContactModel(other)));
+    assert!(!decision.switched && decision.planned.risk < 0.1, "{}", decision.reason);
 }

@@ -1,54 +1,58 @@
 //! Three objects in turn: an object missing from the hand is taken again, and an object lost earlier begins the list
 //! anew.
 
+use control::detection::{DetectionError, ObjectDetector, PoseDetection};
 use control::executor::{Executor, Phase, Skill};
-use control::percept::{Eyes, EyesError, Sighted};
-use control::policy::in_turn::InTurn;
-use control::policy::{Knowledge, Policy, Step};
-use control::sensing::Senses;
+use control::policy::sequential::SequentialPolicy;
+use control::policy::{Knowledge, PolicyStep, TrialPolicy};
+use control::sensing::TouchPerception;
 use world::Sensing;
 
-use crate::lists::{SETS, target};
+use crate::lists::{DIGIT_SETS, target};
 use crate::table::*;
 
 /// Sees every object at the pose of the table's second object.
-struct Seeing<'a>(&'a Table);
+struct FixedDetector<'a>(&'a Table);
 
-impl Eyes for Seeing<'_> {
-    fn look(&mut self, _: usize) -> Result<Option<Sighted>, EyesError> {
+impl ObjectDetector for FixedDetector<'_> {
+    fn detect(&mut self, _: usize) -> Result<Option<PoseDetection>, DetectionError> {
         Ok(Some(self.0.place(1).into()))
     }
 }
 
-/// Plays a trial in which the first two objects are felt as `felt` says in each phase, the third never is, and
+/// Plays a trial in which the first two objects are felt as `contact_time` says in each phase, the third never is, and
 /// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
 fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();
-    let mut executor: Executor = table.with_list(SETS.iter().map(|digits| target(&table, digits)).collect());
+    let mut executor: Executor = table.with_list(DIGIT_SETS.iter().map(|digits| target(&table, digits)).collect());
     let planned: Vec<_> = executor.targets().iter().map(|target| target.grasp.clone()).collect();
     let object = table.objects[1].clone();
-    let knowledge =
-        Knowledge { objects: vec![object; 3], known: vec![&table.known; 3], second: Vec::new(), ..table.knowledge() };
-    let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
-    let mut policy = InTurn::new(knowledge, senses, &planned.iter().collect::<Vec<_>>());
-    let (mut eyes, mut phases) = (Seeing(&table), Vec::new());
+    let knowledge = Knowledge {
+        objects: vec![object; 3],
+        known_objects: vec![&table.known; 3],
+        second_candidates: Vec::new(),
+        ..table.knowledge()
+    };
+    let senses = TouchPerception::new(&table.pipeline, Sensing::TruePose).expect("made");
+    let mut policy = SequentialPolicy::new(knowledge, senses, &planned.iter().collect::<Vec<_>>());
+    let (mut eyes, mut phases) = (FixedDetector(&table), Vec::new());
     for _ in 0..6 {
         let phase = executor.phase();
         phases.push(phase);
         let [first, second] = felt(phase);
         policy.perceive(&executor, in_hand(first, second)).expect("perceived");
-        if policy.decide(&mut executor, &mut eyes, time).expect("decided") != Step::Play {
+        if policy.decide(&mut executor, &mut eyes, time).expect("decided") != PolicyStep::Continue {
             break;
         }
         run_on(&mut executor);
     }
-    let attempts = policy.story().attempts.iter().map(|attempt| attempt.object).collect();
-    (attempts, policy.story().retries, phases)
+    let attempts = policy.trace().attempts.iter().map(|attempt| attempt.object).collect();
+    (attempts, policy.trace().retries, phases)
 }
 
 /// Phase of the look after an object has been taken.
 fn after(object: usize) -> Phase {
-    Phase::decide(Skill::Look, object)
+    Phase::decide(Skill::Snapshot, object)
 }
 
 #[test]

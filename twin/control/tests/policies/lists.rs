@@ -1,18 +1,18 @@
 //! One, two and three objects are lists for the same executor.
 
-use control::executor::{Executor, Phase, Skill, Target};
+use control::executor::{Executor, GraspTarget, Phase, Skill};
 use hand_model::{Digit, DigitVector};
 
 use crate::table::*;
 
-pub const SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thumb, Digit::Index, Digit::Middle]];
+pub const DIGIT_SETS: [&[Digit]; 3] = [&[Digit::Little], &[Digit::Ring], &[Digit::Thumb, Digit::Index, Digit::Middle]];
 
 /// Target of a grasp with `digits`, which pull with 10 N, and with 2 N before they close.
-pub fn target(table: &Table, digits: &[Digit]) -> Target {
+pub fn target(table: &Table, digits: &[Digit]) -> GraspTarget {
     let mut grasp = grasp(0, SECOND, PINCH, [0.02, 0.09, -0.05], 1.0);
     grasp.digits = digits.to_vec();
     (grasp.pre_tension, grasp.close_tension) = (pull(digits, 2.0), pull(digits, 10.0));
-    Target { grasp, percept: table.percept(1) }
+    GraspTarget { grasp, detected: table.percept(1) }
 }
 
 fn pull(digits: &[Digit], tension: f64) -> DigitVector {
@@ -23,26 +23,26 @@ fn pull(digits: &[Digit], tension: f64) -> DigitVector {
 #[test]
 fn a_list_of_any_length_is_carried_out() {
     let table = Table::new();
-    for count in 1..=SETS.len() {
-        let mut executor = table.with_list(SETS[..count].iter().map(|digits| target(&table, digits)).collect());
+    for count in 1..=DIGIT_SETS.len() {
+        let mut executor = table.with_list(DIGIT_SETS[..count].iter().map(|digits| target(&table, digits)).collect());
         let mut phases = vec![executor.phase()];
         while !executor.phase().is_done() {
-            executor.go_on().expect("a path");
+            executor.continue_as_planned().expect("a path");
             let phase = executor.phase();
-            let wanted = executor.wanted_tensions();
-            let kept: Vec<Digit> = SETS[..count]
+            let wanted = executor.required_tensions();
+            let kept: Vec<Digit> = DIGIT_SETS[..count]
                 .iter()
                 .enumerate()
-                .filter(|(n, _)| phase.lifts(*n))
+                .filter(|(n, _)| phase.has_begun_lift(*n))
                 .flat_map(|(_, set)| set.iter().copied())
                 .collect();
             assert_eq!(
-                executor.holding(),
+                executor.holding_digits(),
                 Digit::ALL.into_iter().filter(|digit| kept.contains(digit)).collect::<Vec<_>>(),
                 "{phase}"
             );
             if phase.skill == Skill::Approach {
-                let before = pull(SETS[phase.object], 2.0);
+                let before = pull(DIGIT_SETS[phase.object], 2.0);
                 let expected: DigitVector = (0..5).map(|n| pull(&kept, 10.0)[n].max(before[n])).collect();
                 assert_eq!(wanted, expected, "{phase}");
             }
@@ -54,7 +54,7 @@ fn a_list_of_any_length_is_carried_out() {
                 phases.push(executor.phase());
             }
         }
-        let expected = Phase::of_trial(count).into_iter().filter(|phase| phase.skill != Skill::Palpate);
+        let expected = Phase::trial_phases(count).into_iter().filter(|phase| phase.skill != Skill::Palpate);
         assert_eq!(phases, expected.collect::<Vec<_>>());
     }
 }
@@ -64,25 +64,28 @@ fn a_list_of_any_length_is_carried_out() {
 fn a_delivery_empties_the_hand() {
     let table = Table::new();
     let mut executor = table.with_list(Vec::new());
-    for digits in &SETS[..2] {
+    for digits in &DIGIT_SETS[..2] {
         let object = executor.targets().len();
         executor.take(object, target(&table, digits)).expect("a path");
         run_on(&mut executor);
     }
-    assert_eq!(executor.holding(), [Digit::Ring, Digit::Little]);
+    assert_eq!(executor.holding_digits(), [Digit::Ring, Digit::Little]);
     executor.keep_only(&[Digit::Ring]);
-    assert_eq!((executor.holding(), executor.wanted_tensions()), (vec![Digit::Ring], pull(&[Digit::Ring], 10.0)));
+    assert_eq!(
+        (executor.holding_digits(), executor.required_tensions()),
+        (vec![Digit::Ring], pull(&[Digit::Ring], 10.0))
+    );
     executor.deliver([0.6, 0.05]).expect("a path");
     run_until(&mut executor, Phase::run(Skill::Hold, 0));
     let over = executor.motion().palm().translation.vector;
     assert!((over.xy() - nalgebra::Vector2::new(0.6, 0.05)).norm() < 1e-9, "{over}");
-    assert_eq!(executor.holding(), [Digit::Ring]);
+    assert_eq!(executor.holding_digits(), [Digit::Ring]);
     run_on(&mut executor);
     assert_eq!(executor.phase(), Phase::decide(Skill::PutDown, 0));
-    assert!(executor.holding().is_empty());
-    executor.take(0, target(&table, SETS[2])).expect("a path");
+    assert!(executor.holding_digits().is_empty());
+    executor.take(0, target(&table, DIGIT_SETS[2])).expect("a path");
     run_on(&mut executor);
-    assert_eq!(executor.holding(), SETS[2]);
+    assert_eq!(executor.holding_digits(), DIGIT_SETS[2]);
 }
 
 fn step(executor: &mut Executor) {

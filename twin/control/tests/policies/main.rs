@@ -8,9 +8,9 @@ mod retries;
 mod table;
 mod ways_out;
 
-use control::percept::Percept;
-use control::policy::blind::Blind;
-use control::policy::{Policy, Step};
+use control::detection::DetectedObject;
+use control::policy::blind::BlindPolicy;
+use control::policy::{PolicyStep, TrialPolicy};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use self::table::*;
@@ -19,15 +19,15 @@ use self::table::*;
 fn blind_carries_out_the_plan_and_never_looks() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = Watchful::new(&table);
-    let mut blind = Blind::new(executor.targets().iter().map(|target| target.grasp.clone()).collect());
-    for (phase, then) in [(DECIDE, Step::Play), (CONFIRM, Step::Play), (DONE, Step::Finish)] {
+    let mut eyes = CountingDetector::new(&table);
+    let mut blind = BlindPolicy::new(executor.targets().iter().map(|target| target.grasp.clone()).collect());
+    for (phase, then) in [(DECIDE, PolicyStep::Continue), (CONFIRM, PolicyStep::Continue), (DONE, PolicyStep::Finish)] {
         run_until(&mut executor, phase);
         blind.perceive(&executor, in_hand(false, false)).expect("nothing to perceive");
         assert_eq!(blind.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
     }
-    assert_eq!(eyes.asked, [0, 0]);
-    assert!(blind.story().is_as_planned() && blind.story().reasons.is_empty());
+    assert_eq!(eyes.detections, [0, 0]);
+    assert!(blind.trace().is_as_planned() && blind.trace().reasons.is_empty());
 }
 
 /// A percept returns the pose from which it was made.
@@ -36,7 +36,7 @@ fn a_percept_keeps_the_pose() {
     let table = Table::new();
     let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4);
     let pose = Isometry3::from_parts(Translation3::new(0.5, 0.1, 0.02), turned * table.objects[0].rest);
-    let percept = Percept::of(&table.objects[0], &pose);
+    let percept = DetectedObject::from_pose(&table.objects[0], &pose);
     assert!((percept.pose().translation.vector - pose.translation.vector).norm() < 1e-12);
     assert!(percept.pose().rotation.angle_to(&pose.rotation) < 1e-9);
 }

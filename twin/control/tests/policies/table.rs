@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use control::executor::{Executor, Phase, Skill, Stage, Target};
-use control::motion::Protocol;
-use control::percept::{Eyes, EyesError, Percept, Sighted};
-use control::perception::{Grip, KnownObject};
-use control::policy::touch::Touch;
-use control::policy::{Injected, Knowledge, Recovery};
-use control::sensing::Senses;
+use control::detection::{DetectedObject, DetectionError, ObjectDetector, PoseDetection};
+use control::executor::{Executor, GraspTarget, Phase, Skill, SkillStage};
+use control::motion::MotionProtocol;
+use control::perception::{HoldState, KnownObject};
+use control::policy::touch::TouchPolicy;
+use control::policy::{InjectedHold, Knowledge, Recovery};
+use control::score::GraspCandidate;
+use control::sensing::TouchPerception;
 use control::trajectory::PathLimits;
 use control::uncertainty::Uncertainty;
 use control::workcell::Workcell;
-use control::worth::Candidate;
 use dexterous_grasping::{Grasp, Repertoire};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Observation, ServoState, TactileImage};
@@ -37,15 +37,15 @@ pub fn still() -> Observation {
 }
 
 /// Phases of the executor in a trial of two objects.
-pub const REACH_FIRST: Phase = Phase::palpate(0, Stage::Reach);
+pub const REACH_FIRST: Phase = Phase::palpate(0, SkillStage::Reach);
 pub const LOCATE_FIRST: Phase = Phase::decide(Skill::Palpate, 0);
 pub const APPROACH_FIRST: Phase = Phase::run(Skill::Approach, 0);
 pub const GRASP_FIRST: Phase = Phase::run(Skill::Grasp, 0);
-pub const DECIDE: Phase = Phase::decide(Skill::Look, 0);
-pub const REACH_SECOND: Phase = Phase::palpate(1, Stage::Reach);
+pub const DECIDE: Phase = Phase::decide(Skill::Snapshot, 0);
+pub const REACH_SECOND: Phase = Phase::palpate(1, SkillStage::Reach);
 pub const LOCATE_SECOND: Phase = Phase::decide(Skill::Palpate, 1);
 pub const APPROACH_SECOND: Phase = Phase::run(Skill::Approach, 1);
-pub const CONFIRM: Phase = Phase::decide(Skill::Look, 1);
+pub const CONFIRM: Phase = Phase::decide(Skill::Snapshot, 1);
 pub const DONE: Phase = Phase::decide(Skill::Verify, 0);
 pub const PUT_DOWN: Phase = Phase::run(Skill::PutDown, 0);
 pub const STEP_ASIDE: Phase = Phase::run(Skill::StepAside, 0);
@@ -90,11 +90,11 @@ impl Table {
         let mut cell = Workcell {
             robot: RobotModel::ftac_gen3(),
             world_from_base: Isometry3::identity(),
-            ready: Arm::gen3().home,
+            ready_posture: Arm::gen3().home,
         };
         let level = grasp(0, FIRST, SIDE, [0.0; 3], 1.0).palm_rotation(0.0);
         let above = Isometry3::from_parts(Translation3::new(0.55, 0.0, 0.30), level);
-        cell.ready = cell.posture(&above, &Arm::gen3().home).expect("within reach");
+        cell.ready_posture = cell.posture(&above, &Arm::gen3().home).expect("within reach");
         let library = ObjectSet::standard().with_fallen();
         let objects = [FIRST, SECOND].map(|name| library.get(name).expect("a standard object").clone());
         let mut repertoire = Repertoire::default();
@@ -113,38 +113,38 @@ impl Table {
         Isometry3::from_parts(at, object.rest)
     }
 
-    pub fn percept(&self, index: usize) -> Percept {
-        Percept::of(&self.objects[index], &self.place(index))
+    pub fn percept(&self, index: usize) -> DetectedObject {
+        DetectedObject::from_pose(&self.objects[index], &self.place(index))
     }
 
     /// Second grasps, the plan first. They differ in the object's position in the palm frame.
-    pub fn second(&self) -> Vec<Candidate> {
+    pub fn second(&self) -> Vec<GraspCandidate> {
         [[0.02, 0.09, -0.05], [0.02, 0.09, -0.12]]
             .iter()
             .zip(0..)
-            .map(|(center, id)| Candidate::new(grasp(id, SECOND, PINCH, *center, 1.0), 1.0))
+            .map(|(center, id)| GraspCandidate::new(grasp(id, SECOND, PINCH, *center, 1.0), 1.0))
             .collect()
     }
 
     /// An executor on its way to the first object.
     pub fn executor(&self) -> Executor {
         let mut executor = self.waiting();
-        executor.go_on().expect("a path");
+        executor.continue_as_planned().expect("a path");
         executor
     }
 
     /// An executor that waits to begin.
     pub fn waiting(&self) -> Executor {
-        let first = self.repertoire.of(FIRST, SIDE).next().expect("a first grasp").clone();
+        let first = self.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp").clone();
         let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
-        self.with_list(grasps.map(|(n, grasp)| Target { grasp, percept: self.percept(n) }).collect())
+        self.with_list(grasps.map(|(n, grasp)| GraspTarget { grasp, detected: self.percept(n) }).collect())
     }
 
     /// An executor with any list of objects.
-    pub fn with_list(&self, targets: Vec<Target>) -> Executor {
-        let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
+    pub fn with_list(&self, targets: Vec<GraspTarget>) -> Executor {
+        let servo = self.cell.arm_servo(self.cell.ready_posture).expect("at rest");
         let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
-        let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
+        let protocol = MotionProtocol { lift: 0.12, carry_distance: 0.1, hold_time: 0.5, limits, friction };
         Executor::new(self.cell.robot.hand.clone(), servo, protocol, targets, TICK).expect("at rest")
     }
 
@@ -154,47 +154,47 @@ impl Table {
             library: &self.library,
             repertoire: &self.repertoire,
             objects: self.objects.to_vec(),
-            known: vec![&self.known; 2],
-            second: self.second(),
-            third: Vec::new(),
-            fallen: Vec::new(),
-            others: Vec::new(),
+            known_objects: vec![&self.known; 2],
+            second_candidates: self.second(),
+            third_candidates: Vec::new(),
+            fallen_candidates: Vec::new(),
+            alternative_firsts: Vec::new(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
-            sighted: [None; 3],
+            first_detection_sigmas: [None; 3],
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
-            explores: false,
-            foresees: None,
+            palpates: false,
+            look_ahead: None,
             reordered: None,
         }
     }
 
-    pub fn touch(&self) -> Touch<'_> {
-        let senses = Senses::new(&self.pipeline, Sensing::TruePose).expect("made");
-        let first = self.repertoire.of(FIRST, SIDE).next().expect("a first grasp");
-        Touch::new(self.knowledge(), senses, first)
+    pub fn touch(&self) -> TouchPolicy<'_> {
+        let senses = TouchPerception::new(&self.pipeline, Sensing::TruePose).expect("made");
+        let first = self.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp");
+        TouchPolicy::new(self.knowledge(), senses, first)
     }
 }
 
 /// Sees the objects at their poses and counts the looks.
-pub struct Watchful<'a> {
+pub struct CountingDetector<'a> {
     pub table: &'a Table,
-    pub asked: [usize; 2],
+    pub detections: [usize; 2],
     /// Number of further looks for which each object is hidden.
     pub hidden: [usize; 2],
     /// Height of each object above the table, m.
     pub raised: [f64; 2],
 }
 
-impl<'a> Watchful<'a> {
+impl<'a> CountingDetector<'a> {
     pub fn new(table: &'a Table) -> Self {
-        Self { table, asked: [0, 0], hidden: [0, 0], raised: [0.0, 0.0] }
+        Self { table, detections: [0, 0], hidden: [0, 0], raised: [0.0, 0.0] }
     }
 }
 
-impl Eyes for Watchful<'_> {
-    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
-        self.asked[object] += 1;
+impl ObjectDetector for CountingDetector<'_> {
+    fn detect(&mut self, object: usize) -> Result<Option<PoseDetection>, DetectionError> {
+        self.detections[object] += 1;
         if self.hidden[object] > 0 {
             self.hidden[object] -= 1;
             return Ok(None);
@@ -217,12 +217,12 @@ pub fn run_until(executor: &mut Executor, phase: Phase) {
 
 /// Runs ticks until the next decision.
 pub fn run_on(executor: &mut Executor) {
-    while !executor.phase().waits() {
+    while !executor.phase().waits_for_decision() {
         executor.tick(&still()).expect("a command");
     }
 }
 
-pub fn in_hand(first: bool, second: bool) -> Option<Injected> {
+pub fn in_hand(first: bool, second: bool) -> Option<InjectedHold> {
     let palm_from_object = Isometry3::translation(-0.02, 0.08, -0.05);
-    Some(Injected { palm_from_object, grip: Grip::from_iter([first, second]) })
+    Some(InjectedHold { palm_from_object, hold_state: HoldState::from_iter([first, second]) })
 }

@@ -3,45 +3,50 @@
 use std::sync::Arc;
 
 use control::executor::Phase;
-use control::odds::{Rehearsed, TryOutcome};
-use control::policy::touch::Touch;
-use control::policy::{Knowledge, Policy, Recovery, Step};
-use control::sensing::Senses;
-use control::worth::{Candidate, Sequence};
+use control::outcome_model::{Rollout, TryOutcome};
+use control::policy::touch::TouchPolicy;
+use control::policy::{Knowledge, PolicyStep, Recovery, TrialPolicy};
+use control::score::{GraspCandidate, GraspSequence};
+use control::sensing::TouchPerception;
 use nalgebra::Vector3;
 use world::Sensing;
 
 use crate::table::*;
 
 /// Second grasps with the given outcome in all rehearsals, whatever the error of the aim.
-fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
+fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
-    let rehearsed: Arc<[Rehearsed]> = errors.map(|error| Rehearsed::new(error, outcome)).collect();
-    table.second().into_iter().map(|candidate| Candidate { rehearsed: rehearsed.clone(), ..candidate }).collect()
+    let rehearsed: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome)).collect();
+    table.second().into_iter().map(|candidate| GraspCandidate { rollouts: rehearsed.clone(), ..candidate }).collect()
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
-/// rehearsals after the other first grasp as given by `others`.
-fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, time: f64) -> (Step, Phase, String) {
+/// rehearsals after the other first grasp as given by `alternative_firsts`.
+fn with_contacts_after_the_plan(
+    others: Option<TryOutcome>,
+    recovery: Recovery,
+    time: f64,
+) -> (PolicyStep, Phase, String) {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = Watchful::new(&table);
-    let mut grasps = table.repertoire.of(FIRST, SIDE);
+    let mut eyes = CountingDetector::new(&table);
+    let mut grasps = table.repertoire.for_digits(FIRST, SIDE);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
-    let others = others.map(|outcome| Sequence { first: other.clone(), second: rehearsed(&table, outcome) });
+    let others =
+        others.map(|outcome| GraspSequence { first: other.clone(), second_candidates: rehearsed(&table, outcome) });
     let knowledge = Knowledge {
-        second: rehearsed(&table, TryOutcome::Contact),
-        others: others.into_iter().collect(),
+        second_candidates: rehearsed(&table, TryOutcome::Contact),
+        alternative_firsts: others.into_iter().collect(),
         recovery,
         ..table.knowledge()
     };
-    let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
-    let mut touch = Touch::new(knowledge, senses, planned);
+    let senses = TouchPerception::new(&table.pipeline, Sensing::TruePose).expect("made");
+    let mut touch = TouchPolicy::new(knowledge, senses, planned);
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(true, false)).expect("perceived");
     let step = touch.decide(&mut executor, &mut eyes, time).expect("decided");
-    let told = touch.story().take_announcements().join("; ");
+    let told = touch.trace().take_announcements().join("; ");
     if executor.phase() == PUT_DOWN {
         while executor.phase() == PUT_DOWN {
             executor.tick(&still()).expect("a command");
@@ -58,7 +63,7 @@ fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, 
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);
-    assert_eq!((step, phase), (Step::Play, APPROACH_FIRST), "{told}");
+    assert_eq!((step, phase), (PolicyStep::Continue, APPROACH_FIRST), "{told}");
     assert!(told.contains("put down"), "{told}");
 }
 
@@ -74,7 +79,7 @@ fn a_likely_contact_is_declined() {
         (Some(TryOutcome::Held), once, 0.0),
     ] {
         let (step, phase, told) = with_contacts_after_the_plan(others, recovery, time);
-        assert_eq!((step, phase), (Step::Decline, DECIDE), "{others:?}: {told}");
+        assert_eq!((step, phase), (PolicyStep::Decline, DECIDE), "{others:?}: {told}");
         assert!(told.contains("declined"), "{told}");
     }
 }

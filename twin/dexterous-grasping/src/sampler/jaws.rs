@@ -10,26 +10,26 @@ use super::ObjectExtent;
 use crate::grasp::Grasp;
 
 /// Least clearance between the jaws' opening and an object that they take, m.
-const PLAY: f64 = 0.006;
+const OPENING_CLEARANCE: f64 = 0.006;
 /// Least distance of the jaws' tips from the table, and of the palm from the object's top, m.
-const CLEARANCE: f64 = 0.005;
+const TABLE_CLEARANCE: f64 = 0.005;
 /// Range of heights at which an object is taken, m.
-const HEIGHTS: f64 = 0.018;
+const HEIGHT_RANGE: f64 = 0.018;
 /// Range of the force of each jaw, N.
-const FORCE: [f64; 2] = [12.0, 40.0];
+const FORCE_RANGE: [f64; 2] = [12.0, 40.0];
 
 /// Draws a random proposal.
 pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Grasp {
     // Jaws close along the object's y at yaw 0 and along its x at a quarter turn.
     let quarters = [(0.0, object.half.y), (FRAC_PI_2, object.half.x), (-FRAC_PI_2, object.half.x)];
-    let fits = |(_, half): &(f64, f64)| 2.0 * half + PLAY < jaws.opening;
+    let fits = |(_, half): &(f64, f64)| 2.0 * half + OPENING_CLEARANCE < jaws.opening;
     let narrow: Vec<f64> = quarters.into_iter().filter(fits).map(|(yaw, _)| yaw).collect();
     let quarter =
         if object.yaw_matters && !narrow.is_empty() { narrow[rng.random_range(0..narrow.len())] } else { 0.0 };
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     // Height of the pads' centre above the object's centre.
-    let lowest = (jaws.tip + CLEARANCE - object.half.z).max(object.half.z + CLEARANCE - jaws.depth);
-    let force = uniform(FORCE[0], FORCE[1]);
+    let lowest = (jaws.tip_reach + TABLE_CLEARANCE - object.half.z).max(object.half.z + TABLE_CLEARANCE - jaws.depth);
+    let force = uniform(FORCE_RANGE[0], FORCE_RANGE[1]);
     // Both jaws pull with the same force, or neither does.
     let pull = |value: f64| -> DigitVector { [if digits.is_empty() { 0.0 } else { value }; 2].into_iter().collect() };
     Grasp {
@@ -41,7 +41,7 @@ pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rn
         roll: 0.0,
         center: [
             jaws.center.x + uniform(-0.003, 0.003),
-            jaws.center.y + lowest + uniform(0.0, HEIGHTS),
+            jaws.center.y + lowest + uniform(0.0, HEIGHT_RANGE),
             jaws.center.z + uniform(-0.005, 0.005),
         ],
         pre_tension: pull(0.0),
@@ -81,7 +81,7 @@ mod tests {
             let grasp = propose(&jaws, &object, hand.digits(), id, &mut rng);
             let palm = grasp.palm_pose(&Point3::new(0.5, 0.0, half.z), 0.0);
             assert!((palm * Vector3::y()).z < -0.95 && (palm * Vector3::x()).y.abs() > 0.95, "{grasp:?}");
-            assert!((palm * (jaws.center + Vector3::y() * jaws.tip)).z > 0.0, "{grasp:?}");
+            assert!((palm * (jaws.center + Vector3::y() * jaws.tip_reach)).z > 0.0, "{grasp:?}");
             assert!(pregrasp_pose(&hand, &palm, 0.1).translation.z - palm.translation.z > 0.095);
         }
     }

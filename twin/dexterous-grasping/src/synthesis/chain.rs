@@ -10,56 +10,56 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::energy::{GraspEnergy, Terms};
-use super::frames::{Frames, HandState, PIVOT};
+use super::energy::{EnergyTerms, GraspEnergy};
+use super::frames::{HandState, LinkFrames, PIVOT};
 use super::langevin::Langevin;
 
 /// Iterations and temperatures of a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Schedule {
+pub struct AnnealingSchedule {
     /// Iterations while the temperature falls.
     pub burn_in: usize,
     /// Iterations at the final temperature.
     pub steady: usize,
     /// Initial temperature.
-    pub hot: f64,
+    pub initial_temperature: f64,
     /// Final temperature.
-    pub cold: f64,
+    pub final_temperature: f64,
     /// Share of the iterations that replace a contact point.
     pub contact_share: f64,
 }
 
-impl Default for Schedule {
+impl Default for AnnealingSchedule {
     fn default() -> Self {
-        Self { burn_in: 3000, steady: 400, hot: 2.0, cold: 0.02, contact_share: 0.3 }
+        Self { burn_in: 3000, steady: 400, initial_temperature: 2.0, final_temperature: 0.02, contact_share: 0.3 }
     }
 }
 
 /// Largest distance of the object's surface behind the palm frame's origin at a start, along the palm's z, m.
-const BEHIND: f64 = 0.0156;
+const MAX_START_OVERLAP: f64 = 0.0156;
 /// Largest standard deviations of the noise at step 1: translations (m), rotations and joints (rad).
-const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
+const MAX_NOISE: [f64; 3] = [0.01, 0.15, 0.2];
 
 #[derive(Debug, Clone)]
-pub struct Sample {
+pub struct GraspSample {
     /// Pose and joints.
     pub state: HandState,
     pub contacts: Vec<usize>,
-    pub terms: Terms,
+    pub terms: EnergyTerms,
 }
 
 /// Result of a chain.
 #[derive(Debug, Clone)]
 pub struct ChainEnd {
     /// Lowest energy at the final temperature.
-    pub best: Sample,
+    pub best: GraspSample,
     /// Share of accepted Langevin proposals at the final temperature.
     pub acceptance: f64,
     pub steps: usize,
 }
 
 /// Returns the random generator of chain number `chain`.
-pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
+pub fn chain_rng(seed: u64, chain: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(chain);
     rng
@@ -68,7 +68,7 @@ pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
 /// Draws a random start. The palm faces the object from a random side at a small distance, with the object between
 /// wrist and fingertips and joint angles scattered around a random mean. If the energy has places, one of them lies
 /// between the fingers instead.
-pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
+pub fn random_start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let away = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal)).normalize();
     // The palm's z points away from the object; the rotation about it is random.
     let facing = UnitQuaternion::rotation_between(&Vector3::z(), &away)
@@ -76,27 +76,27 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));
     let tilt = Vector3::from_fn(|_, _| 0.2 * rng.sample::<f64, _>(StandardNormal));
     let rotation = UnitQuaternion::from_scaled_axis(tilt) * facing * UnitQuaternion::from_rotation_matrix(&roll);
-    beside(energy, rotation, &away, rng)
+    start_from_side(energy, rotation, &away, rng)
 }
 
 /// Draws a random start with the palm rotated by `rotation`, on the side of the object that `away` points to.
-pub fn beside(
+pub fn start_from_side(
     energy: &GraspEnergy,
     rotation: UnitQuaternion<f64>,
     away: &Vector3<f64>,
     rng: &mut impl Rng,
 ) -> HandState {
     let (low, high) = energy.field.extent();
-    let reach = support(&low.coords, &high.coords, &energy.field.center.coords, away);
+    let reach = box_extent(&low.coords, &high.coords, &energy.field.center.coords, away);
     let center_in_palm = Vector3::new(
         rng.random_range(-0.03..0.03),
         rng.random_range(-0.06..0.05),
-        BEHIND - reach - rng.random_range(0.0..0.05),
+        MAX_START_OVERLAP - reach - rng.random_range(0.0..0.05),
     );
-    let translation = match energy.places.len() {
+    let translation = match energy.start_points.len() {
         0 => energy.field.center.coords - rotation * center_in_palm,
         // Such a place starts between the fingers, because the rest of the object is too large to start outside it.
-        count => energy.places[rng.random_range(0..count)] - rotation * PIVOT,
+        count => energy.start_points[rng.random_range(0..count)] - rotation * PIVOT,
     };
     let mean = rng.random_range(0.15..0.9);
     let joints = energy
@@ -111,7 +111,7 @@ pub fn beside(
 }
 
 /// Returns the extent of a box from `center` along `direction`.
-fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+fn box_extent(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     (0..3)
         .map(|axis| {
             let corner = if direction[axis] > 0.0 { high[axis] } else { low[axis] };
@@ -122,8 +122,8 @@ fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direc
 
 /// Returns the widest noise ([`Langevin::new`]) for a state with `freedom` degrees of freedom: translation (m),
 /// rotation, joints (rad).
-pub fn widest_noise(freedom: usize) -> Vec<f64> {
-    (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect()
+pub fn max_noise(freedom: usize) -> Vec<f64> {
+    (0..freedom).map(|n| MAX_NOISE[(n / 3).min(2)]).collect()
 }
 
 /// Runs the contact move: proposes to replace one of the contact points `held` by a uniform draw from the candidates.
@@ -131,7 +131,7 @@ pub fn widest_noise(freedom: usize) -> Vec<f64> {
 /// the chain's state.
 pub fn replace_contact(
     energy: &GraspEnergy,
-    frames: &mut Frames,
+    frames: &mut LinkFrames,
     held: &mut [usize],
     before: f64,
     temperature: f64,
@@ -153,12 +153,12 @@ pub fn replace_contact(
 /// With more contacts than the energy takes, or none.
 pub fn run(
     energy: &GraspEnergy,
-    frames: &mut Frames,
+    frames: &mut LinkFrames,
     contacts: usize,
-    schedule: &Schedule,
+    schedule: &AnnealingSchedule,
     rng: &mut impl Rng,
 ) -> ChainEnd {
-    let state = start(energy, rng);
+    let state = random_start(energy, rng);
     run_from(energy, frames, state, contacts, schedule, rng)
 }
 
@@ -168,10 +168,10 @@ pub fn run(
 /// With more contacts than the energy takes, or none.
 pub fn run_from(
     energy: &GraspEnergy,
-    frames: &mut Frames,
+    frames: &mut LinkFrames,
     mut state: HandState,
     contacts: usize,
-    schedule: &Schedule,
+    schedule: &AnnealingSchedule,
     rng: &mut impl Rng,
 ) -> ChainEnd {
     let candidates = energy.surface.candidates.len();
@@ -180,24 +180,29 @@ pub fn run_from(
     let (mut gradient, mut there) = (vec![0.0; freedom], vec![0.0; freedom]);
     let mut displacement = vec![0.0; freedom];
     let mut next = state.clone();
-    let mut widest = widest_noise(freedom);
+    let mut widest = max_noise(freedom);
     widest[6..].iter_mut().zip(&energy.mechanism().scale).for_each(|(width, scale)| *width /= scale);
-    let mut kernel = Langevin::new(0.5, &widest, schedule.hot);
+    let mut kernel = Langevin::new(0.5, &widest, schedule.initial_temperature);
     let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
     // True if `frames` is at `state`. A rejected proposal leaves it elsewhere.
     let mut placed = true;
-    let mut best: Option<Sample> = None;
+    let mut best: Option<GraspSample> = None;
     let (mut proposed, mut accepted) = (0usize, 0usize);
-    let cooling = (schedule.cold / schedule.hot).powf(1.0 / schedule.burn_in.max(1) as f64);
+    let cooling =
+        (schedule.final_temperature / schedule.initial_temperature).powf(1.0 / schedule.burn_in.max(1) as f64);
     for step in 0..schedule.burn_in + schedule.steady {
         let learning = step < schedule.burn_in;
-        let temperature = if learning { schedule.hot * cooling.powi(step as i32) } else { schedule.cold };
+        let temperature = if learning {
+            schedule.initial_temperature * cooling.powi(step as i32)
+        } else {
+            schedule.final_temperature
+        };
         if rng.random::<f64>() < schedule.contact_share {
             if !placed {
-                frames.place(&state);
+                frames.set_state(&state);
                 placed = true;
             }
-            if replace_contact(energy, frames, &mut held, terms.of_contacts(), temperature, rng).is_some() {
+            if replace_contact(energy, frames, &mut held, terms.contact_terms(), temperature, rng).is_some() {
                 terms = energy.evaluate(&state, &held, frames, &mut gradient);
             }
         } else {
@@ -219,11 +224,11 @@ pub fn run_from(
             }
         }
         if !learning && best.as_ref().is_none_or(|best| terms.total < best.terms.total) {
-            best = Some(Sample { state: state.clone(), contacts: held.clone(), terms });
+            best = Some(GraspSample { state: state.clone(), contacts: held.clone(), terms });
         }
     }
     ChainEnd {
-        best: best.unwrap_or(Sample { state, contacts: held, terms }),
+        best: best.unwrap_or(GraspSample { state, contacts: held, terms }),
         acceptance: accepted as f64 / proposed.max(1) as f64,
         steps: schedule.burn_in + schedule.steady,
     }
@@ -231,24 +236,24 @@ pub fn run_from(
 
 #[cfg(test)]
 mod tests {
-    use super::super::energy::Weights;
+    use super::super::energy::EnergyWeights;
     use super::super::field::tests::ball;
     use super::super::surface::HandSurface;
     use super::*;
     use hand_model::Hand;
 
-    fn ends(chains: u64, schedule: &Schedule) -> Vec<ChainEnd> {
+    fn ends(chains: u64, schedule: &AnnealingSchedule) -> Vec<ChainEnd> {
         let hand = Hand::ftac();
         let surface = HandSurface::new(&hand, 1000);
         let field = ball(0.03);
-        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
-        let mut frames = Frames::new(&hand.tree);
-        (0..chains).map(|chain| run(&energy, &mut frames, 4, schedule, &mut stream(7, chain))).collect()
+        let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
+        let mut frames = LinkFrames::new(&hand.tree);
+        (0..chains).map(|chain| run(&energy, &mut frames, 4, schedule, &mut chain_rng(7, chain))).collect()
     }
 
     #[test]
     fn same_seed_same_chain() {
-        let schedule = Schedule { burn_in: 100, steady: 50, ..Schedule::default() };
+        let schedule = AnnealingSchedule { burn_in: 100, steady: 50, ..AnnealingSchedule::default() };
         let (a, b) = (ends(3, &schedule), ends(3, &schedule));
         for (a, b) in a.iter().zip(&b) {
             assert_eq!(a.best.state, b.best.state);
@@ -261,11 +266,11 @@ mod tests {
     /// millimetres from the surface. Closing in physics then brings them into contact.
     #[test]
     fn chains_find_grasps_of_a_ball() {
-        let ends = ends(12, &Schedule::default());
-        let weight = Weights::default().distance;
+        let ends = ends(12, &AnnealingSchedule::default());
+        let weight = EnergyWeights::default().distance;
         let good = ends.iter().filter(|end| {
             let terms = &end.best.terms;
-            terms.distance / (4.0 * weight) < 6e-3 && terms.deepest < 4e-3 && terms.balance < 0.1
+            terms.distance / (4.0 * weight) < 6e-3 && terms.max_depth < 4e-3 && terms.balance < 0.1
         });
         for end in &ends {
             assert!((0.02..0.98).contains(&end.acceptance), "acceptance {}", end.acceptance);
@@ -281,10 +286,10 @@ mod tests {
         let every = surface.candidates.len() / 5;
         surface.candidates = surface.candidates.iter().step_by(every).take(5).copied().collect();
         let field = ball(0.03);
-        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
-        let mut frames = Frames::new(&hand.tree);
-        let mut rng = stream(2, 0);
-        frames.place(&start(&energy, &mut rng));
+        let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
+        let mut frames = LinkFrames::new(&hand.tree);
+        let mut rng = chain_rng(2, 0);
+        frames.set_state(&random_start(&energy, &mut rng));
         let temperature = 1.5;
         let pairs: Vec<[usize; 2]> = (0..25).map(|n| [n / 5, n % 5]).collect();
         let weights: Vec<f64> =
@@ -309,10 +314,10 @@ mod tests {
         let hand = Hand::ftac();
         let surface = HandSurface::new(&hand, 300);
         let field = ball(0.03);
-        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
-        let mut rng = stream(1, 1);
+        let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
+        let mut rng = chain_rng(1, 1);
         for _ in 0..50 {
-            let state = start(&energy, &mut rng);
+            let state = random_start(&energy, &mut rng);
             let center = state.object_from_palm.inverse_transform_point(&field.center);
             assert!(center.z < -0.01, "in front of the palm: {center}");
         }

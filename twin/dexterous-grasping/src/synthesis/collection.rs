@@ -2,9 +2,9 @@
 //! programs.
 //!
 //! The format is JSON lines. The first is the header: version, command, seed. Then, object by object, there is a line
-//! with the summary of the search and a line for each of its grasps: an array of integers in the order of [`Row`], in
+//! with the summary of the search and a line for each of its grasps: an array of integers in the order of [`GraspRow`], in
 //! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm
-//! contact) are not stored. A grasp is read bit for bit as [`HeldGrasp::rounded`] left it.
+//! contact) are not stored. A grasp is read bit for bit as [`HeldGrasp::at_file_precision`] left it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
-use super::held::{ClosedPose, DigitUse, HeldContact, HeldGrasp, Proof, per_unit};
+use super::held::{ClosedPose, DigitUse, HeldContact, HeldGrasp, VerifiedLoad, per_unit};
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
@@ -22,7 +22,7 @@ pub const VERSION: u32 = 1;
 /// First line of the file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Header {
+pub struct CollectionHeader {
     pub version: u32,
     /// Command that generated it.
     pub command: String,
@@ -32,7 +32,7 @@ pub struct Header {
 /// Summary of the search for one object.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Summary {
+pub struct SearchSummary {
     pub object: String,
     /// Number of grasps requested.
     pub wanted: usize,
@@ -48,7 +48,7 @@ pub struct Summary {
 /// The grasps of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectGrasps {
-    pub summary: Summary,
+    pub summary: SearchSummary,
     /// Grasps, ordered by chain.
     pub grasps: Vec<HeldGrasp>,
 }
@@ -56,7 +56,7 @@ pub struct ObjectGrasps {
 /// Synthesized grasps of many objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
-    pub header: Header,
+    pub header: CollectionHeader,
     pub objects: Vec<ObjectGrasps>,
 }
 
@@ -64,18 +64,18 @@ pub struct Collection {
 type ContactRow = (i64, [i64; 3], [i64; 3], i64);
 
 /// Numbers of joints and digits of the F-TAC Hand, whose grasps a collection holds.
-const JOINTS: usize = 15;
-const DIGITS: usize = 5;
+const JOINT_COUNT: usize = 15;
+const DIGIT_COUNT: usize = 5;
 
 /// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin and
 /// penetration, and in files that have them mass, friction and payload; moved; energy.
-type Row = (
+type GraspRow = (
     u64,
     [i64; 7],
-    [i64; JOINTS],
+    [i64; JOINT_COUNT],
     [i64; 7],
-    [i64; JOINTS],
-    [i64; DIGITS],
+    [i64; JOINT_COUNT],
+    [i64; DIGIT_COUNT],
     i64,
     Vec<ContactRow>,
     [i64; 3],
@@ -87,65 +87,66 @@ type Row = (
 
 /// # Panics
 /// If there are not `N` values.
-fn steps<const N: usize>(values: &[f64], per_unit: f64) -> [i64; N] {
+fn to_steps<const N: usize>(values: &[f64], per_unit: f64) -> [i64; N] {
     std::array::from_fn(|n| (values[n] * per_unit).round() as i64)
 }
 
-fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
+fn from_steps<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
     steps.map(|n| n as f64 / per_unit)
 }
 
 /// Fields of a record of the F-TAC Hand, for error messages.
-pub const EXPECTED: &str =
+pub const EXPECTED_FIELDS: &str =
     "15 joints, 5 tensions, opposition, digits, palm, approach, room, moved and energy of the F-TAC Hand";
 
 /// Converts a grasp to a row. Returns `None` for a grasp that is not of the F-TAC Hand.
-fn row(grasp: &HeldGrasp) -> Option<Row> {
-    if [grasp.joints.len(), grasp.open_joints.len(), grasp.tensions.len()] != [JOINTS, JOINTS, DIGITS] {
+fn to_row(grasp: &HeldGrasp) -> Option<GraspRow> {
+    if [grasp.joints.len(), grasp.open_joints.len(), grasp.tensions.len()] != [JOINT_COUNT, JOINT_COUNT, DIGIT_COUNT] {
         return None;
     }
     let used = grasp.digit_use.as_ref()?;
     let one = |value: f64, per_unit: f64| (value * per_unit).round() as i64;
     let contacts = grasp.contacts.iter().map(|contact| {
         let link = contact.link.map_or(-1, |link| link as i64);
-        let (point, normal) = (steps(&contact.point, per_unit::POSE), steps(&contact.normal, per_unit::DIRECTION));
+        let (point, normal) =
+            (to_steps(&contact.point, per_unit::POSE), to_steps(&contact.normal, per_unit::DIRECTION));
         (link, point, normal, one(contact.force, per_unit::FORCE))
     });
     let mut checks = vec![one(grasp.margin, per_unit::FORCE), one(grasp.penetration, per_unit::DEPTH)];
-    if let Some(Proof { mass, friction, payload }) = grasp.proof {
+    if let Some(VerifiedLoad { mass, friction, payload }) = grasp.proof {
         checks.extend([one(mass, per_unit::MASS), one(friction, per_unit::FRICTION), one(payload, per_unit::MASS)]);
     }
     Some((
         grasp.chain,
-        steps(&*grasp.closed, per_unit::POSE),
-        steps(&grasp.joints, per_unit::ANGLE),
-        steps(&grasp.start, per_unit::POSE),
-        steps(&grasp.open_joints, per_unit::ANGLE),
-        steps(&grasp.tensions, per_unit::FORCE),
+        to_steps(&*grasp.closed, per_unit::POSE),
+        to_steps(&grasp.joints, per_unit::ANGLE),
+        to_steps(&grasp.start, per_unit::POSE),
+        to_steps(&grasp.open_joints, per_unit::ANGLE),
+        to_steps(&grasp.tensions, per_unit::FORCE),
         one(grasp.opposition?, per_unit::ANGLE),
         contacts.collect(),
-        steps(&used.approach, per_unit::DIRECTION),
+        to_steps(&used.approach, per_unit::DIRECTION),
         used.room.map(|room| one(room, per_unit::POSE)),
         checks,
-        steps(&grasp.moved?, per_unit::MOTION),
+        to_steps(&grasp.moved?, per_unit::MOTION),
         one(grasp.energy?, per_unit::ENERGY),
     ))
 }
 
 /// Converts a row to a grasp. An error names the field, the found value and the expected one.
-fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
+fn from_row(object: &str, row: GraspRow) -> Result<HeldGrasp, String> {
     let (chain, pose, joints, start, open, tensions, opposition, rows, approach, room, checks, moved, energy) = row;
     let mut contacts = Vec::with_capacity(rows.len());
     for (n, (link, point, normal, force)) in rows.into_iter().enumerate() {
         let link = match usize::try_from(link) {
-            Ok(link) if link < JOINTS => Some(link),
+            Ok(link) if link < JOINT_COUNT => Some(link),
             Err(_) if link == -1 => None,
-            _ => return Err(format!("contacts[{n}].link: found {link}, expected -1 to {}", JOINTS - 1)),
+            _ => return Err(format!("contacts[{n}].link: found {link}, expected -1 to {}", JOINT_COUNT - 1)),
         };
         contacts.push(HeldContact {
             link,
-            point: values(&point, per_unit::POSE),
-            normal: values(&normal, per_unit::DIRECTION),
+            point: from_steps(&point, per_unit::POSE),
+            normal: from_steps(&normal, per_unit::DIRECTION),
             force: force as f64 / per_unit::FORCE,
         });
     }
@@ -153,7 +154,7 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
         return Err("contacts: found none, expected at least one".into());
     }
     for (field, pose) in [("palm_from_object", &pose), ("start", &start)] {
-        let length = values(pose, per_unit::POSE)[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let length = from_steps(pose, per_unit::POSE)[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() > 1e-3 {
             return Err(format!("{field}: found a quaternion of length {length:.4}, expected 1"));
         }
@@ -163,7 +164,7 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
         [margin, penetration, mass, friction, payload] => {
             let kg = |grams: i64| grams as f64 / per_unit::MASS;
             let friction = friction as f64 / per_unit::FRICTION;
-            (margin, penetration, Some(Proof { mass: kg(mass), friction, payload: kg(payload) }))
+            (margin, penetration, Some(VerifiedLoad { mass: kg(mass), friction, payload: kg(payload) }))
         }
         _ => return Err(format!("checks: found {} numbers, expected 2 or 5", checks.len())),
     };
@@ -172,37 +173,37 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     Ok(HeldGrasp {
         object: object.into(),
         chain,
-        closed: ClosedPose::PalmFromObject(values(&pose, per_unit::POSE)),
-        joints: values(&joints, per_unit::ANGLE).into_iter().collect(),
-        start: values(&start, per_unit::POSE),
-        open_joints: values(&open, per_unit::ANGLE).into_iter().collect(),
+        closed: ClosedPose::PalmFromObject(from_steps(&pose, per_unit::POSE)),
+        joints: from_steps(&joints, per_unit::ANGLE).into_iter().collect(),
+        start: from_steps(&start, per_unit::POSE),
+        open_joints: from_steps(&open, per_unit::ANGLE).into_iter().collect(),
         open_tensions: None,
-        tensions: values(&tensions, per_unit::FORCE).into_iter().collect(),
+        tensions: from_steps(&tensions, per_unit::FORCE).into_iter().collect(),
         opposition: Some(opposition as f64 / per_unit::ANGLE),
         digit_use: Some(DigitUse {
             digits: digits.collect(),
             palm: touches(None),
-            approach: values(&approach, per_unit::DIRECTION),
+            approach: from_steps(&approach, per_unit::DIRECTION),
             room: room.map(|room| room as f64 / per_unit::POSE),
         }),
         contacts,
         margin: margin as f64 / per_unit::FORCE,
         penetration: penetration as f64 / per_unit::DEPTH,
         held_without_tension: None,
-        moved: Some(values(&moved, per_unit::MOTION)),
+        moved: Some(from_steps(&moved, per_unit::MOTION)),
         energy: Some(energy as f64 / per_unit::ENERGY),
         proof,
     })
 }
 
 /// True if the grasp is a complete record of the F-TAC Hand.
-pub fn is_whole(grasp: &HeldGrasp) -> bool {
-    row(grasp).is_some()
+pub fn is_complete(grasp: &HeldGrasp) -> bool {
+    to_row(grasp).is_some()
 }
 
 impl Collection {
     /// Returns the grasps of an object.
-    pub fn of(&self, object: &str) -> Option<&ObjectGrasps> {
+    pub fn for_object(&self, object: &str) -> Option<&ObjectGrasps> {
         self.objects.iter().find(|entry| entry.summary.object == object)
     }
 
@@ -215,7 +216,7 @@ impl Collection {
         let mut text = serde_json::to_string(&self.header)? + "\n";
         for entry in &self.objects {
             text += &(serde_json::to_string(&entry.summary)? + "\n");
-            for row in entry.grasps.iter().filter_map(row) {
+            for row in entry.grasps.iter().filter_map(to_row) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "{}", serde_json::to_string(&row)?);
             }
@@ -235,13 +236,13 @@ impl Collection {
         let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line: line + 1, message };
         let mut lines = text.lines().enumerate();
         let (_, first) = lines.next().ok_or_else(|| fault(0, "found nothing, expected a header".into()))?;
-        let header: Header = serde_json::from_str(first).map_err(|error| fault(0, error.to_string()))?;
+        let header: CollectionHeader = serde_json::from_str(first).map_err(|error| fault(0, error.to_string()))?;
         if header.version != VERSION {
             return Err(fault(0, format!("version: found {}, expected {VERSION}", header.version)));
         }
         let mut objects: Vec<ObjectGrasps> = Vec::new();
         while let Some((at, line)) = lines.next() {
-            let summary: Summary = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
+            let summary: SearchSummary = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
             if objects.iter().any(|entry| entry.summary.object == summary.object) {
                 return Err(fault(at, format!("object: found {} again, expected it once", summary.object)));
             }
@@ -250,8 +251,8 @@ impl Collection {
                 let (at, line) = lines.next().ok_or_else(|| {
                     fault(at, format!("{}: found {n} grasps, expected {}", summary.object, summary.kept))
                 })?;
-                let row: Row = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
-                grasps.push(grasp(&summary.object, row).map_err(|message| fault(at, message))?);
+                let row: GraspRow = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
+                grasps.push(from_row(&summary.object, row).map_err(|message| fault(at, message))?);
             }
             objects.push(ObjectGrasps { summary, grasps });
         }
@@ -274,11 +275,12 @@ mod tests {
                 if let Some(used) = &mut grasp.digit_use {
                     (used.palm, used.room) = (true, (n > 0).then_some(0.0123));
                 }
-                grasp.rounded()
+                grasp.at_file_precision()
             })
             .collect();
-        let summary = Summary { object: "ball".into(), wanted: 5, kept: 3, chains: 7, short: Some("slippery".into()) };
-        let header = Header { version: VERSION, command: "test".into(), seed: 4 };
+        let summary =
+            SearchSummary { object: "ball".into(), wanted: 5, kept: 3, chains: 7, short: Some("slippery".into()) };
+        let header = CollectionHeader { version: VERSION, command: "test".into(), seed: 4 };
         Collection { header, objects: vec![ObjectGrasps { summary, grasps }] }
     }
 
@@ -289,8 +291,8 @@ mod tests {
         let back = Collection::parse(&text, Path::new("x")).expect("read");
         assert_eq!(back, collection);
         assert_eq!(back.to_text().expect("text"), text);
-        assert_eq!(back.of("ball").map(|entry| entry.grasps.len()), Some(3));
-        assert!(back.of("pawn").is_none());
+        assert_eq!(back.for_object("ball").map(|entry| entry.grasps.len()), Some(3));
+        assert!(back.for_object("pawn").is_none());
     }
 
     /// The error names the line of each kind of damage.

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::held::HeldGrasp;
 
 /// Thumb opposition angle above which the thumb counts as abducted, facing the fingers, rad.
-const ABDUCTED: f64 = 0.6;
+const ABDUCTION_ANGLE: f64 = 0.6;
 
 /// Kinds of opposition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -44,7 +44,7 @@ impl Opposition {
 
 /// Returns the unit direction in which the thumb or the palm, whichever presses harder, presses on the object (palm
 /// frame). `None` if neither is in contact.
-pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
+pub fn pressing_direction(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
     let sum = |of: &dyn Fn(Option<usize>) -> bool| -> Vector3<f64> {
         let own = grasp.contacts.iter().filter(|contact| of(contact.link));
         own.map(|contact| Vector3::from(contact.normal) * contact.force).sum()
@@ -56,7 +56,7 @@ pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
 
 /// Returns the kind of opposition of a grasp.
 pub fn opposition(grasp: &HeldGrasp) -> Opposition {
-    match pressing(grasp).map(|direction| direction.iamax()) {
+    match pressing_direction(grasp).map(|direction| direction.iamax()) {
         Some(0) => Opposition::Side,
         Some(1) => Opposition::Pad,
         Some(_) => Opposition::Palm,
@@ -115,15 +115,15 @@ pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversit
         palm: share(&|grasp| grasp.palm()),
         sets,
         opposition: kinds,
-        thumb: [mean, variance.sqrt(), share(&|grasp| grasp.opposition > Some(ABDUCTED))],
-        explained: explained(&grasps),
+        thumb: [mean, variance.sqrt(), share(&|grasp| grasp.opposition > Some(ABDUCTION_ANGLE))],
+        explained: explained_variance(&grasps),
         approach_spread: 1.0 - approach.norm(),
         room: rooms.get(rooms.len() / 2).copied(),
     }
 }
 
 /// Returns the cumulative shares of the joint angles' variance, largest component first. Empty without variance.
-fn explained(grasps: &[&HeldGrasp]) -> Vec<f64> {
+fn explained_variance(grasps: &[&HeldGrasp]) -> Vec<f64> {
     let Some(first) = grasps.first() else { return Vec::new() };
     let joints = first.joints.len();
     let table = DMatrix::from_fn(grasps.len(), joints, |row, joint| grasps[row].joints[joint]);

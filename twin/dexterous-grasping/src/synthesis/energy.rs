@@ -18,8 +18,8 @@ use hand_model::Hand;
 use nalgebra::{Unit, Vector3};
 
 use super::closure_energy::{Closure, closure_with_gradient};
-use super::field::{DistanceField, LIPSCHITZ};
-use super::frames::{Frames, HandState};
+use super::field::{DistanceField, LIPSCHITZ_BOUND};
+use super::frames::{HandState, LinkFrames};
 use super::mechanism::Mechanism;
 use super::surface::HandSurface;
 
@@ -28,7 +28,7 @@ pub const MAX_CONTACTS: usize = 8;
 
 /// Weights of the terms.
 #[derive(Debug, Clone, Copy)]
-pub struct Weights {
+pub struct EnergyWeights {
     /// Weight per unit of |G c| / n.
     pub balance: f64,
     /// Weight per unit of -log det.
@@ -49,7 +49,7 @@ pub struct Weights {
     pub table: f64,
 }
 
-impl Default for Weights {
+impl Default for EnergyWeights {
     fn default() -> Self {
         Self {
             balance: 12.0,
@@ -67,7 +67,7 @@ impl Default for Weights {
 
 /// A table top: the half space x . normal >= offset is free (object frame).
 #[derive(Debug, Clone, Copy)]
-pub struct Plane {
+pub struct TablePlane {
     /// Up direction.
     pub normal: Unit<Vector3<f64>>,
     /// Offset along the normal, m.
@@ -76,7 +76,7 @@ pub struct Plane {
 
 /// Weighted terms of the energy, and some of the quantities behind them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Terms {
+pub struct EnergyTerms {
     pub total: f64,
     /// Balance and rank.
     pub closure: f64,
@@ -93,14 +93,14 @@ pub struct Terms {
     /// |G c| / n.
     pub balance: f64,
     /// Largest distance of a contact point from the surface, m.
-    pub farthest: f64,
+    pub max_contact_distance: f64,
     /// Depth of the deepest surface point, m.
-    pub deepest: f64,
+    pub max_depth: f64,
 }
 
-impl Terms {
+impl EnergyTerms {
     /// Returns the part that depends on the contact points.
-    pub fn of_contacts(&self) -> f64 {
+    pub fn contact_terms(&self) -> f64 {
         self.closure + self.distance + self.facing
     }
 }
@@ -110,10 +110,10 @@ impl Terms {
 pub struct GraspEnergy<'a> {
     pub field: &'a DistanceField,
     pub surface: &'a HandSurface,
-    pub weights: Weights,
+    pub weights: EnergyWeights,
     /// Places at which chains begin, object frame, m. If empty, they begin around the whole object.
-    pub places: &'a [Vector3<f64>],
-    table: Option<Plane>,
+    pub start_points: &'a [Vector3<f64>],
+    table: Option<TablePlane>,
     mechanism: Mechanism,
     point_weight: f64,
 }
@@ -124,25 +124,25 @@ impl<'a> GraspEnergy<'a> {
         hand: &Hand,
         surface: &'a HandSurface,
         field: &'a DistanceField,
-        weights: Weights,
-        table: Option<Plane>,
+        weights: EnergyWeights,
+        table: Option<TablePlane>,
     ) -> Self {
-        Self::of_mechanism(Mechanism::of(hand), surface, field, weights, table)
+        Self::from_mechanism(Mechanism::from_hand(hand), surface, field, weights, table)
     }
 
     /// Creates the energy of any mechanism whose links have this `surface`.
-    pub fn of_mechanism(
+    pub fn from_mechanism(
         mechanism: Mechanism,
         surface: &'a HandSurface,
         field: &'a DistanceField,
-        weights: Weights,
-        table: Option<Plane>,
+        weights: EnergyWeights,
+        table: Option<TablePlane>,
     ) -> Self {
         Self {
             field,
             surface,
             weights,
-            places: &[],
+            start_points: &[],
             table,
             mechanism,
             point_weight: weights.penetration * 2000.0 / surface.len() as f64,
@@ -165,14 +165,20 @@ impl<'a> GraspEnergy<'a> {
     ///
     /// # Panics
     /// With more than [`MAX_CONTACTS`] contacts.
-    pub fn evaluate(&self, state: &HandState, contacts: &[usize], frames: &mut Frames, gradient: &mut [f64]) -> Terms {
+    pub fn evaluate(
+        &self,
+        state: &HandState,
+        contacts: &[usize],
+        frames: &mut LinkFrames,
+        gradient: &mut [f64],
+    ) -> EnergyTerms {
         gradient.fill(0.0);
-        frames.place(state);
-        let mut terms = Terms::default();
+        frames.set_state(state);
+        let mut terms = EnergyTerms::default();
         self.contacts(contacts, frames, &mut terms);
         self.penetration(frames, &mut terms);
         self.self_penetration(frames, &mut terms);
-        frames.collect(gradient);
+        frames.collect_gradient(gradient);
         self.posture(state, gradient, &mut terms);
         terms.total =
             terms.closure + terms.distance + terms.facing + terms.penetration + terms.self_penetration + terms.posture;
@@ -181,13 +187,13 @@ impl<'a> GraspEnergy<'a> {
 
     /// Evaluates the part of the energy that depends on the contact points, at the state of `frames`, whose wrenches
     /// are overwritten.
-    pub fn contact_energy(&self, contacts: &[usize], frames: &mut Frames) -> f64 {
-        let mut terms = Terms::default();
+    pub fn contact_energy(&self, contacts: &[usize], frames: &mut LinkFrames) -> f64 {
+        let mut terms = EnergyTerms::default();
         self.contacts(contacts, frames, &mut terms);
-        terms.of_contacts()
+        terms.contact_terms()
     }
 
-    fn contacts(&self, contacts: &[usize], frames: &mut Frames, terms: &mut Terms) {
+    fn contacts(&self, contacts: &[usize], frames: &mut LinkFrames, terms: &mut EnergyTerms) {
         let n = contacts.len();
         assert!(n <= MAX_CONTACTS, "{n} contacts, at most {MAX_CONTACTS}");
         let zero = [Vector3::zeros(); MAX_CONTACTS];
@@ -197,7 +203,7 @@ impl<'a> GraspEnergy<'a> {
         for (i, &index) in contacts.iter().enumerate() {
             let candidate = &self.surface.candidates[index];
             points[i] = frames.point(candidate.link, &candidate.point);
-            let sample = self.field.at(&points[i]);
+            let sample = self.field.sample_at(&points[i]);
             arms[i] = (points[i] - self.field.center.coords) / self.field.length;
             pushes[i] = -sample.normal;
             samples[i] = Some(sample);
@@ -218,28 +224,28 @@ impl<'a> GraspEnergy<'a> {
             let outward = frames.rotation[candidate.link] * candidate.normal;
             terms.distance += weights.distance * sample.distance.abs();
             terms.facing += weights.facing * (1.0 + outward.dot(&sample.normal));
-            terms.farthest = terms.farthest.max(sample.distance.abs());
+            terms.max_contact_distance = terms.max_contact_distance.max(sample.distance.abs());
             let by_normal = outward * weights.facing - by_pushes[i];
             let force = by_arms[i] / self.field.length
                 + sample.gradient * weights.distance.copysign(sample.distance)
                 + sample.normal_jacobian.transpose() * by_normal;
-            frames.push(candidate.link, &points[i], &force);
-            frames.twist(candidate.link, &outward, &(sample.normal * weights.facing));
+            frames.add_point_gradient(candidate.link, &points[i], &force);
+            frames.add_direction_gradient(candidate.link, &outward, &(sample.normal * weights.facing));
         }
     }
 
-    fn penetration(&self, frames: &mut Frames, terms: &mut Terms) {
+    fn penetration(&self, frames: &mut LinkFrames, terms: &mut EnergyTerms) {
         for (link, surface) in self.surface.links.iter().enumerate() {
             let center = frames.point(link, &surface.bound.center);
             self.below_table(link, &center, surface.bound.radius, frames, terms);
-            if self.field.distance(&center) > LIPSCHITZ * surface.bound.radius {
+            if self.field.distance(&center) > LIPSCHITZ_BOUND * surface.bound.radius {
                 continue;
             }
             let (rotation, translation) = (frames.rotation[link], frames.translation[link]);
             let (mut force, mut torque, mut depth) = (Vector3::zeros(), Vector3::zeros(), 0.0);
             for patch in &surface.patches {
                 let center = rotation * patch.bound.center + translation;
-                if self.field.distance(&center) > LIPSCHITZ * patch.bound.radius {
+                if self.field.distance(&center) > LIPSCHITZ_BOUND * patch.bound.radius {
                     continue;
                 }
                 for local in &surface.points[patch.range.clone()] {
@@ -247,7 +253,7 @@ impl<'a> GraspEnergy<'a> {
                     if self.field.distance(&x) < 0.0 {
                         let (distance, slope) = self.field.distance_gradient(&x);
                         depth -= distance;
-                        terms.deepest = terms.deepest.max(-distance);
+                        terms.max_depth = terms.max_depth.max(-distance);
                         force -= slope;
                         torque -= x.cross(&slope);
                     }
@@ -259,7 +265,14 @@ impl<'a> GraspEnergy<'a> {
         }
     }
 
-    fn below_table(&self, link: usize, center: &Vector3<f64>, radius: f64, frames: &mut Frames, terms: &mut Terms) {
+    fn below_table(
+        &self,
+        link: usize,
+        center: &Vector3<f64>,
+        radius: f64,
+        frames: &mut LinkFrames,
+        terms: &mut EnergyTerms,
+    ) {
         let Some(table) = &self.table else { return };
         if center.dot(&table.normal) - radius > table.offset {
             return;
@@ -269,12 +282,12 @@ impl<'a> GraspEnergy<'a> {
             let below = table.offset - x.dot(&table.normal);
             if below > 0.0 {
                 terms.posture += self.weights.table * below;
-                frames.push(link, &x, &(-table.normal.into_inner() * self.weights.table));
+                frames.add_point_gradient(link, &x, &(-table.normal.into_inner() * self.weights.table));
             }
         }
     }
 
-    fn self_penetration(&self, frames: &mut Frames, terms: &mut Terms) {
+    fn self_penetration(&self, frames: &mut LinkFrames, terms: &mut EnergyTerms) {
         let weight = self.weights.self_penetration;
         for &(a, b) in &self.surface.pairs {
             let (left, right) = (&self.surface.links[a], &self.surface.links[b]);
@@ -283,7 +296,7 @@ impl<'a> GraspEnergy<'a> {
             if apart.norm_squared() > reach * reach {
                 continue;
             }
-            for x in &left.balls {
+            for x in &left.spheres {
                 let px = frames.point(a, &x.center);
                 // One ball against the other link first.
                 let away = (px - frames.point(b, &right.bound.center)).norm_squared();
@@ -291,7 +304,7 @@ impl<'a> GraspEnergy<'a> {
                 if away > near * near {
                     continue;
                 }
-                for y in &right.balls {
+                for y in &right.spheres {
                     let py = frames.point(b, &y.center);
                     let between = px - py;
                     let touch = x.radius + y.radius;
@@ -301,14 +314,14 @@ impl<'a> GraspEnergy<'a> {
                     let distance = between.norm().max(1e-9);
                     terms.self_penetration += weight * (touch - distance);
                     let force = between * (-weight / distance);
-                    frames.push(a, &px, &force);
-                    frames.push(b, &py, &-force);
+                    frames.add_point_gradient(a, &px, &force);
+                    frames.add_point_gradient(b, &py, &-force);
                 }
             }
         }
     }
 
-    fn posture(&self, state: &HandState, gradient: &mut [f64], terms: &mut Terms) {
+    fn posture(&self, state: &HandState, gradient: &mut [f64], terms: &mut EnergyTerms) {
         for (joint, &(lower, upper)) in self.mechanism.limits.iter().enumerate() {
             let q = state.joints[joint];
             let weight = self.weights.limits * self.mechanism.scale[joint];

@@ -8,13 +8,13 @@
 //! from anywhere.
 //!
 //! Every component of the gradient of a trilinear interpolant of a distance is at most 1, so d changes by at most
-//! [`LIPSCHITZ`] times the displacement. With this bound the energy skips a patch of points that is far enough away
+//! [`LIPSCHITZ_BOUND`] times the displacement. With this bound the energy skips a patch of points that is far enough away
 //! without error.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Bound of the interpolated distance's slope.
-pub const LIPSCHITZ: f64 = 1.732_050_807_568_878;
+pub const LIPSCHITZ_BOUND: f64 = 1.732_050_807_568_878;
 
 /// Largest number of nodes: 64 MB.
 const MAX_NODES: usize = 4_000_000;
@@ -60,7 +60,7 @@ pub struct DistanceField {
 
 /// A point on the grid: index of the cell's lowest node, position in the cell, and displacement from the grid's border if
 /// outside.
-struct Place {
+struct GridPosition {
     node: usize,
     part: [f64; 3],
     beyond: Vector3<f64>,
@@ -68,7 +68,7 @@ struct Place {
 
 impl DistanceField {
     /// Samples `signed_distance` (distance and outward unit gradient, in the object's frame) in the box from `low` to `high`
-    /// widened by `margin` on every side, with cells of `cell`, all m. `center` is the object's centre of mass.
+    /// widened by `rule_margin` on every side, with cells of `cell`, all m. `center` is the object's centre of mass.
     pub fn sample(
         low: &Point3<f64>,
         high: &Point3<f64>,
@@ -119,7 +119,7 @@ impl DistanceField {
         (self.low, self.high)
     }
 
-    fn place(&self, point: &Vector3<f64>) -> Place {
+    fn grid_position(&self, point: &Vector3<f64>) -> GridPosition {
         let mut node = 0;
         let mut part = [0.0; 3];
         let mut beyond = Vector3::zeros();
@@ -133,12 +133,12 @@ impl DistanceField {
             part[axis] = inside - base as f64;
             beyond[axis] = (scaled - inside) / self.cells_per_meter;
         }
-        Place { node, part, beyond }
+        GridPosition { node, part, beyond }
     }
 
     /// Interpolates the distance, m.
     pub fn distance(&self, point: &Vector3<f64>) -> f64 {
-        let Place { node, part: [x, y, z], beyond } = self.place(point);
+        let GridPosition { node, part: [x, y, z], beyond } = self.grid_position(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
         let at = |offset: usize| f64::from(self.distances[node + offset]);
         let edge = |offset: usize| {
@@ -156,7 +156,7 @@ impl DistanceField {
 
     /// Interpolates the distance (m) and its derivative.
     pub fn distance_gradient(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        let Place { node, part: [x, y, z], beyond } = self.place(point);
+        let GridPosition { node, part: [x, y, z], beyond } = self.grid_position(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
         let at = |offset: usize| f64::from(self.distances[node + offset]);
         // (value, slope along x) on the four edges, then across them.
@@ -171,12 +171,12 @@ impl DistanceField {
         let slope_x = mix(mix(c00.1, c10.1, y), mix(c01.1, c11.1, y), z);
         let slope_y = mix(c10.0 - c00.0, c11.0 - c01.0, z);
         let gradient = Vector3::new(slope_x, slope_y, far - near) * self.cells_per_meter;
-        extended(mix(near, far, z), gradient, &beyond)
+        extrapolate(mix(near, far, z), gradient, &beyond)
     }
 
     /// Interpolates distance and normal with their derivatives.
-    pub fn at(&self, point: &Vector3<f64>) -> FieldSample {
-        let Place { node, part: [x, y, z], beyond } = self.place(point);
+    pub fn sample_at(&self, point: &Vector3<f64>) -> FieldSample {
+        let GridPosition { node, part: [x, y, z], beyond } = self.grid_position(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
         let at = |offset: usize| self.nodes[node + offset].map(f64::from);
         let mix = |a: [f64; 4], b: [f64; 4], t: f64| -> [f64; 4] { std::array::from_fn(|n| a[n] + (b[n] - a[n]) * t) };
@@ -190,7 +190,7 @@ impl DistanceField {
         let along_z = minus(far, near);
         let value = mix(near, far, z);
         let derivative = |n: usize| Vector3::new(along_x[n], along_y[n], along_z[n]) * self.cells_per_meter;
-        let (distance, gradient) = extended(value[0], derivative(0), &beyond);
+        let (distance, gradient) = extrapolate(value[0], derivative(0), &beyond);
         let mut jacobian = Matrix3::zeros();
         for row in 0..3 {
             let slope = derivative(row + 1).zip_map(&beyond, |slope, out| if out == 0.0 { slope } else { 0.0 });
@@ -206,7 +206,7 @@ impl DistanceField {
 }
 
 /// Extends a distance and its gradient from the border of the grid to a point `beyond` it.
-fn extended(distance: f64, gradient: Vector3<f64>, beyond: &Vector3<f64>) -> (f64, Vector3<f64>) {
+fn extrapolate(distance: f64, gradient: Vector3<f64>, beyond: &Vector3<f64>) -> (f64, Vector3<f64>) {
     if *beyond == Vector3::zeros() {
         return (distance, gradient);
     }
@@ -237,7 +237,7 @@ pub(crate) mod tests {
             let turn = f64::from(n) * 0.7;
             let point =
                 Vector3::new(turn.cos(), turn.sin(), (0.37 * turn).sin()).normalize() * (0.02 + 1.5e-4 * f64::from(n));
-            let sample = field.at(&point);
+            let sample = field.sample_at(&point);
             assert!((sample.distance - (point.norm() - 0.03)).abs() < 5e-5);
             assert!(sample.normal.angle(&point) < 0.01, "{} {}", sample.normal, point.normalize());
             assert_eq!(sample.distance, field.distance(&point));
@@ -258,13 +258,13 @@ pub(crate) mod tests {
             let field = ball(0.03);
             let point = Vector3::from(p);
             let h = 1e-7;
-            let sample = field.at(&point);
+            let sample = field.sample_at(&point);
             let (distance, gradient) = field.distance_gradient(&point);
             prop_assert_eq!(distance, sample.distance);
             prop_assert!((gradient - sample.gradient).norm() < 1e-12);
             for axis in 0..3 {
                 let step = Vector3::ith(axis, h);
-                let (back, forth) = (field.at(&(point - step)), field.at(&(point + step)));
+                let (back, forth) = (field.sample_at(&(point - step)), field.sample_at(&(point + step)));
                 // A step across a cell's border meets a kink.
                 let scaled = (point[axis] - field.origin[axis]) * field.cells_per_meter;
                 if (scaled - scaled.round()).abs() < 1e-3 { continue; }
@@ -279,7 +279,7 @@ pub(crate) mod tests {
         fn slope_is_bounded(p in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12], q in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12]) {
             let field = ball(0.03);
             let (p, q) = (Vector3::from(p), Vector3::from(q));
-            prop_assert!((field.distance(&p) - field.distance(&q)).abs() <= LIPSCHITZ * (p - q).norm() + 1e-9);
+            prop_assert!((field.distance(&p) - field.distance(&q)).abs() <= LIPSCHITZ_BOUND * (p - q).norm() + 1e-9);
         }
     }
 }

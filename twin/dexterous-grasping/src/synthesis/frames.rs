@@ -70,7 +70,7 @@ pub struct Wrench {
 
 /// Link poses in the object frame, and the wrenches on them. Reused for every state.
 #[derive(Debug, Clone)]
-pub struct Frames {
+pub struct LinkFrames {
     joints: Vec<Joint>,
     /// `object_from_link`, rotation; 0 is the palm.
     pub rotation: Vec<Matrix3<f64>>,
@@ -80,7 +80,7 @@ pub struct Frames {
     pub wrench: Vec<Wrench>,
 }
 
-impl Frames {
+impl LinkFrames {
     /// Creates frames for the joints of `tree`.
     pub fn new(tree: &Tree) -> Self {
         let joints: Vec<Joint> = tree
@@ -105,7 +105,7 @@ impl Frames {
     }
 
     /// Computes the link poses of `state` and clears the wrenches.
-    pub fn place(&mut self, state: &HandState) {
+    pub fn set_state(&mut self, state: &HandState) {
         self.rotation[0] = state.object_from_palm.rotation.to_rotation_matrix().into_inner();
         self.translation[0] = state.object_from_palm.translation.vector;
         for (n, joint) in self.joints.iter().enumerate() {
@@ -134,19 +134,19 @@ impl Frames {
     }
 
     /// Adds dE/dx = `force` at `x` (object frame) on `link`.
-    pub fn push(&mut self, link: usize, x: &Vector3<f64>, force: &Vector3<f64>) {
+    pub fn add_point_gradient(&mut self, link: usize, x: &Vector3<f64>, force: &Vector3<f64>) {
         let wrench = &mut self.wrench[link];
         wrench.force += force;
         wrench.torque += x.cross(force);
     }
 
     /// Adds dE/d(direction) = `force` for a direction fixed to `link`.
-    pub fn twist(&mut self, link: usize, direction: &Vector3<f64>, force: &Vector3<f64>) {
+    pub fn add_direction_gradient(&mut self, link: usize, direction: &Vector3<f64>, force: &Vector3<f64>) {
         self.wrench[link].torque += direction.cross(force);
     }
 
     /// Adds the wrenches' gradient to `gradient`: translation, rotation about the pivot, joints. Consumes the wrenches.
-    pub fn collect(&mut self, gradient: &mut [f64]) {
+    pub fn collect_gradient(&mut self, gradient: &mut [f64]) {
         for n in (0..self.joints.len()).rev() {
             let own = self.wrench[n + 1];
             let parent = self.joints[n].parent;
@@ -183,9 +183,9 @@ mod tests {
     #[test]
     fn same_poses_as_the_tree() {
         let hand = Hand::ftac();
-        let mut frames = Frames::new(&hand.tree);
+        let mut frames = LinkFrames::new(&hand.tree);
         let state = state();
-        frames.place(&state);
+        frames.set_state(&state);
         let p = Vector3::new(0.02, 0.008, -0.003);
         for (link, pose) in hand.tree.forward(&state.joints).iter().enumerate() {
             let expected = state.object_from_palm * pose * Point3::from(p);
@@ -200,10 +200,10 @@ mod tests {
         for joint in [1, 3, 7] {
             tree.joints[joint].kind = JointKind::Slide;
         }
-        let mut frames = Frames::new(&tree);
+        let mut frames = LinkFrames::new(&tree);
         let (local, pull) = (Vector3::new(0.02, 0.008, -0.003), Vector3::new(0.3, 1.0, -0.7));
         let mut value = |state: &HandState| -> f64 {
-            frames.place(state);
+            frames.set_state(state);
             (1..16).map(|link| pull.dot(&frames.point(link, &local))).sum()
         };
         let h = 1e-6;
@@ -216,17 +216,17 @@ mod tests {
                 (forth - value(&state().moved(&by))) / (2.0 * h)
             })
             .collect();
-        frames.place(&state());
+        frames.set_state(&state());
         for (link, pose) in tree.forward(&state().joints).iter().enumerate() {
             let expected = state().object_from_palm * pose * Point3::from(local);
             assert!((frames.point(link + 1, &local) - expected.coords).norm() < 1e-12);
         }
         for link in 1..16 {
             let x = frames.point(link, &local);
-            frames.push(link, &x, &pull);
+            frames.add_point_gradient(link, &x, &pull);
         }
         let mut gradient = [0.0; 21];
-        frames.collect(&mut gradient);
+        frames.collect_gradient(&mut gradient);
         for n in 0..21 {
             assert!((gradient[n] - slopes[n]).abs() < 1e-7, "{n}: {} {}", gradient[n], slopes[n]);
         }
@@ -236,12 +236,12 @@ mod tests {
     #[test]
     fn collected_gradient_is_the_derivative() {
         let hand = Hand::ftac();
-        let mut frames = Frames::new(&hand.tree);
+        let mut frames = LinkFrames::new(&hand.tree);
         let pulls =
             [(0, Vector3::new(1.0, 2.0, -1.0)), (3, Vector3::new(-1.0, 0.5, 2.0)), (8, Vector3::new(0.3, 1.0, 1.0))];
         let local = Vector3::new(0.02, 0.008, -0.003);
         let mut value = |state: &HandState| -> f64 {
-            frames.place(state);
+            frames.set_state(state);
             pulls.iter().map(|(link, pull)| pull.dot(&frames.point(*link, &local))).sum()
         };
         let h = 1e-6;
@@ -254,13 +254,13 @@ mod tests {
                 (forth - value(&state().moved(&by))) / (2.0 * h)
             })
             .collect();
-        frames.place(&state());
+        frames.set_state(&state());
         for (link, pull) in &pulls {
             let x = frames.point(*link, &local);
-            frames.push(*link, &x, pull);
+            frames.add_point_gradient(*link, &x, pull);
         }
         let mut gradient = [0.0; 21];
-        frames.collect(&mut gradient);
+        frames.collect_gradient(&mut gradient);
         for n in 0..21 {
             assert!((gradient[n] - slopes[n]).abs() < 1e-7, "{n}: {} {}", gradient[n], slopes[n]);
         }

@@ -17,7 +17,7 @@ pub const VERSION: u32 = 1;
 
 /// First line of a file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Header {
+pub struct GraspFileHeader {
     pub version: u32,
     /// Command that generated it.
     pub command: String,
@@ -27,10 +27,10 @@ pub struct Header {
     pub hand: Option<HandSource>,
     /// Mesh of the object, in m, if the object is not of the set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mesh: Option<Source>,
+    pub mesh: Option<SourceFile>,
 }
 
-impl Header {
+impl GraspFileHeader {
     /// Creates a header for our own hand and an object of the set.
     pub fn new(command: String, seed: u64) -> Self {
         Self { version: VERSION, command, seed, hand: None, mesh: None }
@@ -40,7 +40,7 @@ impl Header {
 /// A source file with its digest.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Source {
+pub struct SourceFile {
     pub path: PathBuf,
     /// SHA-256, hexadecimal.
     pub sha256: String,
@@ -52,9 +52,9 @@ pub struct Source {
 pub struct HandSource {
     /// Name of the URDF's robot.
     pub name: String,
-    pub urdf: Source,
+    pub urdf: SourceFile,
     /// Pulls file: the actuators on its joints.
-    pub pulls: Source,
+    pub pulls: SourceFile,
 }
 
 /// Errors of files of grasps.
@@ -82,7 +82,7 @@ pub struct GraspWriter {
 
 impl GraspWriter {
     /// Starts a file, replacing an existing one.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, GraspFileError> {
+    pub fn create(path: &Path, header: &GraspFileHeader) -> Result<Self, GraspFileError> {
         let io = |source| GraspFileError::Io { path: path.into(), source };
         let file = std::fs::File::create(path).map_err(io)?;
         let mut writer = Self { path: path.into(), file };
@@ -92,7 +92,7 @@ impl GraspWriter {
 
     /// Continues the file of an interrupted run with the same header, and returns its grasps. An incomplete last line is
     /// removed.
-    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Vec<HeldGrasp>), GraspFileError> {
+    pub fn resume(path: &Path, header: &GraspFileHeader) -> Result<(Self, Vec<HeldGrasp>), GraspFileError> {
         let io = |source| GraspFileError::Io { path: path.into(), source };
         let mut text = std::fs::read_to_string(path).map_err(io)?;
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
@@ -123,29 +123,29 @@ impl GraspWriter {
 }
 
 /// Reads a file. An incomplete last line is an error that names it.
-pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), GraspFileError> {
+pub fn read(path: &Path) -> Result<(GraspFileHeader, Vec<HeldGrasp>), GraspFileError> {
     let text =
         ftac_platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
     parse(&text, path)
 }
 
 /// Longest header, bytes.
-const LONGEST_HEADER: u64 = 1 << 20;
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 
 /// Reads the header alone. A file of another format is an error.
-pub fn read_header(path: &Path) -> Result<Header, GraspFileError> {
+pub fn read_header(path: &Path) -> Result<GraspFileHeader, GraspFileError> {
     let io = |source| GraspFileError::Io { path: path.into(), source };
     let mut first = String::new();
     let file = ftac_platform::file::open_regular(path, u64::MAX).map_err(io)?;
-    BufReader::new(file.take(LONGEST_HEADER)).read_line(&mut first).map_err(io)?;
+    BufReader::new(file.take(MAX_HEADER_BYTES)).read_line(&mut first).map_err(io)?;
     Ok(parse::<IgnoredAny>(&first, path)?.0)
 }
 
-fn parse<G: DeserializeOwned>(text: &str, path: &Path) -> Result<(Header, Vec<G>), GraspFileError> {
+fn parse<G: DeserializeOwned>(text: &str, path: &Path) -> Result<(GraspFileHeader, Vec<G>), GraspFileError> {
     let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line, message };
     let mut lines = text.lines().enumerate();
     let (_, first) = lines.next().ok_or_else(|| fault(1, "found nothing, expected a header".into()))?;
-    let header: Header = serde_json::from_str(first).map_err(|error| fault(1, error.to_string()))?;
+    let header: GraspFileHeader = serde_json::from_str(first).map_err(|error| fault(1, error.to_string()))?;
     if header.version != VERSION {
         return Err(fault(1, format!("version: found {}, expected {VERSION}", header.version)));
     }
@@ -163,9 +163,9 @@ mod tests {
     #[test]
     fn written_is_read() {
         let path = std::env::temp_dir().join(format!("held-{}.jsonl", std::process::id()));
-        let header = Header::new("test".into(), 5);
+        let header = GraspFileHeader::new("test".into(), 5);
         let mut writer = GraspWriter::create(&path, &header).expect("created");
-        let grasp = grasp().rounded();
+        let grasp = grasp().at_file_precision();
         writer.add(&grasp).expect("written");
         let (found, grasps) = read(&path).expect("read");
         assert_eq!((found, grasps), (header, vec![grasp]));
@@ -179,8 +179,8 @@ mod tests {
     #[test]
     fn an_interrupted_file_goes_on() {
         let path = std::env::temp_dir().join(format!("resumed-{}.jsonl", std::process::id()));
-        let header = Header::new("test".into(), 5);
-        let (first, second) = (grasp().rounded(), HeldGrasp { chain: 9, ..grasp() }.rounded());
+        let header = GraspFileHeader::new("test".into(), 5);
+        let (first, second) = (grasp().at_file_precision(), HeldGrasp { chain: 9, ..grasp() }.at_file_precision());
         let mut writer = GraspWriter::create(&path, &header).expect("created");
         writer.add(&first).expect("written");
         let whole = std::fs::read_to_string(&path).expect("read");
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(kept, std::slice::from_ref(&first));
         writer.add(&second).expect("written");
         assert_eq!(read(&path).expect("read").1, [first, second]);
-        let other = Header { seed: 6, command: "another".into(), ..header };
+        let other = GraspFileHeader { seed: 6, command: "another".into(), ..header };
         let error = GraspWriter::resume(&path, &other).expect_err("another run").to_string();
         assert!(error.ends_with(":1: command: found `test`, expected `another`"), "{error}");
         std::fs::remove_file(&path).expect("removed");

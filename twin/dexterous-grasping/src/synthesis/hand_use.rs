@@ -7,7 +7,7 @@ use super::mechanism::Mechanism;
 use super::surface::HandSurface;
 
 /// Largest angle of the two outer joints of a digit that stays straight, rad.
-const STRAIGHT: f64 = 0.45;
+const MAX_STRAIGHT_ANGLE: f64 = 0.45;
 
 /// Digits and palm in use.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,7 +34,7 @@ pub struct HandUse {
 
 impl HandUse {
     /// Allows any part of these digits in any posture, and the palm if `palm` is true.
-    pub fn of(digits: Vec<Digit>, palm: bool) -> Self {
+    pub fn with_digits(digits: Vec<Digit>, palm: bool) -> Self {
         Self { digits, palm, tips: false, opposition: None, straight: Vec::new(), tension: None }
     }
 
@@ -49,10 +49,10 @@ impl HandUse {
         surface.touch_only(&links);
         mechanism.hold_others(|joint| joints.contains(&joint), still);
         if let (Some(range), Some(joint)) = (self.opposition, hand.transmission.opposition) {
-            mechanism.narrow(joint, range);
+            mechanism.narrow_limits(joint, range);
         }
         for joint in self.straight.iter().flat_map(|digit| hand.links(*digit).iter().skip(1)) {
-            mechanism.narrow(*joint, [f64::NEG_INFINITY, STRAIGHT]);
+            mechanism.narrow_limits(*joint, [f64::NEG_INFINITY, MAX_STRAIGHT_ANGLE]);
         }
     }
 }
@@ -67,21 +67,21 @@ mod tests {
     fn links_and_joints_are_limited() {
         let hand = Hand::ftac();
         let mut surface = HandSurface::new(&hand, 400);
-        let mut mechanism = Mechanism::of(&hand);
+        let mut mechanism = Mechanism::from_hand(&hand);
         let in_use = HandUse {
             tips: true,
             opposition: Some([0.8, 1.0]),
             straight: vec![Digit::Index],
-            ..HandUse::of(vec![Digit::Thumb, Digit::Index], false)
+            ..HandUse::with_digits(vec![Digit::Thumb, Digit::Index], false)
         };
-        in_use.limit(&hand, &hand.open(), &mut surface, &mut mechanism);
+        in_use.limit(&hand, &hand.open_angles(), &mut surface, &mut mechanism);
         let tips = [Digit::Thumb, Digit::Index].map(|digit| hand.links(digit)[2] + 1);
         assert!(!surface.candidates.is_empty());
         assert!(surface.candidates.iter().all(|candidate| tips.contains(&candidate.link)));
         let limits = |digit: Digit, n: usize| mechanism.limits[hand.links(digit)[n]];
         let opposition = mechanism.limits[hand.transmission.opposition.expect("the thumb opposes")];
         assert_eq!(opposition, (0.8, 1.0));
-        assert!(limits(Digit::Index, 1).1 == STRAIGHT && limits(Digit::Index, 0).1 > STRAIGHT);
+        assert!(limits(Digit::Index, 1).1 == MAX_STRAIGHT_ANGLE && limits(Digit::Index, 0).1 > MAX_STRAIGHT_ANGLE);
         assert!(limits(Digit::Ring, 0).0 == limits(Digit::Ring, 0).1);
         assert_eq!(mechanism.lines.len(), 2);
     }

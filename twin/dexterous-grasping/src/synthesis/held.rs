@@ -44,7 +44,7 @@ impl From<HeldContact> for ContactRow {
 
 /// Load for which a grasp was verified.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Proof {
+pub struct VerifiedLoad {
     /// Mass of the object, kg.
     pub mass: f64,
     /// Coulomb friction coefficient between hand and object.
@@ -56,7 +56,7 @@ pub struct Proof {
 /// Values of a hand's joints or actuators, in the hand's order.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "ValuesRow", into = "ValuesRow")]
-pub struct Values {
+pub struct NamedValues {
     /// One name per value. Empty for the built-in hand, whose files have the values alone.
     pub names: Vec<String>,
     pub values: Vec<f64>,
@@ -69,7 +69,7 @@ enum ValuesRow {
     Named(Vec<(String, f64)>),
 }
 
-impl From<ValuesRow> for Values {
+impl From<ValuesRow> for NamedValues {
     fn from(row: ValuesRow) -> Self {
         match row {
             ValuesRow::Plain(values) => values.into_iter().collect(),
@@ -81,19 +81,19 @@ impl From<ValuesRow> for Values {
     }
 }
 
-impl From<Values> for ValuesRow {
-    fn from(Values { names, values }: Values) -> Self {
+impl From<NamedValues> for ValuesRow {
+    fn from(NamedValues { names, values }: NamedValues) -> Self {
         if names.is_empty() { Self::Plain(values) } else { Self::Named(names.into_iter().zip(values).collect()) }
     }
 }
 
-impl FromIterator<f64> for Values {
+impl FromIterator<f64> for NamedValues {
     fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
         Self { names: Vec::new(), values: values.into_iter().collect() }
     }
 }
 
-impl Deref for Values {
+impl Deref for NamedValues {
     type Target = [f64];
 
     fn deref(&self) -> &[f64] {
@@ -101,7 +101,7 @@ impl Deref for Values {
     }
 }
 
-impl DerefMut for Values {
+impl DerefMut for NamedValues {
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
@@ -170,16 +170,16 @@ pub struct HeldGrasp {
     #[schemars(with = "ClosedPoseFields")]
     pub closed: ClosedPose,
     /// Joint coordinates when closed.
-    pub joints: Values,
+    pub joints: NamedValues,
     /// `root_from_object` with the hand open, before it closes.
     pub start: [f64; 7],
     /// Joint coordinates with the hand open.
-    pub open_joints: Values,
+    pub open_joints: NamedValues,
     /// Tensions that hold the open posture. `None` if they follow from it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub open_tensions: Option<Values>,
+    pub open_tensions: Option<NamedValues>,
     /// Tensions of the actuators when closed.
-    pub tensions: Values,
+    pub tensions: NamedValues,
     /// Opposition angle of the thumb. `None` for a hand without an opposition drive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opposition: Option<f64>,
@@ -202,7 +202,7 @@ pub struct HeldGrasp {
     pub energy: Option<f64>,
     /// Load for which it was verified. `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<Proof>,
+    pub proof: Option<VerifiedLoad>,
 }
 
 impl HeldGrasp {
@@ -227,7 +227,7 @@ impl HeldGrasp {
 
     /// Returns the grasp as files record it: rounded for the built-in hand, exact for any other.
     #[must_use]
-    pub fn rounded(mut self) -> Self {
+    pub fn at_file_precision(mut self) -> Self {
         if matches!(self.closed, ClosedPose::RootFromObject(_)) {
             return self;
         }
@@ -341,7 +341,7 @@ pub(crate) mod tests {
             held_without_tension: None,
             moved: Some([1e-3, 0.02]),
             energy: Some(0.9),
-            proof: Some(Proof { mass: 0.1, friction: 0.6, payload: 0.253 }),
+            proof: Some(VerifiedLoad { mass: 0.1, friction: 0.6, payload: 0.253 }),
         }
     }
 

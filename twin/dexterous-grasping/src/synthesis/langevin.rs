@@ -15,7 +15,7 @@ use rand_distr::StandardNormal;
 /// Limit of the drift, in noise widths.
 const DRIFT_LIMIT: f64 = 2.0;
 /// Decay of the running mean of squared gradients.
-const MEMORY: f64 = 0.98;
+const GRADIENT_DECAY: f64 = 0.98;
 /// Acceptance at which MALA mixes best in many dimensions (Roberts & Rosenthal 1998).
 const TARGET_ACCEPTANCE: f64 = 0.574;
 
@@ -27,14 +27,14 @@ pub struct Langevin {
     /// Curvature h of each coordinate.
     pub curvature: Vec<f64>,
     /// Largest noise width at step 1: curvatures are at least temperature over its square.
-    widest: Vec<f64>,
+    max_noise: Vec<f64>,
 }
 
 impl Langevin {
-    /// Creates a kernel with the noise widths `widest`, times `step`, at `temperature`.
+    /// Creates a kernel with the noise widths `max_noise`, times `step`, at `temperature`.
     pub fn new(step: f64, widest: &[f64], temperature: f64) -> Self {
         let curvature = widest.iter().map(|width| temperature / (width * width)).collect();
-        Self { step, curvature, widest: widest.to_vec() }
+        Self { step, curvature, max_noise: widest.to_vec() }
     }
 
     /// Returns the noise width and the drift of one coordinate.
@@ -71,8 +71,8 @@ impl Langevin {
         for (n, slope) in gradient.iter().enumerate() {
             // In a quadratic bowl of curvature h the mean squared gradient is h T.
             let seen = slope * slope / temperature;
-            let flattest = temperature / (self.widest[n] * self.widest[n]);
-            self.curvature[n] = (MEMORY * self.curvature[n] + (1.0 - MEMORY) * seen).max(flattest);
+            let flattest = temperature / (self.max_noise[n] * self.max_noise[n]);
+            self.curvature[n] = (GRADIENT_DECAY * self.curvature[n] + (1.0 - GRADIENT_DECAY) * seen).max(flattest);
         }
         self.step = (self.step * (0.05 * (acceptance - TARGET_ACCEPTANCE)).exp()).clamp(1e-3, 2.0);
     }

@@ -32,7 +32,7 @@ pub struct Mechanism {
 impl Mechanism {
     /// Builds the mechanism of the F-TAC Hand. The free posture at a medium tension gives the direction in which a
     /// cable moves its joints.
-    pub fn of(hand: &Hand) -> Self {
+    pub fn from_hand(hand: &Hand) -> Self {
         let lines = (0..hand.transmission.cables.len()).map(|cable| {
             let angles = hand.transmission.free_angles(cable, 5.0);
             let mean = angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64;
@@ -51,18 +51,18 @@ impl Mechanism {
 
     /// Builds the mechanism of a hand from a URDF: equal springs against the moment arms, and coupled joints with their
     /// leaders. Joints without an actuator stay at rest: both limits are the rest angle.
-    pub fn of_urdf(hand: &HandMechanism) -> Self {
-        let rest = hand.rest();
+    pub fn from_urdf(hand: &HandMechanism) -> Self {
+        let rest = hand.rest_coordinates();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
         // A line has its zero where its springs rest. A coupled joint is then where its leader's rest position puts it.
         let offset = |joint: usize| {
             let follower = hand.followers.iter().find(|follower| follower.joint == joint);
             follower.map_or(hand.spring_rest[joint], |own| own.multiplier * hand.spring_rest[own.leader] + own.offset)
         };
-        let lines = hand.pulls.iter().map(|pull| {
-            let mut line: Vec<(usize, f64)> = pull.constant_arms().collect();
+        let lines = hand.actuators.iter().map(|pull| {
+            let mut line: Vec<(usize, f64)> = pull.moment_arms().collect();
             for follower in &hand.followers {
-                if let Some((_, arm)) = pull.constant_arms().find(|(joint, _)| *joint == follower.leader) {
+                if let Some((_, arm)) = pull.moment_arms().find(|(joint, _)| *joint == follower.leader) {
                     line.push((follower.joint, arm * follower.multiplier));
                 }
             }
@@ -95,7 +95,7 @@ impl Mechanism {
     }
 
     /// Narrows the limits of `joint` to `range`, rad or m, as far as they overlap.
-    pub fn narrow(&mut self, joint: usize, [low, high]: [f64; 2]) {
+    pub fn narrow_limits(&mut self, joint: usize, [low, high]: [f64; 2]) {
         let (lower, upper) = self.limits[joint];
         self.limits[joint] = (low.clamp(lower, upper), high.clamp(lower, upper));
     }
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn lines_of_the_hand_are_near_its_free_postures() {
         let hand = Hand::ftac();
-        let mechanism = Mechanism::of(&hand);
+        let mechanism = Mechanism::from_hand(&hand);
         assert_eq!((mechanism.lines.len(), mechanism.limits.len()), (5, 15));
         for (cable, line) in mechanism.lines.iter().enumerate() {
             let digit = hand_model::Digit::ALL[cable];

@@ -9,17 +9,17 @@ use hand_model::Hand;
 use nalgebra::Vector3;
 
 use super::field::DistanceField;
-use super::frames::{Frames, HandState};
+use super::frames::{HandState, LinkFrames};
 use super::surface::HandSurface;
 
 /// Tension at which a free digit is fully closed, N.
 const FULL_TENSION: f64 = 40.0;
 /// Clearance to which a digit opens, m.
-const CLEAR: f64 = 1.5e-3;
+const OPENING_CLEARANCE: f64 = 1.5e-3;
 /// Decrease of the mean angle per step of opening, rad.
-const OPENING: f64 = 0.08;
+const OPENING_STEP: f64 = 0.08;
 /// Largest number of steps that move the palm out of the object.
-const RETREATS: usize = 12;
+const MAX_RETREATS: usize = 12;
 
 /// A posture that the actuators can hold without contact.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +63,8 @@ pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
     let drive = hand.transmission.opposition;
     let opposition =
         drive.map_or(0.0, |drive| joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper));
-    let mut posture = FreePosture { tensions: hand.slack().to_vec(), opposition, joints: hand.open().to_vec() };
+    let mut posture =
+        FreePosture { tensions: hand.slack_tensions().to_vec(), opposition, joints: hand.open_angles().to_vec() };
     if let Some(drive) = drive {
         posture.joints[drive] = opposition;
     }
@@ -82,13 +83,13 @@ fn set_mean(hand: &Hand, posture: &mut FreePosture, cable: usize, mean: f64) {
 }
 
 /// Returns the least distance (m) of a link's surface from the object, and the object's normal there.
-fn clearance(frames: &Frames, surface: &HandSurface, field: &DistanceField, link: usize) -> (f64, Vector3<f64>) {
+fn clearance(frames: &LinkFrames, surface: &HandSurface, field: &DistanceField, link: usize) -> (f64, Vector3<f64>) {
     let mut least = (f64::INFINITY, Vector3::zeros());
     for local in &surface.links[link].points {
         let x = frames.point(link, local);
         let distance = field.distance(&x);
         if distance < least.0 {
-            least = (distance, field.at(&x).normal);
+            least = (distance, field.sample_at(&x).normal);
         }
     }
     least
@@ -96,12 +97,12 @@ fn clearance(frames: &Frames, surface: &HandSurface, field: &DistanceField, link
 
 /// A hand that is clear of the object and ready to close.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Opened {
+pub struct OpenedHand {
     /// Pose and joints, clear of the object.
     pub state: HandState,
     pub open: FreePosture,
     /// Projected posture, before opening.
-    pub aimed: FreePosture,
+    pub projected: FreePosture,
 }
 
 /// Projects a sampled state, moves the palm out of the object if necessary, and opens every digit until it is clear.
@@ -110,21 +111,21 @@ pub fn open_clear(
     hand: &Hand,
     surface: &HandSurface,
     field: &DistanceField,
-    frames: &mut Frames,
+    frames: &mut LinkFrames,
     state: &HandState,
-) -> Option<Opened> {
+) -> Option<OpenedHand> {
     let aimed = project(hand, &state.joints);
     let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.clone() };
     // Cables do not move the palm and the thumb's first link, so the whole hand retreats.
     let fixed: Vec<usize> = std::iter::once(0).chain(hand.transmission.opposition.map(|joint| joint + 1)).collect();
     for retreat in 0.. {
-        frames.place(&state);
+        frames.set_state(&state);
         let (depth, normal) =
             fixed.iter().map(|link| clearance(frames, surface, field, *link)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         if depth >= 0.0 {
             break;
         }
-        if retreat == RETREATS {
+        if retreat == MAX_RETREATS {
             return None;
         }
         state.object_from_palm.translation.vector += normal * (0.3e-3 - depth);
@@ -136,10 +137,10 @@ pub fn open_clear(
         let mut mean = mean_angle(hand, cable, &open.joints);
         loop {
             state.joints.copy_from_slice(&open.joints);
-            frames.place(&state);
+            frames.set_state(&state);
             let moved = links.iter().filter(|link| !fixed.contains(link));
             let least = moved.map(|link| clearance(frames, surface, field, *link).0).fold(f64::INFINITY, f64::min);
-            if least >= CLEAR {
+            if least >= OPENING_CLEARANCE {
                 break;
             }
             if mean <= 0.0 {
@@ -149,11 +150,11 @@ pub fn open_clear(
                 }
                 return None;
             }
-            mean = (mean - OPENING).max(0.0);
+            mean = (mean - OPENING_STEP).max(0.0);
             set_mean(hand, &mut open, cable, mean);
         }
     }
-    Some(Opened { state, open, aimed })
+    Some(OpenedHand { state, open, projected: aimed })
 }
 
 #[cfg(test)]
@@ -186,16 +187,16 @@ mod tests {
         let hand = Hand::ftac();
         let surface = HandSurface::new(&hand, 1000);
         let field = ball(0.03);
-        let mut frames = Frames::new(&hand.tree);
+        let mut frames = LinkFrames::new(&hand.tree);
         let state = HandState { object_from_palm: Isometry3::translation(0.0, 0.0, 0.035), joints: vec![0.9; 15] };
-        frames.place(&state);
-        let deepest = |frames: &Frames| {
+        frames.set_state(&state);
+        let deepest = |frames: &LinkFrames| {
             (0..16).map(|link| clearance(frames, &surface, &field, link).0).fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&frames) < -3e-3, "the test starts inside");
         let opened = open_clear(&hand, &surface, &field, &mut frames, &state).expect("can be opened");
-        frames.place(&opened.state);
+        frames.set_state(&opened.state);
         assert!(deepest(&frames) >= 0.0);
-        assert!(opened.open.tensions.iter().zip(&opened.aimed.tensions).all(|(open, aimed)| open <= aimed));
+        assert!(opened.open.tensions.iter().zip(&opened.projected.tensions).all(|(open, aimed)| open <= aimed));
     }
 }

@@ -9,14 +9,14 @@ use hand_model::hand::CoverShape;
 use nalgebra::{Point3, Vector3};
 
 /// Points of a patch along each side.
-const TILE: usize = 3;
+const PATCH_SIDE_POINTS: usize = 3;
 /// Spacing of contact candidates on a pad, m.
 const CANDIDATE_SPACING: f64 = 0.003;
 /// Largest distance of a contact candidate from the cover, m. A pad's rim may be farther off.
-const OFF_COVER: f64 = 1.0e-3;
+const MAX_COVER_DISTANCE: f64 = 1.0e-3;
 
 #[derive(Debug, Clone, Copy)]
-pub struct Ball {
+pub struct LinkSphere {
     /// Centre, m.
     pub center: Vector3<f64>,
     /// Radius, m.
@@ -25,8 +25,8 @@ pub struct Ball {
 
 /// Neighbouring points with their bounding ball.
 #[derive(Debug, Clone)]
-pub struct Patch {
-    pub bound: Ball,
+pub struct SurfacePatch {
+    pub bound: LinkSphere,
     /// Indices of the link's points.
     pub range: std::ops::Range<usize>,
 }
@@ -36,16 +36,16 @@ pub struct Patch {
 pub struct LinkSurface {
     /// Points, patch after patch, m.
     pub points: Vec<Vector3<f64>>,
-    pub patches: Vec<Patch>,
+    pub patches: Vec<SurfacePatch>,
     /// Bounding ball of all points.
-    pub bound: Ball,
+    pub bound: LinkSphere,
     /// Balls that fill the cover.
-    pub balls: Vec<Ball>,
+    pub spheres: Vec<LinkSphere>,
 }
 
 /// A point where the hand may touch the object.
 #[derive(Debug, Clone, Copy)]
-pub struct Candidate {
+pub struct ContactCandidate {
     /// Link: 0 is the palm.
     pub link: usize,
     pub pad: usize,
@@ -61,7 +61,7 @@ pub struct HandSurface {
     /// Palm, then the links in joint order.
     pub links: Vec<LinkSurface>,
     /// Contact candidates on all pads.
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<ContactCandidate>,
     /// Pairs of links that may collide: all but neighbours.
     pub pairs: Vec<(usize, usize)>,
 }
@@ -92,17 +92,20 @@ impl HandSurface {
 
     /// Builds the surface from links given as points on their surface and balls that fill them (link frames, m), palm
     /// first.
-    pub fn of_points(
-        links: Vec<(Vec<Vector3<f64>>, Vec<Ball>)>,
-        candidates: Vec<Candidate>,
+    pub fn from_points(
+        links: Vec<(Vec<Vector3<f64>>, Vec<LinkSphere>)>,
+        candidates: Vec<ContactCandidate>,
         pairs: Vec<(usize, usize)>,
     ) -> Self {
         let links = links.into_iter().map(|(mut points, balls)| {
             let mut patches = Vec::new();
-            tiles(&mut points, 0, &mut patches);
-            let bound =
-                if points.is_empty() { Ball { center: Vector3::zeros(), radius: 0.0 } } else { around(&points) };
-            LinkSurface { bound, points, patches, balls }
+            split_into_patches(&mut points, 0, &mut patches);
+            let bound = if points.is_empty() {
+                LinkSphere { center: Vector3::zeros(), radius: 0.0 }
+            } else {
+                bounding_sphere(&points)
+            };
+            LinkSurface { bound, points, patches, spheres: balls }
         });
         Self { links: links.collect(), candidates, pairs }
     }
@@ -115,9 +118,9 @@ impl HandSurface {
     /// Adds points of a held object (palm frame, m), which move with the palm.
     pub fn extend_palm(&mut self, points: &[Vector3<f64>]) {
         let (palm, mut points) = (&mut self.links[0], points.to_vec());
-        tiles(&mut points, palm.points.len(), &mut palm.patches);
+        split_into_patches(&mut points, palm.points.len(), &mut palm.patches);
         palm.points.append(&mut points);
-        palm.bound = around(&palm.points);
+        palm.bound = bounding_sphere(&palm.points);
     }
 
     pub fn len(&self) -> usize {
@@ -153,11 +156,14 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
         let steps = |a: usize| ((2.0 * cover.half[a] / spacing).round() as usize).max(1);
         let (nu, nv) = (steps(u), steps(v));
         for side in [-1.0, 1.0] {
-            for tile in 0..nu.div_ceil(TILE) * nv.div_ceil(TILE) {
-                let (first_u, first_v) = (TILE * (tile % nu.div_ceil(TILE)), TILE * (tile / nu.div_ceil(TILE)));
+            for tile in 0..nu.div_ceil(PATCH_SIDE_POINTS) * nv.div_ceil(PATCH_SIDE_POINTS) {
+                let (first_u, first_v) = (
+                    PATCH_SIDE_POINTS * (tile % nu.div_ceil(PATCH_SIDE_POINTS)),
+                    PATCH_SIDE_POINTS * (tile / nu.div_ceil(PATCH_SIDE_POINTS)),
+                );
                 let start = points.len();
-                for i in first_u..(first_u + TILE).min(nu) {
-                    for j in first_v..(first_v + TILE).min(nv) {
+                for i in first_u..(first_u + PATCH_SIDE_POINTS).min(nu) {
+                    for j in first_v..(first_v + PATCH_SIDE_POINTS).min(nv) {
                         let mut p = Vector3::zeros();
                         p[axis] = side * cover.half[axis];
                         p[u] = ((i as f64 + 0.5) / nu as f64 * 2.0 - 1.0) * cover.half[u];
@@ -166,24 +172,24 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
                         points.push((cover.link_from_cover * Point3::from(surface)).coords);
                     }
                 }
-                patches.push(Patch { bound: around(&points[start..]), range: start..points.len() });
+                patches.push(SurfacePatch { bound: bounding_sphere(&points[start..]), range: start..points.len() });
             }
         }
     }
-    LinkSurface { bound: around(&points), balls: fill(cover), points, patches }
+    LinkSurface { bound: bounding_sphere(&points), spheres: fill_with_spheres(cover), points, patches }
 }
 
 /// Returns the bounding ball of points, centred on their mean.
-fn around(points: &[Vector3<f64>]) -> Ball {
+fn bounding_sphere(points: &[Vector3<f64>]) -> LinkSphere {
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-    Ball { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
+    LinkSphere { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
 }
 
 /// Sorts points into patches of neighbours by bisection along the longest side. `first` is the index of the first point.
-fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
-    if points.len() <= TILE * TILE {
+fn split_into_patches(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<SurfacePatch>) {
+    if points.len() <= PATCH_SIDE_POINTS * PATCH_SIDE_POINTS {
         if !points.is_empty() {
-            patches.push(Patch { bound: around(points), range: first..first + points.len() });
+            patches.push(SurfacePatch { bound: bounding_sphere(points), range: first..first + points.len() });
         }
         return;
     }
@@ -195,12 +201,12 @@ fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
     let half = points.len() / 2;
     points.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis]));
     let (left, right) = points.split_at_mut(half);
-    tiles(left, first, patches);
-    tiles(right, first + half, patches);
+    split_into_patches(left, first, patches);
+    split_into_patches(right, first + half, patches);
 }
 
 /// Fills a box with balls of its least half extent, at most a radius apart.
-fn fill(cover: &CoverShape) -> Vec<Ball> {
+fn fill_with_spheres(cover: &CoverShape) -> Vec<LinkSphere> {
     let radius = cover.half.min();
     let room = cover.half.add_scalar(-radius);
     let steps = [0, 1, 2].map(|axis| (2.0 * room[axis] / radius).ceil() as usize + 1);
@@ -212,14 +218,14 @@ fn fill(cover: &CoverShape) -> Vec<Ball> {
         for j in 0..steps[1] {
             for k in 0..steps[2] {
                 let center = Point3::new(place(0, i), place(1, j), place(2, k));
-                balls.push(Ball { center: (cover.link_from_cover * center).coords, radius });
+                balls.push(LinkSphere { center: (cover.link_from_cover * center).coords, radius });
             }
         }
     }
     balls
 }
 
-fn candidates(hand: &Hand, covers: &[CoverShape]) -> Vec<Candidate> {
+fn candidates(hand: &Hand, covers: &[CoverShape]) -> Vec<ContactCandidate> {
     let mut found = Vec::new();
     for (index, pad) in hand.pads.iter().enumerate() {
         let link = pad.link.map_or(0, |link| link + 1);
@@ -228,8 +234,8 @@ fn candidates(hand: &Hand, covers: &[CoverShape]) -> Vec<Candidate> {
         for sample in pad.surface_samples(steps(pad.w), steps(pad.h)) {
             let local = cover.link_from_cover.inverse_transform_point(&(pad.link_from_pad * sample)).coords;
             let (surface, normal) = nearest(cover, &local);
-            if (surface - local).norm() < OFF_COVER {
-                found.push(Candidate {
+            if (surface - local).norm() < MAX_COVER_DISTANCE {
+                found.push(ContactCandidate {
                     link,
                     pad: index,
                     point: (cover.link_from_cover * Point3::from(surface)).coords,
@@ -285,13 +291,13 @@ mod tests {
         let turn = |n: usize| Vector3::new((0.7 * n as f64).sin(), (1.9 * n as f64).cos(), 0.01 * n as f64);
         let points: Vec<Vector3<f64>> = (0..100).map(turn).collect();
         let surface =
-            HandSurface::of_points(vec![(points, Vec::new()), (Vec::new(), Vec::new())], Vec::new(), Vec::new());
+            HandSurface::from_points(vec![(points, Vec::new()), (Vec::new(), Vec::new())], Vec::new(), Vec::new());
         let link = &surface.links[0];
         let mut next = 0;
         for patch in &link.patches {
             assert_eq!(patch.range.start, next);
             next = patch.range.end;
-            assert!(patch.range.len() <= TILE * TILE);
+            assert!(patch.range.len() <= PATCH_SIDE_POINTS * PATCH_SIDE_POINTS);
             let inside = |p: &Vector3<f64>| (p - patch.bound.center).norm() <= patch.bound.radius + 1e-12;
             assert!(link.points[patch.range.clone()].iter().all(inside));
         }
@@ -307,8 +313,8 @@ mod tests {
         let at =
             |link: usize, p: &Vector3<f64>| if link == 0 { *p } else { (poses[link - 1] * Point3::from(*p)).coords };
         for &(a, b) in &surface.pairs {
-            for x in &surface.links[a].balls {
-                for y in &surface.links[b].balls {
+            for x in &surface.links[a].spheres {
+                for y in &surface.links[b].spheres {
                     let gap = (at(a, &x.center) - at(b, &y.center)).norm() - x.radius - y.radius;
                     assert!(gap > 0.0, "links {a} and {b} overlap by {gap}");
                 }

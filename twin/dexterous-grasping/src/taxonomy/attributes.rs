@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 use crate::synthesis::held::{HeldContact, HeldGrasp, pose_from_array};
 
 /// Least share of the contact force for a part of the hand to count as in contact.
-const TOUCHES: f64 = 0.02;
+const MIN_CONTACT_SHARE: f64 = 0.02;
 
 /// Name and meaning of every attribute, in the order of [`Attributes`].
 pub const ATTRIBUTES: [(&str, &str); 25] = [
@@ -52,18 +52,18 @@ pub struct ObjectForm {
     /// Extents along the principal axes, largest first, m.
     pub extents: [f64; 3],
     /// Ratio of the least to the largest distance of the surface from its centre.
-    pub ball: f64,
+    pub roundness: f64,
 }
 
 /// Number of points on an object's surface from which its form is measured.
 pub const FORM_POINTS: usize = 1500;
 
 /// Ratio of extents below which they count as similar.
-const ALIKE: f64 = 1.08;
+const SIMILAR_EXTENT_RATIO: f64 = 1.08;
 
 impl ObjectForm {
     /// Measures the form from points spread evenly over the surface (object frame, m).
-    pub fn of(points: &[Point3<f64>]) -> Self {
+    pub fn from_points(points: &[Point3<f64>]) -> Self {
         let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let mut second = Matrix3::zeros();
         let (mut near, mut far) = (f64::INFINITY, 0.0_f64);
@@ -85,14 +85,14 @@ impl ObjectForm {
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let extents = [found[0].0, found[1].0, found[2].0];
         let (long, flat) = (extents[0] / extents[1], extents[1] / extents[2]);
-        let axis = (long.max(flat) > ALIKE).then(|| if long > flat { found[0].1 } else { found[2].1 });
-        Self { axis, extents, ball: if far > 0.0 { near / far } else { 0.0 } }
+        let axis = (long.max(flat) > SIMILAR_EXTENT_RATIO).then(|| if long > flat { found[0].1 } else { found[2].1 });
+        Self { axis, extents, roundness: if far > 0.0 { near / far } else { 0.0 } }
     }
 }
 
 /// A grasp in the state in which it holds an object.
 #[derive(Debug, Clone, Copy)]
-pub struct Hold<'a> {
+pub struct HoldingState<'a> {
     pub palm_from_object: Isometry3<f64>,
     /// Joint angles, rad.
     pub joints: &'a [f64],
@@ -100,7 +100,7 @@ pub struct Hold<'a> {
     pub contacts: &'a [HeldContact],
 }
 
-impl<'a> From<&'a HeldGrasp> for Hold<'a> {
+impl<'a> From<&'a HeldGrasp> for HoldingState<'a> {
     fn from(grasp: &'a HeldGrasp) -> Self {
         Self { palm_from_object: pose_from_array(&grasp.closed), joints: &grasp.joints, contacts: &grasp.contacts }
     }
@@ -121,7 +121,7 @@ impl Attributes {
     }
 
     /// Measures the attributes of a grasp on an object of `form`. Without contact force all shares are 0.
-    pub fn of<'a>(hand: &Hand, form: &ObjectForm, grasp: impl Into<Hold<'a>>) -> Self {
+    pub fn measure<'a>(hand: &Hand, form: &ObjectForm, grasp: impl Into<HoldingState<'a>>) -> Self {
         let grasp = grasp.into();
         let links = hand.tree.forward(grasp.joints);
         let total: f64 = grasp.contacts.iter().map(|contact| contact.force).sum();
@@ -153,7 +153,7 @@ impl Attributes {
             }
         }
         let by_fingers: f64 = digits[1..].iter().sum();
-        let touching: Vec<usize> = (1..5).filter(|digit| share(digits[*digit], total) >= TOUCHES).collect();
+        let touching: Vec<usize> = (1..5).filter(|digit| share(digits[*digit], total) >= MIN_CONTACT_SHARE).collect();
         let bend = |digit: usize| 0.5 * (grasp.joints[3 * digit + 1] + grasp.joints[3 * digit + 2]);
         let mean = |of: &[usize]| of.iter().map(|digit| bend(*digit)).sum::<f64>() / of.len().max(1) as f64;
         let direction = push.try_normalize(1e-9).unwrap_or_default();
@@ -184,7 +184,7 @@ impl Attributes {
             rounded,
             line.x.abs(),
             line.z.abs(),
-            form.ball,
+            form.roundness,
             axis.x.abs(),
             axis.z.abs(),
         ])
@@ -221,7 +221,7 @@ mod tests {
     }
 
     fn rod() -> ObjectForm {
-        ObjectForm { axis: Some(Vector3::x()), extents: [0.12, 0.03, 0.03], ball: 0.25 }
+        ObjectForm { axis: Some(Vector3::x()), extents: [0.12, 0.03, 0.03], roundness: 0.25 }
     }
 
     /// A rotated box gives its principal axes and extents in order.
@@ -233,7 +233,7 @@ mod tests {
             let at = |n: i32, half: f64| half * (f64::from(n) / 5.0 - 1.0);
             points.push(turn * Point3::new(at(i, half[1]), at(j, half[0]), at(k, half[2])));
         }
-        let form = ObjectForm::of(&points);
+        let form = ObjectForm::from_points(&points);
         for (found, half) in form.extents.iter().zip(half) {
             assert!((found - 2.0 * half).abs() < 1e-9, "{form:?}");
         }
@@ -248,7 +248,7 @@ mod tests {
             0.5,
             &[(None, [0.0, 0.0, -1.0], 6.0), (Some(5), [0.0, 0.0, 1.0], 3.0), (Some(9), [0.0, 0.0, 1.0], 1.0)],
         );
-        let found = Attributes::of(&hand, &rod(), &held);
+        let found = Attributes::measure(&hand, &rod(), &held);
         let get = |name| found.get(name).expect("known");
         assert!(
             (get("palm") - 0.6).abs() < 1e-12
@@ -268,18 +268,18 @@ mod tests {
         let hand = Hand::ftac();
         let (s, c) = 2.1_f64.sin_cos();
         let across = [(None, [0.0, 0.0, -1.0], 1.0), (Some(4), [0.0, s, c], 1.0), (Some(2), [0.0, -s, c], 1.0)];
-        let found = Attributes::of(&hand, &rod(), &grasp(0.5, &across));
+        let found = Attributes::measure(&hand, &rod(), &grasp(0.5, &across));
         assert!(found.get("line_across").expect("known") > 0.999 && found.get("rounded").expect("known") < 1e-9);
         let all: Vec<_> =
             (0..3).flat_map(|axis| [1.0, -1.0].map(|sign| (Some(5), Vector3::ith(axis, sign).into(), 1.0))).collect();
-        let found = Attributes::of(&hand, &rod(), &grasp(0.5, &all));
+        let found = Attributes::measure(&hand, &rod(), &grasp(0.5, &all));
         assert!((found.get("rounded").expect("known") - 1.0 / 3.0).abs() < 1e-9);
     }
 
     /// Without contacts all attributes are finite.
     #[test]
     fn nothing_touches() {
-        let found = Attributes::of(&Hand::ftac(), &rod(), &grasp(0.2, &[]));
+        let found = Attributes::measure(&Hand::ftac(), &rod(), &grasp(0.2, &[]));
         assert!(found.0.iter().all(|value| value.is_finite()), "{found:?}");
     }
 }

@@ -3,8 +3,8 @@
 //!
 //! A condition's *margin* is the distance of the attribute inside the bounds in units of the condition's width, at most
 //! 1, negative outside. A rule's margin is that of its worst condition, so every rule gives each grasp a number up to
-//! 1, possibly far below 0. The best rule decides. If its margin is below [`Rules::clear`], or another type's margin is
-//! within [`Rules::clear`] of it, the grasp is *ambiguous*, and both types are named.
+//! 1, possibly far below 0. The best rule decides. If its margin is below [`TypeRules::clear`], or another type's margin is
+//! within [`TypeRules::clear`] of it, the grasp is *ambiguous*, and both types are named.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -13,7 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::attributes::{ATTRIBUTES, Attributes};
-use super::{DataError, Taxonomy};
+use super::{Taxonomy, TaxonomyError};
 
 /// One condition of a rule.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,7 +53,7 @@ impl Condition {
 /// One rule for a type. A type may have several rules.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Rule {
+pub struct TypeRule {
     /// Name of the type.
     #[serde(rename = "type")]
     pub kind: String,
@@ -68,20 +68,20 @@ pub struct Rule {
 #[serde(deny_unknown_fields)]
 struct File {
     clear: f64,
-    rule: Vec<Rule>,
+    rule: Vec<TypeRule>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rules {
+pub struct TypeRules {
     /// Margins, and differences of margins, below this are ambiguous.
     pub clear: f64,
-    rules: Vec<Rule>,
-    resolved: Vec<Resolved>,
+    rules: Vec<TypeRule>,
+    resolved: Vec<ResolvedRule>,
 }
 
 /// A rule with names resolved to indices.
 #[derive(Debug, Clone, PartialEq)]
-struct Resolved {
+struct ResolvedRule {
     kind: usize,
     attributes: Vec<usize>,
     unless: Vec<usize>,
@@ -89,7 +89,7 @@ struct Resolved {
 
 /// Result of one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Checked {
+pub struct CheckedCondition {
     pub attribute: String,
     pub meaning: &'static str,
     pub value: f64,
@@ -100,7 +100,7 @@ pub struct Checked {
 
 /// The decision on one grasp.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Decision {
+pub struct RuleDecision {
     /// Index of the best type in the taxonomy.
     pub kind: usize,
     pub margin: f64,
@@ -109,21 +109,21 @@ pub struct Decision {
     pub ambiguous: bool,
 }
 
-impl Rules {
+impl TypeRules {
     /// Returns the shipped rules, for the paper's types.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
-    pub fn shipped(taxonomy: &Taxonomy) -> Self {
+    pub fn builtin(taxonomy: &Taxonomy) -> Self {
         let path = Path::new("rules.toml");
         Self::parse(include_str!("../../data/rules.toml"), path, taxonomy).expect("the built-in rules are valid")
     }
 
     /// Parses rules. Every type of `taxonomy` needs at least one. `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, TaxonomyError> {
         let File { clear, rule: rules } = toml::from_str(text)
-            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
-        let fault = |field: String, found: String, expected: String| DataError::Field {
+            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
+        let fault = |field: String, found: String, expected: String| TaxonomyError::Field {
             path: path.into(),
             field,
             found,
@@ -160,7 +160,7 @@ impl Rules {
                     fault(format!("rule[{n}].unless"), format!("{name:?}"), "another of the types' names".into())
                 })
             });
-            resolved.push(Resolved { kind, attributes, unless: unless.collect::<Result<_, _>>()? });
+            resolved.push(ResolvedRule { kind, attributes, unless: unless.collect::<Result<_, _>>()? });
         }
         let ruled: BTreeSet<usize> = resolved.iter().map(|rule| rule.kind).collect();
         if let Some(missing) = (0..taxonomy.types.len()).find(|kind| !ruled.contains(kind)) {
@@ -174,49 +174,49 @@ impl Rules {
     }
 
     /// Returns the margin of a rule's own conditions.
-    fn own(&self, rule: usize, attributes: &Attributes) -> f64 {
+    fn own_margin(&self, rule: usize, attributes: &Attributes) -> f64 {
         let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
         conditions.map(|(condition, index)| condition.margin(attributes.0[*index])).fold(1.0, f64::min)
     }
 
     /// Returns the best margin of type `kind` by its rules' own conditions.
-    fn fits(&self, kind: usize, attributes: &Attributes) -> f64 {
+    fn type_margin(&self, kind: usize, attributes: &Attributes) -> f64 {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
-        own.map(|rule| self.own(rule, attributes)).fold(f64::NEG_INFINITY, f64::max)
+        own.map(|rule| self.own_margin(rule, attributes)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Returns the margin of a rule: the least of its own margin and of the negated margins of more specific types.
-    fn margin(&self, rule: usize, attributes: &Attributes) -> f64 {
-        let unless = self.resolved[rule].unless.iter().map(|kind| -self.fits(*kind, attributes));
-        unless.fold(self.own(rule, attributes), f64::min)
+    fn rule_margin(&self, rule: usize, attributes: &Attributes) -> f64 {
+        let unless = self.resolved[rule].unless.iter().map(|kind| -self.type_margin(*kind, attributes));
+        unless.fold(self.own_margin(rule, attributes), f64::min)
     }
 
     /// Returns the best margin of every type.
     pub fn margins(&self, types: usize, attributes: &Attributes) -> Vec<f64> {
         let mut margins = vec![f64::NEG_INFINITY; types];
         for (rule, resolved) in self.resolved.iter().enumerate() {
-            margins[resolved.kind] = margins[resolved.kind].max(self.margin(rule, attributes));
+            margins[resolved.kind] = margins[resolved.kind].max(self.rule_margin(rule, attributes));
         }
         margins
     }
 
     /// Classifies one grasp. If margins are equal, the first type in the table wins and the grasp is ambiguous.
-    pub fn decide(&self, taxonomy: &Taxonomy, attributes: &Attributes) -> Decision {
+    pub fn decide(&self, taxonomy: &Taxonomy, attributes: &Attributes) -> RuleDecision {
         let mut order: Vec<(usize, f64)> =
             self.margins(taxonomy.types.len(), attributes).into_iter().enumerate().collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let (best, second) = (order[0], order.get(1).copied().unwrap_or(order[0]));
         let ambiguous = best.1 < self.clear || best.1 - second.1 < self.clear;
-        Decision { kind: best.0, margin: best.1, second, ambiguous }
+        RuleDecision { kind: best.0, margin: best.1, second, ambiguous }
     }
 
     /// Explains a decision: returns every condition of the best rule for type `kind`.
-    pub fn explain(&self, kind: usize, attributes: &Attributes) -> Vec<Checked> {
+    pub fn explain(&self, kind: usize, attributes: &Attributes) -> Vec<CheckedCondition> {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
-        let best = own.max_by(|a, b| self.margin(*a, attributes).total_cmp(&self.margin(*b, attributes)));
+        let best = own.max_by(|a, b| self.rule_margin(*a, attributes).total_cmp(&self.rule_margin(*b, attributes)));
         let Some(rule) = best else { return Vec::new() };
         let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
-        let own = conditions.map(|(condition, &index)| Checked {
+        let own = conditions.map(|(condition, &index)| CheckedCondition {
             attribute: condition.attribute.clone(),
             meaning: ATTRIBUTES[index].1,
             value: attributes.0[index],
@@ -224,14 +224,15 @@ impl Rules {
             margin: condition.margin(attributes.0[index]),
             reason: condition.reason.clone(),
         });
-        let unless = self.rules[rule].unless.iter().zip(&self.resolved[rule].unless).map(|(name, &kind)| Checked {
-            attribute: "unless".into(),
-            meaning: "margin of a more specific type",
-            value: self.fits(kind, attributes),
-            bounds: "at most 0".into(),
-            margin: -self.fits(kind, attributes),
-            reason: format!("it is not {name}"),
-        });
+        let unless =
+            self.rules[rule].unless.iter().zip(&self.resolved[rule].unless).map(|(name, &kind)| CheckedCondition {
+                attribute: "unless".into(),
+                meaning: "margin of a more specific type",
+                value: self.type_margin(kind, attributes),
+                bounds: "at most 0".into(),
+                margin: -self.type_margin(kind, attributes),
+                reason: format!("it is not {name}"),
+            });
         own.chain(unless).collect()
     }
 }
@@ -274,9 +275,9 @@ mod tests {
         Attributes(values)
     }
 
-    fn small() -> (Taxonomy, Rules) {
+    fn small() -> (Taxonomy, TypeRules) {
         let taxonomy = Taxonomy::parse(TYPES, Path::new("t.toml")).expect("valid");
-        let rules = Rules::parse(RULES, Path::new("r.toml"), &taxonomy).expect("valid");
+        let rules = TypeRules::parse(RULES, Path::new("r.toml"), &taxonomy).expect("valid");
         (taxonomy, rules)
     }
 
@@ -300,7 +301,7 @@ mod tests {
         let text = RULES
             .replace("{ attribute = \"palm\", at_most = 0.3, width = 0.1, reason = \"no palm\" },", "")
             .replace("type = \"A\"", "type = \"A\"\nunless = [\"B\"]");
-        let rules = Rules::parse(&text, Path::new("r.toml"), &taxonomy).expect("valid");
+        let rules = TypeRules::parse(&text, Path::new("r.toml"), &taxonomy).expect("valid");
         let special = rules.decide(&taxonomy, &with(0.6, 0.9));
         assert!(special.kind == 1 && !special.ambiguous && special.second == (0, -1.0), "{special:?}");
         let general = rules.decide(&taxonomy, &with(0.6, 0.1));
@@ -318,7 +319,7 @@ mod tests {
 
     #[test]
     fn shipped_rules_cover_all_types() {
-        let rules = Rules::shipped(&Taxonomy::paper());
+        let rules = TypeRules::builtin(&Taxonomy::paper());
         assert!(rules.rules.iter().flat_map(|rule| &rule.when).all(|condition| !condition.reason.is_empty()));
     }
 
@@ -334,7 +335,7 @@ mod tests {
             ("type = \"B\"", "unless = [\"C\"]\ntype = \"B\"", "rule[1].unless"),
             ("clear = 0.2", "clear = 2.0", "clear"),
         ] {
-            let error = Rules::parse(&RULES.replace(from, to), Path::new("r.toml"), &taxonomy).expect_err("bad");
+            let error = TypeRules::parse(&RULES.replace(from, to), Path::new("r.toml"), &taxonomy).expect_err("bad");
             assert!(error.to_string().contains(named) && error.to_string().contains("r.toml"), "{error}");
         }
     }

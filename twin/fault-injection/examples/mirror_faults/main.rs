@@ -12,8 +12,8 @@
 //! INDIVIDUAL is the file of an identified robot (`ftac twin identify`), which the control stack and the twin use as
 //! their model of the robot. Without it they use the robot as drawn.
 
+mod event_times;
 mod fault;
-mod happened;
 mod sound;
 
 use std::collections::BTreeMap;
@@ -21,67 +21,67 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use bench::builtin::{hide_plant, make_bench};
-use bench::robot::robot_of;
+use bench::builtin::{make_bench, set_plant_instance};
+use bench::robot::robot_from_sources;
 use bench::trial::Bench;
-use bench::trial::setup::Setup;
+use bench::trial::setup::InitialConditions;
 use control::executor::Executor;
-use fault_detection::Mirror;
-use fault_detection::divergence::Divergence;
-use fault_detection::seen::Seen;
+use fault_detection::FaultDetector;
+use fault_detection::fault::DetectedFault;
+use fault_detection::measurements::TickMeasurements;
 use hand_model::Hand;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use robot_backends::Body;
+use robot_backends::Backend;
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 
-use self::fault::{Fault, KINDS, same};
-use self::happened::Happened;
+use self::event_times::FaultEventTimes;
+use self::fault::{ExampleFault, FAULT_KINDS, is_same_finding};
 
 /// Time limit after a fault within which its diagnosis counts, s.
-const WITHIN: f64 = 0.5;
+const DIAGNOSIS_TIME_LIMIT: f64 = 0.5;
 /// Minimum interval between drawn moments, s, and earliest moment, s: before it no camera has taken a second image.
-const APART: (f64, f64) = (0.3, 0.6);
+const MOMENT_SPACING: (f64, f64) = (0.3, 0.6);
 /// Length of the trials that moments are drawn from, s.
-const TRIAL: f64 = 12.0;
+const TRIAL_DURATION: f64 = 12.0;
 
 /// A trial in progress.
 #[derive(Clone)]
-struct Play {
+struct RunningTrial {
     robot: Box<SimulatedRobot>,
     executor: Executor,
-    mirror: Option<Mirror>,
-    happened: Happened,
-    spent: (u32, Duration),
+    detector: Option<FaultDetector>,
+    event_times: FaultEventTimes,
+    computing_time: (u32, Duration),
 }
 
-impl Play {
+impl RunningTrial {
     /// Plays one tick, with the continuous effect of `fault` in it.
-    fn tick(&mut self, bench: &Bench, fault: Option<&Fault>) -> Result<()> {
-        self.executor.go_on()?;
+    fn tick(&mut self, bench: &Bench, fault: Option<&ExampleFault>) -> Result<()> {
+        self.executor.continue_as_planned()?;
         let seen = self.robot.observe();
         let command = self.executor.tick(&seen)?;
         let sent = self.robot.send(&command);
         if let Some(fault) = fault {
-            fault.press(&mut self.robot);
+            fault.apply_push(&mut self.robot);
         }
         self.robot.wait_for_tick();
-        self.happened.see(&self.robot.truth(), self.executor.phase());
+        self.event_times.record(&self.robot.truth(), self.executor.phase());
         let begun = Instant::now();
-        let seen = Seen::of(&self.executor, self.robot.time(), &sent, None);
-        let mirror = match &mut self.mirror {
+        let seen = TickMeasurements::from_executor(&self.executor, self.robot.time(), &sent, None);
+        let mirror = match &mut self.detector {
             Some(mirror) => mirror,
-            none => none.insert(Mirror::new(&bench.world, &seen.arm.position)?),
+            none => none.insert(FaultDetector::new(&bench.world, &seen.arm.position)?),
         };
-        mirror.see(&seen);
-        self.spent.0 += 1;
-        self.spent.1 += begun.elapsed();
+        mirror.update(&seen);
+        self.computing_time.0 += 1;
+        self.computing_time.1 += begun.elapsed();
         Ok(())
     }
 
-    fn named(&self) -> &[Divergence] {
-        self.mirror.as_ref().map_or(&[], Mirror::named)
+    fn faults(&self) -> &[DetectedFault] {
+        self.detector.as_ref().map_or(&[], FaultDetector::faults)
     }
 
     fn is_over(&self) -> bool {
@@ -92,43 +92,49 @@ impl Play {
 /// Counts of the injected faults of one kind.
 #[derive(Debug, Default)]
 struct Tally {
-    struck: u32,
-    named: u32,
+    injected: u32,
+    diagnosed: u32,
     /// Correct diagnoses that came together with another one that nothing explains.
     wrong: u32,
     delays: Vec<f64>,
 }
 
 /// Plays the fault branches of one moment.
-fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies: &mut [Tally]) -> Result<()> {
+fn play_fault_branches(
+    bench: &Bench,
+    play: &RunningTrial,
+    rng: &mut ChaCha8Rng,
+    label: &str,
+    tallies: &mut [Tally],
+) -> Result<()> {
     let hand: &Hand = &bench.world.cell.robot.hand;
-    let Some(residuals) = play.mirror.as_ref().map(Mirror::residuals) else { return Ok(()) };
+    let Some(residuals) = play.detector.as_ref().map(FaultDetector::residuals) else { return Ok(()) };
     let mut sound = play.clone();
-    let (begun, known) = (play.robot.time(), play.named().len());
-    let end = begun + WITHIN - 1e-6;
+    let (begun, known) = (play.robot.time(), play.faults().len());
+    let end = begun + DIAGNOSIS_TIME_LIMIT - 1e-6;
     while sound.robot.time() < end && !sound.is_over() {
         sound.tick(bench, None)?;
     }
     if sound.is_over() {
         return Ok(());
     }
-    for (kind, fault) in Fault::draw(rng, hand, (&play.robot, &play.executor), residuals) {
+    for (kind, fault) in ExampleFault::draw(rng, hand, (&play.robot, &play.executor), residuals) {
         let mut branch = play.clone();
-        fault.strike(&mut branch.robot, hand);
+        fault.inject(&mut branch.robot, hand);
         while branch.robot.time() < end && !branch.is_over() {
             branch.tick(bench, Some(&fault))?;
         }
-        let named = &branch.named()[known..];
-        let right = named.iter().find(|named| fault.is(named, hand));
-        let explained = |one: &Divergence| {
-            fault.is(one, hand)
-                || branch.happened.justifies(one)
-                || sound.named()[known..].iter().any(|other| same(one, other))
+        let named = &branch.faults()[known..];
+        let right = named.iter().find(|named| fault.matches(named, hand));
+        let explained = |one: &DetectedFault| {
+            fault.matches(one, hand)
+                || branch.event_times.justifies(one)
+                || sound.faults()[known..].iter().any(|other| is_same_finding(one, other))
         };
         let wrong: Vec<String> = named.iter().filter(|one| !explained(one)).map(ToString::to_string).collect();
         let tally = &mut tallies[kind];
-        tally.struck += 1;
-        tally.named += u32::from(right.is_some());
+        tally.injected += 1;
+        tally.diagnosed += u32::from(right.is_some());
         tally.wrong += u32::from(!wrong.is_empty());
         tally.delays.extend(right.map(|right| right.time - begun));
         if right.is_none() || !wrong.is_empty() {
@@ -145,22 +151,23 @@ fn trial(
     (combination, moments): (usize, usize),
     rng: &mut ChaCha8Rng,
     tallies: &mut [Tally],
-) -> Result<Play> {
-    let (setup, _) = Setup::noisy(bench, combination, 0)?;
+) -> Result<RunningTrial> {
+    let (setup, _) = InitialConditions::noisy(bench, combination, 0)?;
     let start = setup.begin(bench, None, true)?;
     let snapshot = start.run.snapshot;
-    let Body::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
-    let (executor, happened) = (snapshot.executor, Happened::default());
-    let mut play = Play { robot, executor, mirror: None, happened, spent: Default::default() };
-    let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(APART.1..TRIAL)).collect();
+    let Backend::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
+    let (executor, happened) = (snapshot.executor, FaultEventTimes::default());
+    let mut play =
+        RunningTrial { robot, executor, detector: None, event_times: happened, computing_time: Default::default() };
+    let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(MOMENT_SPACING.1..TRIAL_DURATION)).collect();
     times.sort_by(f64::total_cmp);
-    times.dedup_by(|later, earlier| *later - *earlier < APART.0);
+    times.dedup_by(|later, earlier| *later - *earlier < MOMENT_SPACING.0);
     let mut times = times.into_iter().peekable();
     while !play.is_over() {
         if times.next_if(|time| play.robot.time() >= *time).is_some() {
             let (phase, progress) = (play.executor.phase().name(), play.executor.motion().progress());
             let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", play.robot.time());
-            strike(bench, &play, rng, &label, tallies)?;
+            play_fault_branches(bench, &play, rng, &label, tallies)?;
         }
         play.tick(bench, None)?;
     }
@@ -169,13 +176,13 @@ fn trial(
 
 /// Prepares the first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn if
 /// `plant` is 0. The control stack uses the robot model of the file `individual`, or the robot as drawn.
-fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
+fn prepare_bench(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
     let path = individual.map_or(Path::new(""), Path::new);
     let text = individual.map(|_| ftac_platform::data::read_text(path)).transpose()?;
-    let robot = robot_of(None, text.as_deref(), path)?;
+    let robot = robot_from_sources(None, text.as_deref(), path)?;
     let mut bench = make_bench(&robot, Scenario::benchmark(), combos, seed, true)?;
     if plant > 0 {
-        hide_plant(&mut bench, plant)?;
+        set_plant_instance(&mut bench, plant)?;
     }
     Ok(bench)
 }
@@ -192,27 +199,27 @@ fn main() -> Result<()> {
     };
     let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
     let (from, to, moments): (usize, usize, usize) = (from.parse()?, to.parse()?, moments.parse()?);
-    let bench = make(to, seed, plant, individual.first())?;
-    let mut tallies: Vec<Tally> = KINDS.iter().map(|_| Tally::default()).collect();
+    let bench = prepare_bench(to, seed, plant, individual.first())?;
+    let mut tallies: Vec<Tally> = FAULT_KINDS.iter().map(|_| Tally::default()).collect();
     let (mut seconds, mut false_alarms, mut ticks, mut spent) = (0.0, 0, 0, Duration::ZERO);
     let mut alarms: BTreeMap<&str, u32> = BTreeMap::new();
     for combination in from..to {
         let mut rng = ChaCha8Rng::seed_from_u64(seed * 1000 + combination as u64);
         let play = trial(&bench, (combination, moments), &mut rng, &mut tallies)?;
-        for named in play.named() {
-            let right = play.happened.justifies(named);
+        for named in play.faults() {
+            let right = play.event_times.justifies(named);
             println!("{combination} sound: {named}{}", if right { ", rightly" } else { ", wrongly" });
             false_alarms += u32::from(!right);
             *alarms.entry(named.kind.name()).or_default() += u32::from(!right);
         }
         seconds += play.robot.time();
-        (ticks, spent) = (ticks + play.spent.0, spent + play.spent.1);
+        (ticks, spent) = (ticks + play.computing_time.0, spent + play.computing_time.1);
     }
     let (mut struck, mut named) = (0, 0);
-    for (kind, tally) in KINDS.iter().zip(&mut tallies) {
+    for (kind, tally) in FAULT_KINDS.iter().zip(&mut tallies) {
         tally.delays.sort_by(f64::total_cmp);
         let middle = tally.delays.get(tally.delays.len() / 2).copied().unwrap_or(f64::NAN);
-        let Tally { struck: of, named: right, wrong, .. } = *tally;
+        let Tally { injected: of, diagnosed: right, wrong, .. } = *tally;
         println!(
             "{kind:18} {right:4} of {of:4} named, median after {middle:.3} s; beside it something wrong in {wrong}"
         );

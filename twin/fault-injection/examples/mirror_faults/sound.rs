@@ -3,31 +3,31 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Result, bail};
-use bench::fault_watch::Mirroring;
-use bench::trial::filming::All;
-use bench::trial::{Moment, Watcher};
+use bench::fault_watch::FaultDetectionWatcher;
+use bench::trial::filming::Watchers;
+use bench::trial::{TickView, Watcher};
 use control::executor::Phase;
 use scenarios::record::{Condition, TrialRecord};
 
-use crate::happened::Happened;
-use crate::make;
+use crate::event_times::FaultEventTimes;
+use crate::prepare_bench;
 
 /// Records the ground truth while a mirror sees measurements only.
-struct Truths {
-    shared: Happened,
-    branch: Option<Happened>,
-    all: BTreeMap<Condition, Happened>,
+struct TruthRecorder {
+    shared: FaultEventTimes,
+    branch: Option<FaultEventTimes>,
+    all: BTreeMap<Condition, FaultEventTimes>,
     phases: Vec<(Option<Condition>, f64, Phase)>,
     seconds: f64,
     last: f64,
 }
 
-impl Watcher for Truths {
-    fn active(&self) -> bool {
+impl Watcher for TruthRecorder {
+    fn is_active(&self) -> bool {
         true
     }
 
-    fn see(&mut self, moment: &Moment) -> Result<()> {
+    fn on_tick(&mut self, moment: &TickView) -> Result<()> {
         let Some(truth) = moment.truth.filter(|_| moment.sent.is_some()) else { return Ok(()) };
         self.seconds += (moment.time - self.last).clamp(0.0, 0.1);
         self.last = moment.time;
@@ -35,17 +35,17 @@ impl Watcher for Truths {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, moment.executor.phase());
+        happened.record(truth, moment.executor.phase());
         self.phases.push((moment.condition, moment.time, moment.executor.phase()));
         Ok(())
     }
 
-    fn branch(&mut self, _: Condition) -> Result<()> {
+    fn on_branch(&mut self, _: Condition) -> Result<()> {
         self.branch = None;
         Ok(())
     }
 
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+    fn on_outcome(&mut self, record: &TrialRecord) -> Result<()> {
         self.all.extend(self.branch.take().map(|happened| (record.condition, happened)));
         Ok(())
     }
@@ -61,19 +61,25 @@ pub fn main(arguments: &[String]) -> Result<()> {
     };
     let (from, to, trials): (usize, usize, usize) = (from.parse()?, to.parse()?, trials.parse()?);
     let conditions = conditions.split(',').map(str::parse).collect::<Result<Vec<Condition>, _>>()?;
-    let bench = make(to, seed.parse()?, plant.parse()?, individual.first())?;
+    let bench = prepare_bench(to, seed.parse()?, plant.parse()?, individual.first())?;
     let (mut seconds, mut wrongly) = (0.0, 0);
     for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
-        let mut truths = Truths {
-            shared: Happened::default(),
+        let mut truths = TruthRecorder {
+            shared: FaultEventTimes::default(),
             branch: None,
             all: BTreeMap::new(),
             phases: Vec::new(),
             seconds: 0.0,
             last: 0.0,
         };
-        let mut mirroring = Mirroring::new(&bench, None);
-        bench.trial(combination, trial, &conditions, &[], &mut All(vec![&mut mirroring, &mut truths]))?;
+        let mut mirroring = FaultDetectionWatcher::new(&bench, None);
+        bench.play_conditions(
+            combination,
+            trial,
+            &conditions,
+            &[],
+            &mut Watchers(vec![&mut mirroring, &mut truths]),
+        )?;
         for named in mirroring.finish(Condition::Blind) {
             let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
             let rightly = if right { "rightly" } else { "wrongly" };

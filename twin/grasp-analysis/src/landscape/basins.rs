@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::calibration::Calibration;
-use super::disconnectivity::{Merge, Tree};
-use super::exploration::{Minimum, Sweep};
+use super::calibration::PullCalibration;
+use super::disconnectivity::{BranchMerge, DisconnectivityTree};
+use super::exploration::{BasinSweep, GraspMinimum};
 use super::grasps::GraspState;
 use super::mapping::{Basin, Mapping};
 use crate::classification::{Classification, ClassifiedGrasp};
@@ -37,7 +37,7 @@ struct BasinFigures {
 
 /// Figures of a mapped landscape, as written to `landscape.json`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Figures {
+pub struct LandscapeFigures {
     grasps: usize,
     /// Number of basins of the energy landscape.
     basins: usize,
@@ -63,24 +63,24 @@ pub struct Figures {
     /// Number of pairs of grasps whose threshold was searched for.
     pairs: usize,
     /// Merges of basins, with the energies at which they join.
-    merges: Vec<Merge>,
+    merges: Vec<BranchMerge>,
     /// Two basins and the height of the barrier between them, in units of the energy.
     barriers: Vec<(usize, usize, f64)>,
     /// One entry per basin.
     list: Vec<BasinFigures>,
     /// Basins over temperature, pull and seeds.
-    sweep: Option<Sweep>,
+    sweep: Option<BasinSweep>,
 }
 
 /// Mapped landscape with the grasps behind its minima.
 pub struct MappedGrasps<'a> {
     pub classification: &'a Classification,
     /// Minima of the grasps, in the order in which they were sorted.
-    pub minima: &'a [Minimum],
+    pub minima: &'a [GraspMinimum],
     /// Basins and barriers.
     pub map: &'a Mapping<GraspState>,
     /// Tree of the basins.
-    pub tree: &'a Tree,
+    pub tree: &'a DisconnectivityTree,
 }
 
 impl<'a> MappedGrasps<'a> {
@@ -132,14 +132,14 @@ impl<'a> MappedGrasps<'a> {
     }
 
     /// Returns the figures, with those of the `calibration` of its pull.
-    pub fn figures(&self, calibration: Calibration, sweep: Option<Sweep>) -> Figures {
+    pub fn figures(&self, calibration: PullCalibration, sweep: Option<BasinSweep>) -> LandscapeFigures {
         let basins: Vec<_> = self.map.basins.iter().map(|basin| self.basin(basin)).collect();
         let shared = basins.iter().filter(|basin| basin.objects.len() > 1).count();
         let count = |category| self.map.basins.iter().filter(|basin| self.majority(basin) == category).count();
         let singles = self.map.basins.iter().filter(|basin| basin.members.len() == 1).count();
-        let attraction = &self.map.plan.attraction;
+        let attraction = &self.map.parameters.attraction;
         let growth = self.growth().into_iter().map(|(grasps, basins)| Growth { grasps, basins });
-        Figures {
+        LandscapeFigures {
             grasps: self.minima.len(),
             basins: self.map.basins.len(),
             growth: growth.collect(),
@@ -161,7 +161,7 @@ impl<'a> MappedGrasps<'a> {
     }
 }
 
-impl Figures {
+impl LandscapeFigures {
     /// Formats the figures as text.
     pub fn text(&self) -> String {
         let mut text = format!(

@@ -7,22 +7,22 @@ use indicatif::ProgressBar;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::attraction::{Attraction, stream};
+use super::attraction::{AttractionSettings, chain_rng};
 use super::grasps::{GraspLandscape, GraspState};
 use super::metastability::thresholds;
 
 /// Pull at which a calibration begins.
-pub const STRONGEST: f64 = 40.0;
+pub const INITIAL_PULL: f64 = 40.0;
 /// Number of pairs of minima, and number of trials for each pull and pair.
-const PAIRS: usize = 16;
-const TRIALS: usize = 6;
+const PAIR_COUNT: usize = 16;
+const TRIAL_COUNT: usize = 6;
 
 /// Thresholds of pairs of minima. They are kept, so that a resumed run does not repeat the work.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Calibration {
+pub struct PullCalibration {
     /// Description of the calibrated minima, with the seed.
     pub subject: String,
-    /// Thresholds in increasing order. Pairs that are out of reach even of [`STRONGEST`] have none.
+    /// Thresholds in increasing order. Pairs that are out of reach even of [`INITIAL_PULL`] have none.
     pub thresholds: Vec<f64>,
     /// Number of pairs that were tried.
     pub pairs: usize,
@@ -49,9 +49,9 @@ pub enum CalibrationError {
     },
 }
 
-impl Calibration {
+impl PullCalibration {
     /// Returns an empty calibration, for a pull that is given.
-    pub fn none(subject: &str) -> Self {
+    pub fn empty(subject: &str) -> Self {
         Self { subject: subject.to_owned(), thresholds: Vec::new(), pairs: 0 }
     }
 
@@ -65,7 +65,7 @@ impl Calibration {
     pub fn resume(
         landscape: &GraspLandscape,
         minima: &[GraspState],
-        question: &Question<'_>,
+        question: &CalibrationRequest<'_>,
         file: &Path,
         progress: &ProgressBar,
     ) -> Result<Self, CalibrationError> {
@@ -77,33 +77,38 @@ impl Calibration {
                 return Ok(known);
             }
         }
-        progress.suspend(|| writeln!(std::io::stderr(), "calibrating the pull on {PAIRS} pairs of minima").ok());
+        progress.suspend(|| writeln!(std::io::stderr(), "calibrating the pull on {PAIR_COUNT} pairs of minima").ok());
         let found = Self::measure(landscape, minima, question, subject);
         let text = serde_json::to_string_pretty(&found).map_err(format)?;
-        ftac_platform::file::write_whole(file, text.as_bytes())
+        ftac_platform::file::write_atomically(file, text.as_bytes())
             .map_err(|source| CalibrationError::Write { path: file.into(), source })?;
         Ok(found)
     }
 
-    fn measure(landscape: &GraspLandscape, minima: &[GraspState], question: &Question<'_>, subject: String) -> Self {
-        let mut rng = stream(question.seed, [0, 0, 0, 9]);
-        let pairs: Vec<(GraspState, GraspState)> = (0..PAIRS)
+    fn measure(
+        landscape: &GraspLandscape,
+        minima: &[GraspState],
+        question: &CalibrationRequest<'_>,
+        subject: String,
+    ) -> Self {
+        let mut rng = chain_rng(question.seed, [0, 0, 0, 9]);
+        let pairs: Vec<(GraspState, GraspState)> = (0..PAIR_COUNT)
             .map(|_| {
                 let first = rng.random_range(0..minima.len());
                 let second = (first + rng.random_range(1..minima.len())) % minima.len();
                 (minima[first].clone(), minima[second].clone())
             })
             .collect();
-        let thresholds = thresholds(landscape, &pairs, &question.attraction, TRIALS, question.seed);
-        Self { subject, thresholds, pairs: PAIRS }
+        let thresholds = thresholds(landscape, &pairs, &question.attraction, TRIAL_COUNT, question.seed);
+        Self { subject, thresholds, pairs: PAIR_COUNT }
     }
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
+pub struct CalibrationRequest<'a> {
     /// Description of the minima. A file with another one is not used.
     pub subject: &'a str,
     /// Settings of the chains. The search for the threshold begins at their pull.
-    pub attraction: Attraction,
+    pub attraction: AttractionSettings,
     pub seed: u64,
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// A merge of two branches. Branches 0..n are the minima, n + k is merge k.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Merge {
+pub struct BranchMerge {
     /// Energy at which the branches join.
     pub height: f64,
     pub branches: [usize; 2],
@@ -14,11 +14,11 @@ pub struct Merge {
 
 /// A tree, or several trees without a known path between them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Tree {
+pub struct DisconnectivityTree {
     /// Energies of the minima.
     pub energies: Vec<f64>,
     /// Merges by increasing height.
-    pub merges: Vec<Merge>,
+    pub merges: Vec<BranchMerge>,
     /// Branches that never merge.
     pub roots: Vec<usize>,
     /// Minima from left to right, so that no branches cross. The lower side of each merge comes first.
@@ -26,17 +26,17 @@ pub struct Tree {
 }
 
 /// Builds the tree of minima with `energies` from `barriers` (a, b, energy of the pass).
-pub fn tree(energies: &[f64], barriers: &[(usize, usize, f64)]) -> Tree {
+pub fn tree(energies: &[f64], barriers: &[(usize, usize, f64)]) -> DisconnectivityTree {
     let n = energies.len();
     let mut sorted = barriers.to_vec();
     sorted.sort_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
     let mut group: Vec<usize> = (0..n).collect();
     let mut branch: Vec<usize> = (0..n).collect();
-    let mut merges: Vec<Merge> = Vec::new();
+    let mut merges: Vec<BranchMerge> = Vec::new();
     // Lowest energy of each branch.
     let mut lowest = energies.to_vec();
     for (a, b, height) in sorted {
-        let (a, b) = (find(&mut group, a), find(&mut group, b));
+        let (a, b) = (find_root(&mut group, a), find_root(&mut group, b));
         if a == b {
             continue;
         }
@@ -45,9 +45,9 @@ pub fn tree(energies: &[f64], barriers: &[(usize, usize, f64)]) -> Tree {
         lowest.push(lowest[branches[0]]);
         group[a] = b;
         branch[b] = n + merges.len();
-        merges.push(Merge { height, branches });
+        merges.push(BranchMerge { height, branches });
     }
-    let mut roots: Vec<usize> = (0..n).filter(|x| find(&mut group, *x) == *x).map(|x| branch[x]).collect();
+    let mut roots: Vec<usize> = (0..n).filter(|x| find_root(&mut group, *x) == *x).map(|x| branch[x]).collect();
     roots.sort_by(|a, b| lowest[*a].total_cmp(&lowest[*b]).then(a.cmp(b)));
     let mut order = Vec::with_capacity(n);
     let mut open: Vec<usize> = roots.iter().rev().copied().collect();
@@ -59,10 +59,10 @@ pub fn tree(energies: &[f64], barriers: &[(usize, usize, f64)]) -> Tree {
             open.extend([second, first]);
         }
     }
-    Tree { energies: energies.to_vec(), merges, roots, order }
+    DisconnectivityTree { energies: energies.to_vec(), merges, roots, order }
 }
 
-fn find(group: &mut [usize], mut x: usize) -> usize {
+fn find_root(group: &mut [usize], mut x: usize) -> usize {
     while group[x] != x {
         group[x] = group[group[x]];
         x = group[x];
@@ -70,7 +70,7 @@ fn find(group: &mut [usize], mut x: usize) -> usize {
     x
 }
 
-impl Tree {
+impl DisconnectivityTree {
     /// Returns the energy of the lowest known path between two minima, if there is one.
     pub fn minimax(&self, a: usize, b: usize) -> Option<f64> {
         if a == b {
@@ -94,7 +94,7 @@ impl Tree {
 
     /// Returns the horizontal position of every branch: minima in order at 0, 1, 2..., and a merge halfway between its
     /// two branches.
-    pub fn places(&self) -> Vec<f64> {
+    pub fn horizontal_positions(&self) -> Vec<f64> {
         let n = self.energies.len();
         let mut places = vec![0.0; n + self.merges.len()];
         for (place, minimum) in self.order.iter().enumerate() {
@@ -115,8 +115,8 @@ mod tests {
     #[test]
     fn three_minima() {
         let found = tree(&[0.0, -1.0, 0.5], &[(0, 1, 2.0), (1, 2, 3.0), (0, 2, 1.5)]);
-        assert_eq!(found.merges[0], Merge { height: 1.5, branches: [0, 2] });
-        assert_eq!(found.merges[1], Merge { height: 2.0, branches: [1, 3] });
+        assert_eq!(found.merges[0], BranchMerge { height: 1.5, branches: [0, 2] });
+        assert_eq!(found.merges[1], BranchMerge { height: 2.0, branches: [1, 3] });
         assert_eq!(found.order, [1, 0, 2]);
         assert_eq!(found.minimax(1, 2), Some(2.0), "over 0, although 3.0 is the direct pass");
     }

@@ -10,20 +10,20 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::Landscape as _;
-use super::attraction::{Attraction, stream};
+use super::attraction::{AttractionSettings, chain_rng};
 use super::grasps::{GraspLandscape, GraspState};
-use super::mapping::{JournalError, Mapping, Plan};
+use super::mapping::{JournalError, Mapping, MappingParameters};
 use crate::classification::Classification;
 
 /// Number of steps in which a grasp cools to its minimum.
-const COOLING: usize = 800;
+const COOLING_STEPS: usize = 800;
 /// Distance at which a chain counts as arrived, in units of [`GraspState`]'s distance: 0.7 is 0.15 rad in every joint
 /// together with 12 mm in the object's position.
-const NEAR: f64 = 0.7;
-const PATIENCE: usize = 120;
-const CHAINS: usize = 2;
-const DOUBLINGS: u32 = 5;
-const NEIGHBORS: usize = 6;
+const ARRIVAL_DISTANCE: f64 = 0.7;
+const MAX_IDLE_STEPS: usize = 120;
+const CHAIN_COUNT: usize = 2;
+const MAX_PULL_DOUBLINGS: u32 = 5;
+const NEIGHBOR_COUNT: usize = 6;
 
 /// Number of basins at a temperature and a pull.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -37,7 +37,7 @@ pub struct SweepPoint {
 
 /// Number of basins of a few minima over temperature and pull, and over seeds.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Sweep {
+pub struct BasinSweep {
     /// Number of minima that were sorted.
     pub minima: usize,
     pub grid: Vec<SweepPoint>,
@@ -47,7 +47,7 @@ pub struct Sweep {
 
 /// Minimum below a grasp.
 #[derive(Debug, Clone)]
-pub struct Minimum {
+pub struct GraspMinimum {
     /// Index of the grasp in its classification.
     pub grasp: usize,
     /// State in which it came to rest.
@@ -55,18 +55,18 @@ pub struct Minimum {
 }
 
 /// Returns the settings of the chains that explore at `temperature`.
-pub fn attraction(pull: f64, temperature: f64) -> Attraction {
-    Attraction { pull, temperature, near: NEAR, patience: PATIENCE, chains: CHAINS }
+pub fn attraction(pull: f64, temperature: f64) -> AttractionSettings {
+    AttractionSettings { pull, temperature, near: ARRIVAL_DISTANCE, patience: MAX_IDLE_STEPS, chains: CHAIN_COUNT }
 }
 
 /// Returns the plan by which chains of `attraction` sort minima and measure barriers. `subject` describes the
 /// landscape.
-pub fn plan(attraction: Attraction, seed: u64, subject: String) -> Plan {
-    Plan { attraction, doublings: DOUBLINGS, neighbors: NEIGHBORS, seed, subject }
+pub fn mapping_parameters(attraction: AttractionSettings, seed: u64, subject: String) -> MappingParameters {
+    MappingParameters { attraction, doublings: MAX_PULL_DOUBLINGS, neighbors: NEIGHBOR_COUNT, seed, subject }
 }
 
 /// Merges lists of grasps, one per object, into one list in which the objects take turns: (index of the list, grasp).
-pub fn in_turn(by_object: &[Vec<usize>]) -> Vec<(usize, usize)> {
+pub fn interleave(by_object: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let longest = by_object.iter().map(Vec::len).max().unwrap_or(0);
     let round = |k: usize| {
         by_object.iter().enumerate().filter_map(move |(object, own)| own.get(k).map(|grasp| (object, *grasp)))
@@ -76,21 +76,21 @@ pub fn in_turn(by_object: &[Vec<usize>]) -> Vec<(usize, usize)> {
 
 /// Finds the minima below the `chosen` grasps: (index of the object in the landscape, index of the grasp). A grasp with
 /// fewer than two links in contact has no minimum of its own and is left out.
-pub fn minima(
+pub fn find_minima(
     landscape: &GraspLandscape,
     classification: &Classification,
     chosen: &[(usize, usize)],
     temperature: f64,
     seed: u64,
-) -> Vec<Minimum> {
+) -> Vec<GraspMinimum> {
     chosen
         .par_iter()
         .enumerate()
         .filter_map(|(n, &(object, grasp))| {
-            let mut rng = stream(seed, [n as u64, 0, 0, 7]);
+            let mut rng = chain_rng(seed, [n as u64, 0, 0, 7]);
             let held = &classification.grasps[grasp].grasp;
-            let state = landscape.minimum(object, held, temperature, COOLING, &mut rng)?;
-            Some(Minimum { grasp, state })
+            let state = landscape.minimum(object, held, temperature, COOLING_STEPS, &mut rng)?;
+            Some(GraspMinimum { grasp, state })
         })
         .collect()
 }
@@ -99,7 +99,7 @@ pub fn minima(
 pub fn explore(
     landscape: &GraspLandscape,
     states: &[GraspState],
-    plan: Plan,
+    plan: MappingParameters,
     journal: &Path,
     progress: &ProgressBar,
 ) -> Result<Mapping<GraspState>, JournalError> {
@@ -123,15 +123,15 @@ pub fn explore(
 }
 
 /// Counts the basins of `states`, a few of the minima, over temperature and pull, and over seeds.
-pub fn sweep(
+pub fn sweep_basins(
     landscape: &GraspLandscape,
     states: &[GraspState],
-    plan: &Plan,
+    plan: &MappingParameters,
     progress: &ProgressBar,
-) -> Result<Sweep, JournalError> {
+) -> Result<BasinSweep, JournalError> {
     let count = |temperature: f64, pull: f64, seed: u64| -> Result<usize, JournalError> {
-        let attraction = Attraction { temperature, pull, ..plan.attraction };
-        let mut map = Mapping::new(Plan { attraction, seed, ..plan.clone() });
+        let attraction = AttractionSettings { temperature, pull, ..plan.attraction };
+        let mut map = Mapping::new(MappingParameters { attraction, seed, ..plan.clone() });
         for state in states {
             map.sort(landscape, state.clone())?;
         }
@@ -141,7 +141,7 @@ pub fn sweep(
         });
         Ok(basins)
     };
-    let Attraction { pull, temperature, .. } = plan.attraction;
+    let AttractionSettings { pull, temperature, .. } = plan.attraction;
     let mut grid = Vec::new();
     for heat in [0.5, 1.0, 2.0] {
         for weight in [0.25, 0.5, 1.0, 2.0, 4.0] {
@@ -150,7 +150,7 @@ pub fn sweep(
         }
     }
     let over_seeds = (0..5).map(|k| count(temperature, pull, plan.seed + k)).collect::<Result<Vec<_>, _>>()?;
-    Ok(Sweep { minima: states.len(), grid, over_seeds })
+    Ok(BasinSweep { minima: states.len(), grid, over_seeds })
 }
 
 #[cfg(test)]
@@ -161,6 +161,6 @@ mod tests {
     #[test]
     fn objects_take_turns() {
         let lists = [vec![1, 2, 3], vec![], vec![10]];
-        assert_eq!(in_turn(&lists), [(0, 1), (2, 10), (0, 2), (0, 3)]);
+        assert_eq!(interleave(&lists), [(0, 1), (2, 10), (0, 2), (0, 3)]);
     }
 }

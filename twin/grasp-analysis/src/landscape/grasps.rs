@@ -5,9 +5,9 @@
 //! centre in the palm, and grasps of different objects can be close. A chain stays on its object. If it is drawn
 //! towards a grasp of another object, it tests if its own object can be held in that way, and over which energy.
 
-use dexterous_grasping::synthesis::chain::{replace_contact, widest_noise};
+use dexterous_grasping::synthesis::chain::{max_noise, replace_contact};
 use dexterous_grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};
-use dexterous_grasping::synthesis::frames::{Frames, HandState, PIVOT};
+use dexterous_grasping::synthesis::frames::{HandState, LinkFrames, PIVOT};
 use dexterous_grasping::synthesis::held::{HeldGrasp, pose_from_array, pose_to_array};
 use dexterous_grasping::synthesis::langevin::Langevin;
 use hand_model::Hand;
@@ -19,11 +19,11 @@ use serde::{Deserialize, Serialize};
 use super::Landscape;
 
 /// Displacement of the object in the palm that counts as much as a radian in a joint, m.
-const PLACE: f64 = 0.03;
+const POSITION_SCALE: f64 = 0.03;
 /// Share of the steps that replace a contact point.
 const CONTACT_SHARE: f64 = 0.15;
 /// Largest number of contact points of a state. The paper's grasps have 2 to 5.
-const CONTACTS: usize = 5;
+const MAX_STATE_CONTACTS: usize = 5;
 
 /// A state of the landscape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,7 +54,7 @@ pub struct GraspLandscape<'a> {
 /// A chain on one object.
 pub struct GraspWalker {
     object: usize,
-    frames: Frames,
+    frames: LinkFrames,
     kernel: Langevin,
     state: HandState,
     next: HandState,
@@ -62,7 +62,7 @@ pub struct GraspWalker {
     energy: f64,
     contact_energy: f64,
     gradient: Vec<f64>,
-    there: Vec<f64>,
+    next_gradient: Vec<f64>,
     displacement: Vec<f64>,
 }
 
@@ -87,7 +87,7 @@ impl<'a> GraspLandscape<'a> {
             return None;
         }
         let freedom = 6 + grasp.joints.len();
-        let fresh = Langevin::new(0.3, &widest_noise(freedom), temperature);
+        let fresh = Langevin::new(0.3, &max_noise(freedom), temperature);
         let start = GraspState {
             object,
             pose: pose_to_array(&pose_from_array(&grasp.closed).inverse()),
@@ -95,7 +95,7 @@ impl<'a> GraspLandscape<'a> {
             contacts,
             kernel: (fresh.step, fresh.curvature.clone()),
         };
-        let mut walker = self.enter(&start);
+        let mut walker = self.start_chain(&start);
         walker.kernel = fresh;
         let mut best = (walker.energy, walker.state.clone(), walker.contacts.clone());
         let mut learnt = start.kernel.clone();
@@ -133,7 +133,7 @@ impl<'a> GraspLandscape<'a> {
         }
         by_link.retain(|(_, force, _)| *force > 0.0);
         by_link.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        by_link.truncate(CONTACTS.min(MAX_CONTACTS));
+        by_link.truncate(MAX_STATE_CONTACTS.min(MAX_CONTACTS));
         let nearest = |(link, force, sum): &(usize, f64, Vector3<f64>)| {
             let at = Point3::from(sum / *force);
             let local = if *link == 0 { at } else { links[link - 1].inverse_transform_point(&at) };
@@ -149,14 +149,14 @@ impl<'a> GraspLandscape<'a> {
         hand.object_from_palm.inverse_transform_point(&self.energies[object].field.center).coords
     }
 
-    fn apart(&self, object: usize, hand: &HandState, target: &Target) -> f64 {
+    fn distance_to_target(&self, object: usize, hand: &HandState, target: &ChainTarget) -> f64 {
         let joints: f64 = hand.joints.iter().zip(&target.joints).map(|(a, b)| (a - b) * (a - b)).sum();
-        (joints + ((self.center(object, hand) - target.center) / PLACE).norm_squared()).sqrt()
+        (joints + ((self.center(object, hand) - target.center) / POSITION_SCALE).norm_squared()).sqrt()
     }
 
     /// Adds the gradient of the pull towards `target` to `gradient`. Returns the pull's energy.
-    fn pull(&self, object: usize, hand: &HandState, target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
-        let distance = self.apart(object, hand, target).max(1e-9);
+    fn pull(&self, object: usize, hand: &HandState, target: &ChainTarget, weight: f64, gradient: &mut [f64]) -> f64 {
+        let distance = self.distance_to_target(object, hand, target).max(1e-9);
         let scale = weight / distance;
         for (joint, (q, wanted)) in hand.joints.iter().zip(&target.joints).enumerate() {
             gradient[6 + joint] += scale * (q - wanted);
@@ -164,7 +164,8 @@ impl<'a> GraspLandscape<'a> {
         // The centre's position in the palm is R'(c - t): translating the palm by d shifts it by -R'd, rotating by w
         // about the pivot p by -R'(w x (c - p)).
         let pose = &hand.object_from_palm;
-        let by_center = pose.rotation * ((self.center(object, hand) - target.center) * (scale / (PLACE * PLACE)));
+        let by_center =
+            pose.rotation * ((self.center(object, hand) - target.center) * (scale / (POSITION_SCALE * POSITION_SCALE)));
         let pivot = pose.rotation * PIVOT + pose.translation.vector;
         let by_turn = by_center.cross(&(self.energies[object].field.center.coords - pivot));
         for axis in 0..3 {
@@ -178,7 +179,7 @@ impl<'a> GraspLandscape<'a> {
     fn advance(
         &self,
         walker: &mut GraspWalker,
-        pull: Option<(&Target, f64)>,
+        pull: Option<(&ChainTarget, f64)>,
         temperature: f64,
         learning: bool,
         rng: &mut ChaCha8Rng,
@@ -186,11 +187,11 @@ impl<'a> GraspLandscape<'a> {
         let energy = &self.energies[walker.object];
         let w = walker;
         if rng.random::<f64>() < CONTACT_SHARE {
-            w.frames.place(&w.state);
+            w.frames.set_state(&w.state);
             if replace_contact(energy, &mut w.frames, &mut w.contacts, w.contact_energy, temperature, rng).is_some() {
                 let terms = energy.evaluate(&w.state, &w.contacts, &mut w.frames, &mut w.gradient);
                 w.energy = terms.total;
-                w.contact_energy = terms.of_contacts();
+                w.contact_energy = terms.contact_terms();
             }
             return;
         }
@@ -199,16 +200,16 @@ impl<'a> GraspLandscape<'a> {
         let before = w.energy + pull.map_or(0.0, |(to, weight)| self.pull(w.object, &w.state, to, weight, &mut slope));
         w.kernel.propose(&slope, temperature, rng, &mut w.displacement);
         w.next.set_moved(&w.state, &w.displacement);
-        let terms = energy.evaluate(&w.next, &w.contacts, &mut w.frames, &mut w.there);
-        let mut slope_there = w.there.clone();
+        let terms = energy.evaluate(&w.next, &w.contacts, &mut w.frames, &mut w.next_gradient);
+        let mut slope_there = w.next_gradient.clone();
         let after =
             terms.total + pull.map_or(0.0, |(to, weight)| self.pull(w.object, &w.next, to, weight, &mut slope_there));
         let log = w.kernel.log_ratio((before, &slope), (after, &slope_there), &w.displacement, temperature);
         if rng.random::<f64>().ln() < log {
             std::mem::swap(&mut w.state, &mut w.next);
-            std::mem::swap(&mut w.gradient, &mut w.there);
+            std::mem::swap(&mut w.gradient, &mut w.next_gradient);
             w.energy = terms.total;
-            w.contact_energy = terms.of_contacts();
+            w.contact_energy = terms.contact_terms();
         }
         if learning {
             w.kernel.adapt(&w.gradient, log.exp().min(1.0), temperature);
@@ -217,7 +218,7 @@ impl<'a> GraspLandscape<'a> {
 }
 
 /// Target of a chain.
-struct Target {
+struct ChainTarget {
     joints: Vec<f64>,
     center: Vector3<f64>,
 }
@@ -226,10 +227,10 @@ impl Landscape for GraspLandscape<'_> {
     type State = GraspState;
     type Walker = GraspWalker;
 
-    fn enter(&self, state: &GraspState) -> GraspWalker {
+    fn start_chain(&self, state: &GraspState) -> GraspWalker {
         let hand = state.hand();
         let freedom = hand.freedom();
-        let mut frames = Frames::new(&self.hand.tree);
+        let mut frames = LinkFrames::new(&self.hand.tree);
         let mut gradient = vec![0.0; freedom];
         let terms = self.energies[state.object].evaluate(&hand, &state.contacts, &mut frames, &mut gradient);
         let mut kernel = Langevin::new(state.kernel.0, &vec![1.0; freedom], 1.0);
@@ -242,9 +243,9 @@ impl Landscape for GraspLandscape<'_> {
             state: hand,
             contacts: state.contacts.clone(),
             energy: terms.total,
-            contact_energy: terms.of_contacts(),
+            contact_energy: terms.contact_terms(),
             gradient,
-            there: vec![0.0; freedom],
+            next_gradient: vec![0.0; freedom],
             displacement: vec![0.0; freedom],
         }
     }
@@ -257,27 +258,27 @@ impl Landscape for GraspLandscape<'_> {
         temperature: f64,
         rng: &mut ChaCha8Rng,
     ) -> (f64, f64) {
-        let target = Target { joints: target.joints.clone(), center: self.center(target.object, &target.hand()) };
+        let target = ChainTarget { joints: target.joints.clone(), center: self.center(target.object, &target.hand()) };
         self.advance(walker, Some((&target, pull)), temperature, false, rng);
-        (walker.energy, self.apart(walker.object, &walker.state, &target))
+        (walker.energy, self.distance_to_target(walker.object, &walker.state, &target))
     }
 
     fn energy(&self, state: &GraspState) -> f64 {
-        self.enter(state).energy
+        self.start_chain(state).energy
     }
 
     fn distance(&self, a: &GraspState, b: &GraspState) -> f64 {
-        let target = Target { joints: b.joints.clone(), center: self.center(b.object, &b.hand()) };
-        self.apart(a.object, &a.hand(), &target)
+        let target = ChainTarget { joints: b.joints.clone(), center: self.center(b.object, &b.hand()) };
+        self.distance_to_target(a.object, &a.hand(), &target)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::landscape::attraction::{Attraction, both_ways};
+    use crate::landscape::attraction::{AttractionSettings, lowest_barrier};
     use crate::test_grasp::grasp;
-    use dexterous_grasping::synthesis::energy::Weights;
+    use dexterous_grasping::synthesis::energy::EnergyWeights;
     use dexterous_grasping::synthesis::field::DistanceField;
     use dexterous_grasping::synthesis::surface::HandSurface;
     use rand::SeedableRng;
@@ -300,18 +301,18 @@ mod tests {
     fn gradient_of_the_pull() {
         let (hand, field) = (Hand::ftac(), ball(0.03));
         let surface = HandSurface::new(&hand, 500);
-        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+        let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
         let landscape = GraspLandscape::new(&hand, vec![energy]);
         let pose = nalgebra::Isometry3::new(Vector3::new(0.01, -0.02, 0.03), Vector3::new(0.3, -0.5, 0.2));
         let state = HandState { object_from_palm: pose, joints: (0..15).map(|q| 0.05 * f64::from(q)).collect() };
-        let target = Target { joints: vec![0.4; 15], center: Vector3::new(0.004, 0.01, -0.05) };
+        let target = ChainTarget { joints: vec![0.4; 15], center: Vector3::new(0.004, 0.01, -0.05) };
         let mut gradient = vec![0.0; 21];
         landscape.pull(0, &state, &target, 1.7, &mut gradient);
         for n in 0..21 {
             let at = |by: f64| {
                 let mut displacement = vec![0.0; 21];
                 displacement[n] = by;
-                1.7 * landscape.apart(0, &state.moved(&displacement), &target)
+                1.7 * landscape.distance_to_target(0, &state.moved(&displacement), &target)
             };
             let slope = (at(1e-6) - at(-1e-6)) / 2e-6;
             assert!((slope - gradient[n]).abs() < 1e-5, "{n}: {slope} {}", gradient[n]);
@@ -324,8 +325,10 @@ mod tests {
     fn two_grasps_on_two_balls() {
         let (hand, fields) = (Hand::ftac(), [ball(0.03), ball(0.034)]);
         let surface = HandSurface::new(&hand, 500);
-        let energies =
-            fields.iter().map(|field| GraspEnergy::new(&hand, &surface, field, Weights::default(), None)).collect();
+        let energies = fields
+            .iter()
+            .map(|field| GraspEnergy::new(&hand, &surface, field, EnergyWeights::default(), None))
+            .collect();
         let landscape = GraspLandscape::new(&hand, energies);
         let minimum = |object: usize, bend: f64| {
             let mut rng = ChaCha8Rng::seed_from_u64(4);
@@ -336,10 +339,10 @@ mod tests {
         assert!(landscape.energy(&a) < landscape.energy(&start));
         assert!((landscape.distance(&a, &b) - landscape.distance(&b, &a)).abs() < 1e-9);
         assert_eq!(landscape.distance(&a, &a), 0.0);
-        let settings = Attraction { pull: 20.0, temperature: 0.1, near: 0.8, patience: 300, chains: 2 };
-        let found = both_ways(&landscape, &a, &b, &settings, 3, [0, 0]);
+        let settings = AttractionSettings { pull: 20.0, temperature: 0.1, near: 0.8, patience: 300, chains: 2 };
+        let found = lowest_barrier(&landscape, &a, &b, &settings, 3, [0, 0]);
         let barrier = found.expect("a hard pull arrives");
         assert!(barrier >= landscape.energy(&a).max(landscape.energy(&b)));
-        assert_eq!(found, both_ways(&landscape, &a, &b, &settings, 3, [0, 0]));
+        assert_eq!(found, lowest_barrier(&landscape, &a, &b, &settings, 3, [0, 0]));
     }
 }

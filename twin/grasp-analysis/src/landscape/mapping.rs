@@ -14,14 +14,14 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::Landscape;
-use super::attraction::{Attraction, both_ways};
+use super::attraction::{AttractionSettings, lowest_barrier};
 
 /// Parameters of a mapping.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct MappingParameters {
     /// Chains that sort minima into basins.
-    pub attraction: Attraction,
+    pub attraction: AttractionSettings,
     /// Largest number of doublings of the pull for barriers between basins.
     pub doublings: u32,
     /// Number of nearest basins to which each basin's barriers are measured.
@@ -43,9 +43,9 @@ pub struct Basin<S> {
 
 /// A line of the journal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-enum Line<S> {
+enum JournalLine<S> {
     /// First line.
-    Plan(Plan),
+    Plan(MappingParameters),
     /// Minimum of sample `n`, and the basins it reaches with their barriers.
     Minimum { n: usize, state: S, reached: Vec<(usize, f64)> },
     /// Barriers from basin `n`.
@@ -59,7 +59,7 @@ pub enum JournalError {
     Data(#[from] DataError),
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
-    Line {
+    InvalidLine {
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
@@ -80,7 +80,7 @@ pub enum JournalError {
 /// A mapping in progress.
 #[derive(Debug)]
 pub struct Mapping<S> {
-    pub plan: Plan,
+    pub parameters: MappingParameters,
     /// Basins in order of discovery.
     pub basins: Vec<Basin<S>>,
     /// Lowest barrier found between two basins, by indices with the smaller one first.
@@ -94,44 +94,44 @@ pub struct Mapping<S> {
 
 impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
     /// Creates an empty mapping without a journal.
-    pub fn new(plan: Plan) -> Self {
-        Self { plan, basins: Vec::new(), barriers: BTreeMap::new(), sorted: 0, measured: 0, journal: None }
+    pub fn new(plan: MappingParameters) -> Self {
+        Self { parameters: plan, basins: Vec::new(), barriers: BTreeMap::new(), sorted: 0, measured: 0, journal: None }
     }
 
     /// Resumes from the journal at `path`, or starts one. An incomplete last line is dropped. `energy` gives the energy
     /// of a state.
-    pub fn resume(plan: Plan, path: &Path, energy: impl Fn(&S) -> f64) -> Result<Self, JournalError> {
+    pub fn resume(plan: MappingParameters, path: &Path, energy: impl Fn(&S) -> f64) -> Result<Self, JournalError> {
         let mut mapping = Self::new(plan);
         let mut journal = Journal::open(path)?;
         let lines = Journal::read(path)?;
         if lines.is_empty() {
-            journal.add(&Line::<S>::Plan(mapping.plan.clone()))?;
+            journal.append(&JournalLine::<S>::Plan(mapping.parameters.clone()))?;
         }
         for (number, line) in lines.into_iter().enumerate() {
-            let fault = |message: String| JournalError::Line { path: path.into(), line: number + 1, message };
+            let fault = |message: String| JournalError::InvalidLine { path: path.into(), line: number + 1, message };
             match line {
-                Line::Plan(plan) if number == 0 && plan == mapping.plan => {}
-                Line::Plan(plan) if number == 0 => {
+                JournalLine::Plan(plan) if number == 0 && plan == mapping.parameters => {}
+                JournalLine::Plan(plan) if number == 0 => {
                     return Err(JournalError::OtherRun {
                         path: path.into(),
                         found: format!("{plan:?}"),
-                        expected: format!("{:?}", mapping.plan),
+                        expected: format!("{:?}", mapping.parameters),
                     });
                 }
-                Line::Minimum { n, state, reached } if number > 0 && n == mapping.sorted => {
+                JournalLine::Minimum { n, state, reached } if number > 0 && n == mapping.sorted => {
                     if reached.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
                         return Err(fault(
                             "reached: found a basin that does not exist yet, expected a known one".into(),
                         ));
                     }
                     let energy = energy(&state);
-                    mapping.sort_in(state, energy, &reached);
+                    mapping.insert_minimum(state, energy, &reached);
                 }
-                Line::Barriers { n, found } if n == mapping.measured && n < mapping.basins.len() => {
+                JournalLine::Barriers { n, found } if n == mapping.measured && n < mapping.basins.len() => {
                     if found.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
                         return Err(fault("found: found a basin that does not exist, expected a known one".into()));
                     }
-                    mapping.measure_in(n, &found);
+                    mapping.insert_barriers(n, &found);
                 }
                 _ => return Err(fault("found a line out of order, expected the next sample or basin".into())),
             }
@@ -140,30 +140,30 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         Ok(mapping)
     }
 
-    fn note(&mut self, line: &Line<S>) -> Result<(), JournalError> {
-        self.journal.as_mut().map_or(Ok(()), |journal| Ok(journal.add(line)?))
+    fn append(&mut self, line: &JournalLine<S>) -> Result<(), JournalError> {
+        self.journal.as_mut().map_or(Ok(()), |journal| Ok(journal.append(line)?))
     }
 
     /// Sorts the next sample's `minimum` into a basin.
     pub fn sort<L: Landscape<State = S>>(&mut self, landscape: &L, minimum: S) -> Result<(), JournalError> {
-        let (n, plan) = (self.sorted, &self.plan);
+        let (n, plan) = (self.sorted, &self.parameters);
         let reached: Vec<(usize, f64)> = self
             .basins
             .par_iter()
             .enumerate()
             .filter_map(|(k, basin)| {
                 let question = [n as u64, k as u64];
-                let found = both_ways(landscape, &minimum, &basin.minimum, &plan.attraction, plan.seed, question);
+                let found = lowest_barrier(landscape, &minimum, &basin.minimum, &plan.attraction, plan.seed, question);
                 found.map(|barrier| (k, barrier))
             })
             .collect();
-        self.note(&Line::Minimum { n, state: minimum.clone(), reached: reached.clone() })?;
+        self.append(&JournalLine::Minimum { n, state: minimum.clone(), reached: reached.clone() })?;
         let energy = landscape.energy(&minimum);
-        self.sort_in(minimum, energy, &reached);
+        self.insert_minimum(minimum, energy, &reached);
         Ok(())
     }
 
-    fn sort_in(&mut self, minimum: S, energy: f64, reached: &[(usize, f64)]) {
+    fn insert_minimum(&mut self, minimum: S, energy: f64, reached: &[(usize, f64)]) {
         let n = self.sorted;
         self.sorted += 1;
         match reached.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
@@ -179,12 +179,12 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         // A sample that reaches two basins connects them.
         for (k, &(a, first)) in reached.iter().enumerate() {
             for &(b, second) in &reached[k + 1..] {
-                self.lower(a, b, first.max(second));
+                self.lower_barrier(a, b, first.max(second));
             }
         }
     }
 
-    fn lower(&mut self, a: usize, b: usize, barrier: f64) {
+    fn lower_barrier(&mut self, a: usize, b: usize, barrier: f64) {
         let known = self.barriers.entry((a.min(b), a.max(b))).or_insert(barrier);
         *known = known.min(barrier);
     }
@@ -192,7 +192,7 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
     /// Measures the barriers from the next basin to its nearest ones, doubling the pull until a chain arrives. Returns
     /// false when all basins are done.
     pub fn measure<L: Landscape<State = S>>(&mut self, landscape: &L) -> Result<bool, JournalError> {
-        let (n, plan) = (self.measured, &self.plan);
+        let (n, plan) = (self.measured, &self.parameters);
         if n == self.basins.len() {
             return Ok(false);
         }
@@ -208,22 +208,23 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
             .filter_map(|&(_, k)| {
                 (1..=plan.doublings).find_map(|doubling| {
                     let pull = plan.attraction.pull * f64::from(1u32 << doubling);
-                    let settings = Attraction { pull, ..plan.attraction };
+                    let settings = AttractionSettings { pull, ..plan.attraction };
                     // Distinct from the numbers used for samples.
                     let question = [u64::MAX - n as u64, (k as u64) << 8 | u64::from(doubling)];
-                    let barrier = both_ways(landscape, own, &self.basins[k].minimum, &settings, plan.seed, question);
+                    let barrier =
+                        lowest_barrier(landscape, own, &self.basins[k].minimum, &settings, plan.seed, question);
                     barrier.map(|barrier| (k, barrier))
                 })
             })
             .collect();
-        self.note(&Line::Barriers { n, found: found.clone() })?;
-        self.measure_in(n, &found);
+        self.append(&JournalLine::Barriers { n, found: found.clone() })?;
+        self.insert_barriers(n, &found);
         Ok(true)
     }
 
-    fn measure_in(&mut self, n: usize, found: &[(usize, f64)]) {
+    fn insert_barriers(&mut self, n: usize, found: &[(usize, f64)]) {
         for &(k, barrier) in found {
-            self.lower(n, k, barrier);
+            self.lower_barrier(n, k, barrier);
         }
         self.measured += 1;
     }
@@ -248,9 +249,9 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    fn plan(pull: f64) -> Plan {
-        Plan {
-            attraction: Attraction { pull, temperature: 0.03, near: 0.1, patience: 150, chains: 4 },
+    fn plan(pull: f64) -> MappingParameters {
+        MappingParameters {
+            attraction: AttractionSettings { pull, temperature: 0.03, near: 0.1, patience: 150, chains: 4 },
             doublings: 4,
             neighbors: 3,
             seed: 7,

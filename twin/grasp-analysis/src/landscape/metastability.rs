@@ -7,18 +7,18 @@
 use rayon::prelude::*;
 
 use super::Landscape;
-use super::attraction::{Attraction, attract, stream};
+use super::attraction::{AttractionSettings, attract, chain_rng};
 
-const COARSE: f64 = 0.7;
-const FINE: f64 = 0.97;
+const COARSE_FACTOR: f64 = 0.7;
+const FINE_FACTOR: f64 = 0.97;
 /// Share of the initial pull below which the search stops, because there is no significant barrier.
-const LEAST: f64 = 1e-3;
+const MIN_PULL_SHARE: f64 = 1e-3;
 
 /// Finds the threshold of one pair. Returns `None` if no chain arrives even at the initial `settings.pull`.
 pub fn threshold<L: Landscape>(
     landscape: &L,
     [a, b]: [&L::State; 2],
-    settings: &Attraction,
+    settings: &AttractionSettings,
     trials: usize,
     seed: u64,
     pair: u64,
@@ -26,9 +26,9 @@ pub fn threshold<L: Landscape>(
     let mut round = 0;
     let mut arrives = |pull: f64| {
         round += 1;
-        let settings = Attraction { pull, ..*settings };
+        let settings = AttractionSettings { pull, ..*settings };
         (0..trials).any(|trial| {
-            let mut rng = stream(seed, [pair, round, trial as u64, 2]);
+            let mut rng = chain_rng(seed, [pair, round, trial as u64, 2]);
             let (from, to) = if trial % 2 == 0 { (a, b) } else { (b, a) };
             attract(landscape, from, to, &settings, &mut rng).is_some()
         })
@@ -37,8 +37,8 @@ pub fn threshold<L: Landscape>(
     if !arrives(pull) {
         return None;
     }
-    for factor in [COARSE, FINE] {
-        while pull > LEAST * settings.pull && arrives(pull * factor) {
+    for factor in [COARSE_FACTOR, FINE_FACTOR] {
+        while pull > MIN_PULL_SHARE * settings.pull && arrives(pull * factor) {
             pull *= factor;
         }
     }
@@ -49,7 +49,7 @@ pub fn threshold<L: Landscape>(
 pub fn thresholds<L: Landscape>(
     landscape: &L,
     pairs: &[(L::State, L::State)],
-    settings: &Attraction,
+    settings: &AttractionSettings,
     trials: usize,
     seed: u64,
 ) -> Vec<f64> {
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn threshold_is_near_the_steepest_slope() {
         let wells = MultiWell::uneven();
-        let settings = Attraction { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
+        let settings = AttractionSettings { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
         let found = threshold(&wells, [&[-1.0, -1.0], &[1.0, -1.0]], &settings, 20, 1, 0).expect("8 suffices");
         let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
         let (up, down) = (-100..=100)

@@ -11,7 +11,7 @@ use rand_distr::StandardNormal;
 use super::Landscape;
 
 /// Noise width at step size 1, small enough not to jump over a saddle.
-const STEP: f64 = 0.1;
+const NOISE_WIDTH: f64 = 0.1;
 
 /// Double well of one coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ impl Well {
         (t * t - 1.0) * (4.0 * self.height * t - self.tilt)
     }
 
-    fn pass(&self) -> f64 {
+    fn saddle_energy(&self) -> f64 {
         self.energy(self.tilt / (4.0 * self.height))
     }
 }
@@ -55,8 +55,8 @@ impl MultiWell {
     pub fn barrier(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
         // Paths along one coordinate, or along both in either order. The barrier is the lowest of their highest points.
         let [x, y] = self.wells;
-        let along_x = |fixed: f64| x.pass() + y.energy(fixed);
-        let along_y = |fixed: f64| y.pass() + x.energy(fixed);
+        let along_x = |fixed: f64| x.saddle_energy() + y.energy(fixed);
+        let along_y = |fixed: f64| y.saddle_energy() + x.energy(fixed);
         match (a[0] != b[0], a[1] != b[1]) {
             (false, false) => self.energy(&a),
             (true, false) => along_x(a[1]).min(along_y(a[0]).max(along_x(-a[1])).max(along_y(b[0]))),
@@ -91,7 +91,7 @@ impl Landscape for MultiWell {
     type State = [f64; 2];
     type Walker = [f64; 2];
 
-    fn enter(&self, state: &[f64; 2]) -> [f64; 2] {
+    fn start_chain(&self, state: &[f64; 2]) -> [f64; 2] {
         *state
     }
 
@@ -103,7 +103,7 @@ impl Landscape for MultiWell {
         temperature: f64,
         rng: &mut ChaCha8Rng,
     ) -> (f64, f64) {
-        let kernel = Langevin::new(0.4, &[STEP, STEP], temperature);
+        let kernel = Langevin::new(0.4, &[NOISE_WIDTH, NOISE_WIDTH], temperature);
         let (before, slope) = pulled(self, walker, target, pull);
         let mut by = [0.0; 2];
         kernel.propose(&slope, temperature, rng, &mut by);

@@ -1,48 +1,51 @@
 //! Forecast of the time that a preparation takes, from a first measurement on this machine.
 
-use super::EFFORT;
-use crate::plan::Plan;
+use super::SEARCH_EFFORT;
+use crate::grasp_pair::GraspPair;
 
 /// Maximum number of rehearsals of a pair that is planned and tried under errors in both orders, with four first and
 /// fourteen second grasps and three fallen poses of the second object. In each order: 60 to choose, 150 for the odds
 /// and 210 for the fallen poses, 490 after other first grasps, 400 for variations.
-const PAIR: f64 = 2.0 * 1310.0;
+const PAIR_ROLLOUTS: f64 = 2.0 * 1310.0;
 /// Maximum number of rehearsals of a pair that is proven at a level of effort: five races of some 600, for the planned
 /// and another first grasp in either order and for new first grasps.
-const PROOF: f64 = 5.0 * 600.0;
+const VERIFICATION_ROLLOUTS: f64 = 5.0 * 600.0;
 
 /// Returns the forecast of a search in `place` (from 0) once a rehearsal is known to take `seconds` with all threads of
-/// this machine. `after` are the places of the searches that follow.
-pub fn of_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
-    let most = |place: usize| seconds * EFFORT.rehearsals(place) as f64;
+/// this machine. `for_other_first` are the places of the searches that follow.
+pub fn forecast_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
+    let most = |place: usize| seconds * SEARCH_EFFORT.max_rollouts(place) as f64;
     let one = most(place);
     let all: f64 = one + after.iter().map(|place| most(*place)).sum::<f64>();
     let rest = match after.len() {
         0 => String::new(),
-        n => format!(", with the {n} after it at most {}", time(all)),
+        n => format!(", with the {n} after it at most {}", format_time(all)),
     };
-    format!("a rehearsal of {name} takes {seconds:.2} s on this machine: this search at most {}{rest}", time(one))
+    format!(
+        "a rehearsal of {name} takes {seconds:.2} s on this machine: this search at most {}{rest}",
+        format_time(one)
+    )
 }
 
-/// Returns the forecast before `pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
+/// Returns the forecast before `collision_pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
 /// pair.
-pub fn of_plans(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
+pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
     let Some(seconds) = seconds else { return format!("{planned} in physics") };
     let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
     // Level n makes n times the proposals of the first level.
-    let proofs: f64 = (1..=effort).map(|level| PROOF * f64::from(level)).sum();
+    let proofs: f64 = (1..=effort).map(|level| VERIFICATION_ROLLOUTS * f64::from(level)).sum();
     format!(
         "{planned} in physics, a rehearsal of which takes {seconds:.2} s on this machine: at most {}",
-        time(rounds * (PAIR + proofs) * seconds)
+        format_time(rounds * (PAIR_ROLLOUTS + proofs) * seconds)
     )
 }
 
 /// Describes how reliable the pairs are that did not come with a plan: those with a proof by name, the others together.
-pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
-    let (proven, others): (Vec<&Plan>, Vec<&Plan>) = plans.partition(|plan| plan.proof.is_some());
+pub fn describe_verification<'a>(plans: impl Iterator<Item = &'a GraspPair>) -> Vec<String> {
+    let (proven, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.proof.is_some());
     let sure = proven.iter().map(|plan| {
-        let best = plan.reversed.iter().map(|other| other.best()).fold(plan.best(), f64::max);
+        let best = plan.reversed.iter().map(|other| other.best_share()).fold(plan.best_share(), f64::max);
         let draws = plan.proof.iter().map(|proof| proof.holds.len()).max().unwrap_or(0);
         format!(
             "{}: taken one after the other without contact in {:.0} of {draws} drawn trials",
@@ -58,7 +61,7 @@ pub fn of_proofs<'a>(plans: impl Iterator<Item = &'a Plan>) -> Vec<String> {
 }
 
 /// Formats a time for people.
-fn time(seconds: f64) -> String {
+fn format_time(seconds: f64) -> String {
     match seconds {
         short if short < 90.0 => format!("{short:.0} s"),
         minutes if minutes < 90.0 * 60.0 => format!("{:.0} min", minutes / 60.0),
@@ -73,12 +76,12 @@ mod tests {
     /// A machine that is twice as slow gets twice the forecast, and the searches that follow are added.
     #[test]
     fn times_follow_the_measurement() {
-        let one = of_search("mug", 0, &[], 0.1);
-        let most = 0.1 * EFFORT.rehearsals(0) as f64;
-        assert!(one.ends_with(&format!("at most {}", time(most))), "{one}");
-        let all = of_search("mug", 0, &[1, 1], 0.2);
-        let sum = 0.2 * (EFFORT.rehearsals(0) + 2 * EFFORT.rehearsals(1)) as f64;
-        assert!(all.contains("2 after it") && all.ends_with(&time(sum)), "{all}");
-        assert_eq!([time(40.0), time(600.0), time(7200.0)], ["40 s", "10 min", "2.0 h"]);
+        let one = forecast_search("mug", 0, &[], 0.1);
+        let most = 0.1 * SEARCH_EFFORT.max_rollouts(0) as f64;
+        assert!(one.ends_with(&format!("at most {}", format_time(most))), "{one}");
+        let all = forecast_search("mug", 0, &[1, 1], 0.2);
+        let sum = 0.2 * (SEARCH_EFFORT.max_rollouts(0) + 2 * SEARCH_EFFORT.max_rollouts(1)) as f64;
+        assert!(all.contains("2 after it") && all.ends_with(&format_time(sum)), "{all}");
+        assert_eq!([format_time(40.0), format_time(600.0), format_time(7200.0)], ["40 s", "10 min", "2.0 h"]);
     }
 }

@@ -7,8 +7,8 @@ use dexterous_grasping::Repertoire;
 use hand_model::Digit;
 use world::objects::ObjectFile;
 
-use crate::plan::Plans;
-use crate::simulated_world::World;
+use crate::grasp_pair::GraspPairTable;
+use crate::simulated_world::SimulatedWorld;
 
 /// Error: none of the scenario's own objects can be played. Holds the reasons.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,14 +23,14 @@ impl fmt::Display for NotPlayable {
 impl std::error::Error for NotPlayable {}
 
 /// Returns the deviations of the own objects from their files.
-pub fn notes(world: &World) -> Vec<String> {
+pub fn notes(world: &SimulatedWorld) -> Vec<String> {
     let notes = |file: &ObjectFile| world.objects.get(&file.name).map(|model| file.notes(model)).unwrap_or_default();
     world.scenario.object.iter().flat_map(notes).collect()
 }
 
 /// Returns the sets of digits that would take an object in the lists that name it, with the name of each list.
-fn places(world: &World, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
-    let lists = world.scenario.lists().into_iter().zip(super::searched_sets(world));
+fn places(world: &SimulatedWorld, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
+    let lists = world.scenario.object_lists().into_iter().zip(super::searched_sets(world));
     lists
         .filter(|((_, names), _)| names.iter().any(|other| other == name))
         .map(|((list, _), set)| (set, list))
@@ -38,18 +38,18 @@ fn places(world: &World, name: &str) -> Vec<(Vec<Digit>, &'static str)> {
 }
 
 /// Returns the reason why no grasp of an own object can be used in any combination, or `None` if one can.
-fn unpickable(world: &World, repertoire: &Repertoire, name: &str) -> Option<String> {
+fn unpickable(world: &SimulatedWorld, repertoire: &Repertoire, name: &str) -> Option<String> {
     let sets = places(world, name);
     if sets.is_empty() {
         return Some(format!("{name} is not played: the scenario names it neither in first nor in second"));
     }
     let places: Vec<&str> = sets.iter().map(|(_, list)| *list).collect();
-    let none = sets.iter().all(|(digits, _)| repertoire.of(name, digits).next().is_none());
+    let none = sets.iter().all(|(digits, _)| repertoire.for_digits(name, digits).next().is_none());
     none.then(|| format!("{name} is not played: no grasp was found that holds it as {} object", places.join(" or ")))
 }
 
 /// Returns an error if none of the own objects can be picked up, before anything is planned.
-pub fn refuse_unpickable(world: &World, repertoire: &Repertoire) -> Result<()> {
+pub fn refuse_unpickable(world: &SimulatedWorld, repertoire: &Repertoire) -> Result<()> {
     let own = &world.scenario.object;
     let reasons: Vec<String> = own.iter().filter_map(|file| unpickable(world, repertoire, &file.name)).collect();
     if own.is_empty() || reasons.len() < own.len() {
@@ -60,15 +60,15 @@ pub fn refuse_unpickable(world: &World, repertoire: &Repertoire) -> Result<()> {
 
 /// Returns the own objects that cannot be in any combination, with the reasons. Adds the other requests that were not
 /// met to `notes`.
-pub fn of(
-    world: &World,
+pub fn left_out_objects(
+    world: &SimulatedWorld,
     repertoire: &Repertoire,
-    plans: &Plans,
+    plans: &GraspPairTable,
     count: usize,
     notes: &mut Vec<String>,
 ) -> Result<Vec<String>> {
     let scenario = &world.scenario;
-    let combinations = if scenario.lists().len() == 1 { "objects" } else { "pairs" };
+    let combinations = if scenario.object_lists().len() == 1 { "objects" } else { "pairs" };
     let mut left_out = Vec::new();
     let own = scenario.object.len();
     for name in scenario.object.iter().map(|file| &file.name) {
@@ -92,7 +92,7 @@ pub fn of(
     if plans.plans.is_empty() {
         bail!(
             "none of the scenario's {} {combinations} can be done by this hand without noise",
-            scenario.combinations()
+            scenario.combination_count()
         );
     }
     if plans.plans.len() < count {
@@ -100,7 +100,7 @@ pub fn of(
         notes.push(format!(
             "{} of the {} {combinations} cannot be done by this hand, even without errors: {}",
             pairs.len(),
-            scenario.combinations(),
+            scenario.combination_count(),
             pairs.join(", ")
         ));
     }

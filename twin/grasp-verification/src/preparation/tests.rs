@@ -6,7 +6,7 @@ use scenarios::Combination;
 use super::*;
 
 /// Returns the benchmark with a cube of `mass` kg and `side` m that only comes second, and a ball that comes first.
-fn world(mass: f64, side: f64) -> World {
+fn world(mass: f64, side: f64) -> SimulatedWorld {
     let text = format!(
         r#"
         version = 1
@@ -28,7 +28,7 @@ fn world(mass: f64, side: f64) -> World {
         shape.box = {{ size = [{side}, {side}, {side}], rounding = 0.001 }}
         "#
     );
-    World::new(&RobotModel::ftac_gen3(), Scenario::parse(&text, Path::new("my.toml")).expect("a scenario"))
+    SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::parse(&text, Path::new("my.toml")).expect("a scenario"))
         .expect("a world")
 }
 
@@ -50,7 +50,9 @@ fn own_objects_are_searched_in_their_places() {
 fn a_changed_object_or_grasp_is_another_key() {
     let pair = Combination { id: 0, objects: vec!["golf_ball".into(), "my_cube".into()] };
     let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let key = |world: &World, repertoire: &Repertoire| plan_key(world, repertoire, &pair).expect("a key").file_name();
+    let key = |world: &SimulatedWorld, repertoire: &Repertoire| {
+        pair_key(world, repertoire, &pair).expect("a key").file_name()
+    };
     let first = key(&world(0.1, 0.05), &repertoire);
     assert_eq!(first, key(&world(0.1, 0.05), &repertoire));
     assert_ne!(first, key(&world(0.2, 0.05), &repertoire), "mass");
@@ -71,16 +73,16 @@ fn a_changed_object_or_grasp_is_another_key() {
 /// Pairs of the benchmark keep its plans, also if a scenario adds objects. Places of its own need plans of their own.
 #[test]
 fn plans_of_the_benchmark_are_used_where_they_fit() {
-    let builtin = crate::builtin::plans().expect("the built-in plans");
+    let builtin = crate::builtin::grasp_pairs().expect("the built-in plans");
     let plan = &builtin.plans[7];
     let pair = |first: &str, second: &str| Combination { id: 0, objects: vec![first.into(), second.into()] };
     let mut scenario = world(0.1, 0.05).scenario;
-    let known = known_plans(&scenario).expect("plans").expect("the same places");
-    let found = known.of(&pair(&plan.first, &plan.second)).flatten().expect("its plan");
+    let known = builtin_pairs(&scenario).expect("plans").expect("the same places");
+    let found = known.for_combination(&pair(&plan.first, &plan.second)).flatten().expect("its plan");
     assert_eq!(found.first_grasp, plan.first_grasp);
-    assert!(known.of(&pair("golf_ball", "my_cube")).is_none());
+    assert!(known.for_combination(&pair("golf_ball", "my_cube")).is_none());
     scenario.layout.second.x += 0.01;
-    assert!(known_plans(&scenario).expect("plans").is_none());
+    assert!(builtin_pairs(&scenario).expect("plans").is_none());
 }
 
 /// An object that cannot be picked up is named, with the number of tries.
@@ -88,20 +90,20 @@ fn plans_of_the_benchmark_are_used_where_they_fit() {
 fn what_cannot_be_picked_is_named() {
     let world = world(0.1, 0.05);
     let cube = world.object("my_cube").expect("the cube");
-    let text = found(&Search { object: &cube, place: 1, digits: digit_sets(&world)[1].clone() }, 0);
+    let text = describe_found(&GraspSearch { object: &cube, place: 1, digits: digit_sets(&world)[1].clone() }, 0);
     assert!(text.contains("my_cube") && text.contains("50 x 50 x 50 mm") && text.contains("128"), "{text}");
 }
 
 /// Returns a plan of a pair with placeholder grasp numbers.
-fn plan_of(pair: &Combination) -> plan::Plan {
-    let mut plan = crate::builtin::plans().expect("the built-in plans").plans.swap_remove(0);
+fn plan_of(pair: &Combination) -> grasp_pair::GraspPair {
+    let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").plans.swap_remove(0);
     (plan.first, plan.second) = (pair.objects[0].clone(), pair.objects[1].clone());
     plan
 }
 
 /// Returns plans of the test world's four pairs. Only the pairs for which `works` is true can be done.
-fn plans_of(world: &World, count: usize, works: impl Fn(&Combination) -> bool + Sync) -> Plans {
-    let made = plan::make_plans(&world.scenario, count, 1, true, |pair| Ok(works(pair).then(|| plan_of(pair))));
+fn plans_of(world: &SimulatedWorld, count: usize, works: impl Fn(&Combination) -> bool + Sync) -> GraspPairTable {
+    let made = grasp_pair::make_pairs(&world.scenario, count, 1, true, |pair| Ok(works(pair).then(|| plan_of(pair))));
     made.expect("plans")
 }
 
@@ -109,7 +111,8 @@ fn plans_of(world: &World, count: usize, works: impl Fn(&Combination) -> bool + 
 #[test]
 fn an_own_object_is_played_instead_of_another_benchmark() {
     let world = world(0.1, 0.05);
-    let has = |plans: &Plans, name: &str| plans.plans.iter().any(|plan| plan.first == name || plan.second == name);
+    let has =
+        |plans: &GraspPairTable, name: &str| plans.plans.iter().any(|plan| plan.first == name || plan.second == name);
     for count in 1..=4 {
         let plans = plans_of(&world, count, |_| true);
         assert!(plans.plans.len() == count && has(&plans, "my_ball"), "{count}");
@@ -122,11 +125,11 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
     assert_eq!(all.plans.len(), 2);
     let mut notes = Vec::new();
     let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let any = repertoire.of("golf_ball", &digit_sets(&world)[0]).next().expect("a grasp").clone();
-    let cube = repertoire.of("lemon", &digit_sets(&world)[1]).next().expect("a grasp").clone();
+    let any = repertoire.for_digits("golf_ball", &digit_sets(&world)[0]).next().expect("a grasp").clone();
+    let cube = repertoire.for_digits("lemon", &digit_sets(&world)[1]).next().expect("a grasp").clone();
     repertoire.insert(Grasp { object: "my_ball".into(), ..any });
     repertoire.insert(Grasp { object: "my_cube".into(), ..cube });
-    let left_out = left_out::of(&world, &repertoire, &all, 4, &mut notes).expect("the cube is played");
+    let left_out = left_out::left_out_objects(&world, &repertoire, &all, 4, &mut notes).expect("the cube is played");
     assert!(
         left_out.len() == 1 && left_out[0].starts_with("my_ball is not played: none of its 2 pairs"),
         "{left_out:?}"
@@ -144,6 +147,7 @@ fn a_scenario_without_its_own_objects_is_refused() {
     let said = error.downcast_ref::<NotPlayable>().expect("the reason").to_string();
     assert!(said.contains("my_ball") && said.contains("my_cube") && said.contains("no grasp was found"), "{said}");
     let without = plans_of(&world, 4, |pair| pair.objects == ["golf_ball", "lemon"]);
-    let error = left_out::of(&world, &repertoire, &without, 4, &mut Vec::new()).expect_err("none of its own");
+    let error =
+        left_out::left_out_objects(&world, &repertoire, &without, 4, &mut Vec::new()).expect_err("none of its own");
     assert!(error.is::<NotPlayable>(), "{error}");
 }

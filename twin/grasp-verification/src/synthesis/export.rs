@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use dexterous_grasping::synthesis::held::{HeldGrasp, pose_from_array};
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
-use sim::hand_scene::Pull;
-use sim::mjcf::{self, Scene};
-use sim::stand::Prop;
+use sim::hand_scene::TensionCommand;
+use sim::mjcf::{self, MjcfScene};
+use sim::test_stand::Prop;
 use world::objects::ObjectModel;
 
-use super::checks::{HOLD_TIME, MOST_MOTION, PULL};
-use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
+use super::checks::{HOLD_TIME, MAX_MOTION, TEST_ACCELERATION};
+use super::closing::{DAMPED_SETTLING_TIME, FREE_SETTLING_TIME, OBJECT_DAMPING, RISE_TIME};
 use super::grasping_hand::GraspingHand;
 use super::subject::verified_for;
 
@@ -28,11 +28,11 @@ pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folde
     let (mass, friction) = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];
     let slack = || vec![0.0; grasp.tensions.len()];
-    let open = Pull {
+    let open = TensionCommand {
         tensions: grasp.open_tensions.as_ref().map_or_else(slack, |tensions| tensions.to_vec()),
         opposition: grasp.opposition.unwrap_or_default(),
     };
-    let scene = mjcf::write(&Scene {
+    let scene = mjcf::write(&MjcfScene {
         hand: &hand.body,
         arm: None,
         props: &props,
@@ -43,8 +43,8 @@ pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folde
     // Commands for the second engine, and the limits on the object's motion. SI units.
     let mut test = json!({
         "object": grasp.object, "chain": grasp.chain, "mass": mass, "friction": friction,
-        "rise": RISE, "settle_damped": SETTLE_DAMPED, "settle_free": SETTLE_FREE, "damping": DAMPING,
-        "shake": { "force": PULL * mass, "time": HOLD_TIME, "most_distance": MOST_MOTION.0, "most_angle": MOST_MOTION.1 },
+        "rise": RISE_TIME, "settle_damped": DAMPED_SETTLING_TIME, "settle_free": FREE_SETTLING_TIME, "damping": OBJECT_DAMPING,
+        "shake": { "force": TEST_ACCELERATION * mass, "time": HOLD_TIME, "most_distance": MAX_MOTION.0, "most_angle": MAX_MOTION.1 },
         "hand": hand.name(), "open_tensions": open.tensions, "tensions": *grasp.tensions,
         "closed": { "object": *grasp.closed, "joints": *grasp.joints },
     });
@@ -52,7 +52,7 @@ pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folde
         test["opposition"] = json!(opposition);
     }
     let mut name = format!("{}_{}", grasp.object, grasp.chain);
-    if hand.named.is_none() {
+    if hand.named_hand.is_none() {
         name = format!("{}_{name}", hand.name());
     }
     files(folder, &name, &scene, test)
@@ -64,7 +64,7 @@ fn files(folder: &Path, name: &str, scene: &str, mut test: Value) -> Result<[Pat
     let plain = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '-', "_");
     let (scene_file, test_file) = (folder.join(format!("{plain}.xml")), folder.join(format!("{plain}.json")));
     test["model"] = json!(scene_file.file_name().and_then(|name| name.to_str()));
-    write_whole(&scene_file, scene.as_bytes())?;
-    write_whole(&test_file, serde_json::to_string_pretty(&test)?.as_bytes())?;
+    write_atomically(&scene_file, scene.as_bytes())?;
+    write_atomically(&test_file, serde_json::to_string_pretty(&test)?.as_bytes())?;
     Ok([scene_file, test_file])
 }

@@ -8,17 +8,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dexterous_grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
-use dexterous_grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
+use dexterous_grasping::synthesis::collection::{self, Collection, ObjectGrasps, SearchSummary};
+use dexterous_grasping::synthesis::grasp_file::{self, GraspFileError, GraspFileHeader, HandSource, SourceFile};
 use dexterous_grasping::synthesis::held::HeldGrasp;
-use dexterous_grasping::synthesis::kind::Kind;
+use dexterous_grasping::synthesis::kind::GraspKind;
 use ftac_platform::digest::sha256;
 use hand_model::Hand;
 use world::objects::{ObjectModel, ObjectSet};
 
 use super::grasping_hand::GraspingHand;
 use super::kinds;
-use super::subject::Subject;
+use super::subject::PreparedObject;
 use super::urdf_hand::describe;
 
 /// Grasps of a file, with their hand and objects.
@@ -28,17 +28,17 @@ pub struct GraspFile {
     pub hand: GraspingHand,
     set: ObjectSet,
     /// Object from a mesh file.
-    own: Option<Subject>,
+    mesh_subject: Option<PreparedObject>,
 }
 
 impl GraspFile {
-    /// Reads `file`, or the built-in collection. The grasps belong to the hand `ours` if the file names no other hand.
+    /// Reads `file`, or the built-in collection. The grasps belong to the hand `builtin_hand` if the file names no other hand.
     pub fn read_or_built_in(file: Option<&Path>, ours: Arc<Hand>) -> Result<Self> {
         match file {
             Some(path) => Self::read(path, ours).with_context(|| format!("--grasps {}", path.display())),
             None => {
-                let hand = GraspingHand::of(ours);
-                Ok(Self { collection: built_in()?, hand, set: ObjectSet::repertoire(), own: None })
+                let hand = GraspingHand::from_hand(ours);
+                Ok(Self { collection: built_in()?, hand, set: ObjectSet::repertoire(), mesh_subject: None })
             }
         }
     }
@@ -46,18 +46,19 @@ impl GraspFile {
     fn read(path: &Path, ours: Arc<Hand>) -> Result<Self> {
         let header = grasp_file::read_header(path).ok();
         let mesh = header.as_ref().and_then(|header| header.mesh.as_ref());
-        let own = mesh.map(|mesh| Ok::<_, anyhow::Error>(Subject::from_mesh(&unchanged(mesh, path, "mesh")?)?.0));
+        let own = mesh
+            .map(|mesh| Ok::<_, anyhow::Error>(PreparedObject::from_mesh(&locate_unchanged(mesh, path, "mesh")?)?.0));
         let own = own.transpose()?;
         let (mut collection, hand) = match header.and_then(|header| header.hand) {
-            Some(source) => of_urdf(path, &source)?,
-            None => (read(path)?, GraspingHand::of(ours)),
+            Some(source) => read_urdf_grasps(path, &source)?,
+            None => (read(path)?, GraspingHand::from_hand(ours)),
         };
         if let Some(back) = own.as_ref().map(|subject| -subject.origin) {
             for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
                 *grasp = grasp.clone().with_frame_moved(&back);
             }
         }
-        Ok(Self { collection, hand, set: ObjectSet::repertoire(), own })
+        Ok(Self { collection, hand, set: ObjectSet::repertoire(), mesh_subject: own })
     }
 
     /// Returns the grasps of `object`, or of all objects. An unknown object is an error.
@@ -72,38 +73,38 @@ impl GraspFile {
     }
 
     /// Returns the kinds among an object's grasps, the most frequent first.
-    pub fn kinds<'a>(&self, entry: &'a ObjectGrasps) -> Vec<Kind<'a>> {
+    pub fn kinds<'a>(&self, entry: &'a ObjectGrasps) -> Vec<GraspKind<'a>> {
         kinds::kinds(&self.hand, &entry.grasps)
     }
 
     /// Returns the model of an object, from the set or from the file's own mesh.
     pub fn model(&self, name: &str) -> Result<Arc<ObjectModel>> {
-        let own = self.own.as_ref().filter(|own| own.model.name == name).map(|own| &own.model);
+        let own = self.mesh_subject.as_ref().filter(|own| own.model.name == name).map(|own| &own.model);
         own.or_else(|| self.set.get(name)).cloned().with_context(|| {
             format!("object: found `{name}`, expected an object of the set, or a file that names its mesh")
         })
     }
 
     /// Returns an object ready for closings, with the mass (kg) and friction for which the grasps were verified.
-    pub fn subject(&self, name: &str, mass: f64, friction: f64) -> Result<Subject> {
-        let subject = match &self.own {
+    pub fn subject(&self, name: &str, mass: f64, friction: f64) -> Result<PreparedObject> {
+        let subject = match &self.mesh_subject {
             Some(own) if own.model.name == name => own.clone(),
-            _ => Subject::named(name)?,
+            _ => PreparedObject::from_set(name)?,
         };
         Ok(subject.tested_at(mass, friction))
     }
 }
 
 /// Returns a file's path with the digest of its present content.
-pub fn source(path: &Path) -> Result<Source> {
-    let bytes = ftac_platform::file::read_regular(path, ftac_platform::file::LARGEST)
+pub fn source_file(path: &Path) -> Result<SourceFile> {
+    let bytes = ftac_platform::file::read_regular(path, ftac_platform::file::MAX_TEXT_SIZE)
         .with_context(|| path.display().to_string())?;
-    Ok(Source { path: path.into(), sha256: sha256(&bytes) })
+    Ok(SourceFile { path: path.into(), sha256: sha256(&bytes) })
 }
 
 /// Locates a file that `field` of a header names: at the header's path, or beside the grasps. A file that has changed
 /// is an error.
-fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
+fn locate_unchanged(named: &SourceFile, grasps: &Path, field: &str) -> Result<PathBuf> {
     let beside = named.path.file_name().map(|name| grasps.with_file_name(name));
     let path = [Some(named.path.clone()), beside].into_iter().flatten().find(|path| path.exists());
     let Some(path) = path else {
@@ -113,7 +114,7 @@ fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
             named.path.display()
         );
     };
-    let found = source(&path)?.sha256;
+    let found = source_file(&path)?.sha256;
     ensure!(
         found == named.sha256,
         "{}:1: {field}: found {} with SHA-256 {found}, expected {}: it has changed since these grasps were found",
@@ -124,13 +125,15 @@ fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand)> {
-    let hand =
-        describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
+fn read_urdf_grasps(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand)> {
+    let hand = describe::read(
+        &locate_unchanged(&source.urdf, path, "hand.urdf")?,
+        &locate_unchanged(&source.pulls, path, "hand.pulls")?,
+    )?;
     let (header, grasps) = grasp_file::read(path)?;
     ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
     let joints = hand.sampled.tree.joints.iter().map(|joint| joint.name.as_str());
-    let pulls = hand.mechanism().pulls.iter().map(|pull| pull.name.as_str());
+    let pulls = hand.mechanism().actuators.iter().map(|pull| pull.name.as_str());
     let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
     for (n, grasp) in grasps.iter().enumerate() {
         let named = [
@@ -155,16 +158,16 @@ fn of_urdf(path: &Path, source: &HandSource) -> Result<(Collection, GraspingHand
             bail!("{}:{}: contacts.link: found {link}, expected less than {}", path.display(), n + 2, joints.len());
         }
     }
-    Ok((of_one_search(&header, grasps), hand))
+    Ok((collection_of_search(&header, grasps), hand))
 }
 
 /// Returns the grasps of one search as a collection.
-fn of_one_search(header: &Header, grasps: Vec<HeldGrasp>) -> Collection {
+fn collection_of_search(header: &GraspFileHeader, grasps: Vec<HeldGrasp>) -> Collection {
     let mut objects: Vec<ObjectGrasps> = Vec::new();
     for grasp in grasps {
         let object = grasp.object.clone();
         let place = objects.iter().position(|entry| entry.summary.object == object).unwrap_or_else(|| {
-            let summary = Summary { object, wanted: 0, kept: 0, chains: 0, short: None };
+            let summary = SearchSummary { object, wanted: 0, kept: 0, chains: 0, short: None };
             objects.push(ObjectGrasps { summary, grasps: Vec::new() });
             objects.len() - 1
         });
@@ -175,7 +178,7 @@ fn of_one_search(header: &Header, grasps: Vec<HeldGrasp>) -> Collection {
         entry.grasps.push(grasp);
     }
     let (command, seed) = (header.command.clone(), header.seed);
-    Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
+    Collection { header: collection::CollectionHeader { version: collection::VERSION, command, seed }, objects }
 }
 
 /// Reads our own hand's grasps from a collection or from the file of one search. The line after the header shows which
@@ -191,15 +194,19 @@ pub fn read(path: &Path) -> Result<Collection> {
     let line = |error: &GraspFileError| if let GraspFileError::Line { line, .. } = error { *line } else { 0 };
     let found = match (Collection::read(path), grasp_file::read(path)) {
         (Ok(collection), _) if !collection.objects.is_empty() => collection,
-        (_, Ok((header, grasps))) => of_one_search(&header, grasps),
+        (_, Ok((header, grasps))) => collection_of_search(&header, grasps),
         // The reader that got further is the intended one.
         (Err(compact), Err(single)) if line(&compact) >= line(&single) => Err(compact)?,
         (_, Err(error)) => Err(error)?,
     };
     ensure!(found.grasps().next().is_some(), "{}: found no grasp, expected at least one", path.display());
-    if let Some(grasp) = found.grasps().find(|grasp| !collection::is_whole(grasp)) {
+    if let Some(grasp) = found.grasps().find(|grasp| !collection::is_complete(grasp)) {
         let chain = grasp.chain;
-        bail!("{}: the grasp of chain {chain}: found another's, expected {}", path.display(), collection::EXPECTED);
+        bail!(
+            "{}: the grasp of chain {chain}: found another's, expected {}",
+            path.display(),
+            collection::EXPECTED_FIELDS
+        );
     }
     Ok(found)
 }

@@ -1,6 +1,6 @@
 //! Hand model of the grasp synthesis: how a hand may touch, open, pull and hold.
 //!
-//! [`GraspingHand::of`] builds it from a hand whose digits and pads are known, and [`super::urdf_hand::describe`] from
+//! [`GraspingHand::from_hand`] builds it from a hand whose digits and pads are known, and [`super::urdf_hand::describe`] from
 //! any URDF.
 
 use std::sync::Arc;
@@ -17,12 +17,12 @@ use nalgebra::Isometry3;
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::HandScene;
 
-use super::size::Opening;
-use super::subject::Subject;
-use super::urdf_hand::found_surface::FoundSurface;
+use super::size::HandOpening;
+use super::subject::PreparedObject;
+use super::urdf_hand::derived_surface::DerivedSurface;
 
 /// Name of our own hand.
-const OURS: &str = "F-TAC";
+const BUILTIN_HAND_NAME: &str = "F-TAC";
 /// Number of points on the surface of a hand with pads.
 const SURFACE_POINTS: usize = 2000;
 
@@ -59,33 +59,33 @@ pub struct GraspingHand {
     /// True for each actuator that may close.
     pub may_close: Vec<bool>,
     /// Opening: width of the widest object that it takes.
-    pub opening: Opening,
+    pub opening: HandOpening,
     /// Range from which an actuator's tension is drawn, N.
     pub tensions: (f64, f64),
     pub contacts: ContactModel,
     /// The hand with named digits, each closed by its own cable. `None` for a hand from a URDF.
-    pub named: Option<Arc<Hand>>,
+    pub named_hand: Option<Arc<Hand>>,
     /// Surface and palm derived from the hand's files, by which grasps are refused. `None` if they are given.
-    pub found: Option<FoundSurface>,
+    pub derived_surface: Option<DerivedSurface>,
     /// Findings as text. Warnings begin with `WARNING`.
     pub notes: Vec<String>,
 }
 
 impl GraspingHand {
     /// Builds it from a hand that touches with its pads.
-    pub fn of(hand: Arc<Hand>) -> Self {
-        let (tree, mechanism) = (hand.tree.clone(), Mechanism::of(&hand));
+    pub fn from_hand(hand: Arc<Hand>) -> Self {
+        let (tree, mechanism) = (hand.tree.clone(), Mechanism::from_hand(&hand));
         let may_close = vec![true; hand.cables.len()];
         Self {
-            body: CollisionModel::new(Arc::new(HandMechanism::of(&hand, OURS))),
+            body: CollisionModel::new(Arc::new(HandMechanism::from_hand(&hand, BUILTIN_HAND_NAME))),
             palm_from_root: Isometry3::identity(),
             sampled: SampledHand { tree, mechanism, surface: HandSurface::new(&hand, SURFACE_POINTS) },
             may_close,
-            opening: Opening::ours(),
+            opening: HandOpening::builtin_hand(),
             tensions: (6.0, 40.0),
             contacts: ContactModel::Hard,
-            named: Some(hand),
-            found: None,
+            named_hand: Some(hand),
+            derived_surface: None,
             notes: Vec::new(),
         }
     }
@@ -93,10 +93,10 @@ impl GraspingHand {
     /// Returns the hand limited to the parts that may touch an object. The other digits stay open. A hand whose digits
     /// have no names is returned unchanged.
     #[must_use]
-    pub fn limited(mut self, to: &HandUse) -> Self {
-        let Some(named) = &self.named else { return self };
+    pub fn limited_to(mut self, to: &HandUse) -> Self {
+        let Some(named) = &self.named_hand else { return self };
         let SampledHand { surface, mechanism, .. } = &mut self.sampled;
-        to.limit(named, &named.open(), surface, mechanism);
+        to.limit(named, &named.open_angles(), surface, mechanism);
         self.may_close = named.digits().iter().map(|digit| to.digits.contains(digit)).collect();
         if let Some([low, high]) = to.tension {
             self.tensions = (low, high);
@@ -117,28 +117,28 @@ impl GraspingHand {
     /// cables, only the digits in contact close.
     pub fn closing(&self, contacts: &[usize]) -> Vec<bool> {
         let on = |joint: &usize| contacts.iter().any(|c| joint + 1 == self.sampled.surface.candidates[*c].link);
-        match &self.named {
+        match &self.named_hand {
             Some(hand) => hand.digits().iter().map(|digit| hand.links(*digit).iter().any(on)).collect(),
-            None => vec![true; self.mechanism().pulls.len()],
+            None => vec![true; self.mechanism().actuators.len()],
         }
     }
 
     /// Returns `tensions` (N) limited to the efforts that the joints bear.
-    pub fn bearable(&self, tensions: &[f64]) -> Vec<f64> {
-        self.mechanism().within_efforts(tensions).0
+    pub fn limited_to_efforts(&self, tensions: &[f64]) -> Vec<f64> {
+        self.mechanism().limit_tensions(tensions).0
     }
 
     /// Builds the scene of the hand with its joints at `joints` (rad or m) and the floating object at `start`
     /// (`root_from_object`).
-    pub fn scene(&self, subject: &Subject, start: &Isometry3<f64>, joints: &[f64]) -> HandScene {
+    pub fn scene(&self, subject: &PreparedObject, start: &Isometry3<f64>, joints: &[f64]) -> HandScene {
         let mut scene = HandScene::new(&self.body, joints);
-        scene.place(&subject.model, start);
+        scene.add_object(&subject.model, start);
         scene
     }
 
     /// Returns the open posture of a record.
-    pub fn reopened(&self, grasp: &HeldGrasp) -> FreePosture {
-        match (&self.named, &grasp.open_tensions) {
+    pub fn open_posture(&self, grasp: &HeldGrasp) -> FreePosture {
+        match (&self.named_hand, &grasp.open_tensions) {
             (Some(hand), _) => posture::project(hand, &grasp.open_joints),
             (None, tensions) => FreePosture {
                 tensions: tensions.as_deref().unwrap_or_default().to_vec(),

@@ -9,20 +9,20 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use dexterous_grasping::synthesis::held::{HeldGrasp, pose_from_array, pose_to_array};
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use hand_model::Hand;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use statistics::Rate;
+use statistics::SuccessRate;
 
-use super::grasp_file::source;
+use super::grasp_file::source_file;
 use super::grasping_hand::GraspingHand;
-use super::report::Verified;
-use super::search::{self, Start};
-use super::subject::Subject;
-use super::synthesizer::{Request, Synthesizer};
+use super::report::CheckCounts;
+use super::search::{self, SearchStart};
+use super::subject::PreparedObject;
+use super::synthesizer::{SynthesisRequest, Synthesizer};
 use super::urdf_hand::describe;
 
 /// A hand of the comparison.
@@ -34,19 +34,19 @@ pub struct ComparedHand {
 
 impl ComparedHand {
     /// Creates the entry of our own hand.
-    pub fn of(hand: Arc<Hand>) -> Self {
-        Self { hand: GraspingHand::of(hand), files: String::new() }
+    pub fn from_hand(hand: Arc<Hand>) -> Self {
+        Self { hand: GraspingHand::from_hand(hand), files: String::new() }
     }
 
     pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
-        let files = format!("{} {}", source(urdf)?.sha256, source(pulls)?.sha256);
+        let files = format!("{} {}", source_file(urdf)?.sha256, source_file(pulls)?.sha256);
         Ok(Self { hand: describe::read(urdf, pulls)?, files })
     }
 }
 
 /// Inputs that determine the result of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Asked {
+pub struct CellInputs {
     /// Name of the hand.
     pub hand: String,
     /// Name of the object.
@@ -78,24 +78,24 @@ pub struct BestGrasp {
 
 /// One hand on one object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Cell {
+pub struct ComparisonCell {
     /// Inputs of the cell.
-    pub asked: Asked,
+    pub asked: CellInputs,
     /// Number of chains that ended in a closed grasp.
     closed: u64,
     /// Counts of checks passed.
-    verified: Verified,
+    verified: CheckCounts,
     /// Number of verified grasps that held without tension. Not tried for our own hand.
     held_without_tension: Option<u64>,
     /// The verified grasp with the largest wrench margin.
     pub best: Option<BestGrasp>,
 }
 
-impl Cell {
+impl ComparisonCell {
     /// Reads the cell that an earlier run left in `folder`, or computes it and writes it there.
-    pub fn resume(hand: &ComparedHand, object: &str, request: &Request, folder: &Path) -> Result<Self> {
-        let subject = Subject::named(object)?;
-        let asked = Asked {
+    pub fn resume(hand: &ComparedHand, object: &str, request: &SynthesisRequest, folder: &Path) -> Result<Self> {
+        let subject = PreparedObject::from_set(object)?;
+        let asked = CellInputs {
             hand: hand.hand.name().into(),
             object: object.into(),
             chains: request.chains,
@@ -123,24 +123,29 @@ impl Cell {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         }
-        let made = cell(&hand.hand, subject, asked, request)?;
-        write_whole(&path, serde_json::to_string(&made)?.as_bytes())
+        let made = compute_cell(&hand.hand, subject, asked, request)?;
+        write_atomically(&path, serde_json::to_string(&made)?.as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
         Ok(made)
     }
 
     /// Returns the share of the chains that left a verified grasp.
-    pub fn rate(&self) -> Rate {
-        Rate::new(self.verified.all, self.asked.chains)
+    pub fn rate(&self) -> SuccessRate {
+        SuccessRate::new(self.verified.all, self.asked.chains)
     }
 }
 
-fn cell(hand: &GraspingHand, subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
+fn compute_cell(
+    hand: &GraspingHand,
+    subject: PreparedObject,
+    asked: CellInputs,
+    request: &SynthesisRequest,
+) -> Result<ComparisonCell> {
     let synthesizer = Synthesizer::new(hand, subject, *request);
-    let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
+    let (report, held) = search::search(&synthesizer, SearchStart::default(), None, &ProgressBar::hidden())?;
     let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| in_palm_frame(hand, grasp));
     let slack = report.judgement.map(|judgement| judgement.held_without_tension);
-    Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
+    Ok(ComparisonCell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
 }
 
 /// Converts a record to the palm frame.
@@ -155,15 +160,15 @@ fn in_palm_frame(hand: &GraspingHand, grasp: &HeldGrasp) -> BestGrasp {
 }
 
 /// Returns the rate of a hand over all of its cells together.
-pub fn total(cells: &[Cell], hand: &str) -> Rate {
+pub fn total(cells: &[ComparisonCell], hand: &str) -> SuccessRate {
     let own = cells.iter().filter(|cell| cell.asked.hand == hand);
     let (count, of) = own.fold((0, 0), |(count, of), cell| (count + cell.verified.all, of + cell.asked.chains));
-    Rate::new(count, of)
+    SuccessRate::new(count, of)
 }
 
 /// One hand on one object.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Row {
+struct ComparisonRow {
     /// Name of the hand.
     hand: String,
     /// Name of the object.
@@ -180,25 +185,25 @@ struct Row {
     /// Number of chains that ended in a closed grasp.
     closed: u64,
     /// Number of chains that pass each check.
-    checks: Verified,
+    checks: CheckCounts,
     /// Number of verified grasps that hold without tension, which should be small. Null for our own hand.
     held_without_tension: Option<u64>,
 }
 
 /// Cells and the total of each hand, as written to `hands.json`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Comparison {
+pub struct HandComparison {
     /// One entry per hand and object.
-    rows: Vec<Row>,
+    rows: Vec<ComparisonRow>,
     /// Rates by hand.
-    hands: BTreeMap<String, Rate>,
+    hands: BTreeMap<String, SuccessRate>,
 }
 
-impl Comparison {
-    pub fn of(cells: &[Cell]) -> Self {
-        let row = |cell: &Cell| {
-            let Rate { count, of, low, high, .. } = cell.rate();
-            Row {
+impl HandComparison {
+    pub fn from_cells(cells: &[ComparisonCell]) -> Self {
+        let row = |cell: &ComparisonCell| {
+            let SuccessRate { count, of, low, high, .. } = cell.rate();
+            ComparisonRow {
                 hand: cell.asked.hand.clone(),
                 object: cell.asked.object.clone(),
                 verified: count,
@@ -217,8 +222,8 @@ impl Comparison {
 
 /// Formats the comparison as a table, with a line per object and a column per hand. `cells` are in the order of
 /// `hands`.
-pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[Cell]) -> String {
-    let percent = |rate: &Rate| {
+pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[ComparisonCell]) -> String {
+    let percent = |rate: &SuccessRate| {
         let (low, high) = (100.0 * rate.low, 100.0 * rate.high);
         format!("{}/{} [{low:.0}, {high:.0}] %", rate.count, rate.of)
     };

@@ -7,43 +7,43 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use dexterous_grasping::synthesis::collection::{Collection, ObjectGrasps, Summary};
+use dexterous_grasping::synthesis::collection::{Collection, ObjectGrasps, SearchSummary};
 use dexterous_grasping::synthesis::diversity::{self, Diversity};
-use dexterous_grasping::synthesis::grasp_file::{GraspWriter, Header};
+use dexterous_grasping::synthesis::grasp_file::{GraspFileHeader, GraspWriter};
 use dexterous_grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use indicatif::ProgressBar;
 
 use super::grasping_hand::GraspingHand;
-use super::report::Report;
-use super::search::{self, Start};
-use super::subject::Subject;
-use super::synthesizer::{Request, Synthesizer};
+use super::report::SynthesisReport;
+use super::search::{self, SearchStart};
+use super::subject::PreparedObject;
+use super::synthesizer::{SynthesisRequest, Synthesizer};
 
 /// Part of one object.
 #[derive(Debug, Clone, Copy)]
-pub struct Part<'a> {
+pub struct CollectionPart<'a> {
     /// Name of the object.
     pub object: &'a str,
     /// File of its grasps.
     pub file: &'a Path,
     /// The file's header: the inputs that determine the object's grasps. The number of grasps wanted is not among them.
-    pub header: &'a Header,
+    pub header: &'a GraspFileHeader,
 }
 
-impl Part<'_> {
+impl CollectionPart<'_> {
     /// Continues the search until `request` is met, and returns the object's grasps.
-    pub fn fill(&self, hand: &Arc<Hand>, request: Request, progress: &ProgressBar) -> Result<ObjectGrasps> {
+    pub fn fill(&self, hand: &Arc<Hand>, request: SynthesisRequest, progress: &ProgressBar) -> Result<ObjectGrasps> {
         let (writer, kept) = self.open()?;
         let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
-        let (report, grasps) = if kept.len() < request.enough {
-            let hand = GraspingHand::of(hand.clone());
-            let synthesizer = Synthesizer::new(&hand, Subject::named(self.object)?, request);
-            search::search(&synthesizer, Start { chain, kept }, Some(writer), progress)?
+        let (report, grasps) = if kept.len() < request.max_grasps {
+            let hand = GraspingHand::from_hand(hand.clone());
+            let synthesizer = Synthesizer::new(&hand, PreparedObject::from_set(self.object)?, request);
+            search::search(&synthesizer, SearchStart { chain, kept }, Some(writer), progress)?
         } else {
-            (Report::default(), kept.into_iter().take(request.enough).collect())
+            (SynthesisReport::default(), kept.into_iter().take(request.max_grasps).collect())
         };
-        let full = grasps.len() >= request.enough;
+        let full = grasps.len() >= request.max_grasps;
         let chains = if full { chains_behind(&grasps) } else { request.chains };
         let short = (!full).then(|| {
             format!(
@@ -55,11 +55,11 @@ impl Part<'_> {
                 report.duplicates
             )
         });
-        Ok(self.grasps(request.enough, grasps, chains, short))
+        Ok(self.grasps(request.max_grasps, grasps, chains, short))
     }
 
-    /// Returns the object's grasps found so far, at most `wanted`.
-    pub fn found(&self, wanted: usize) -> Result<ObjectGrasps> {
+    /// Returns the object's grasps found so far, at most `type_filter`.
+    pub fn found_so_far(&self, wanted: usize) -> Result<ObjectGrasps> {
         if !self.file.exists() {
             return Ok(self.grasps(wanted, Vec::new(), 0, Some("not searched yet".into())));
         }
@@ -79,7 +79,7 @@ impl Part<'_> {
     }
 
     fn grasps(&self, wanted: usize, grasps: Vec<HeldGrasp>, chains: u64, short: Option<String>) -> ObjectGrasps {
-        let summary = Summary { object: self.object.into(), wanted, kept: grasps.len(), chains, short };
+        let summary = SearchSummary { object: self.object.into(), wanted, kept: grasps.len(), chains, short };
         ObjectGrasps { summary, grasps }
     }
 }

@@ -1,51 +1,51 @@
 //! Records of verified grasps, and their counts in a search's report.
 
-use dexterous_grasping::synthesis::held::{ClosedPose, DigitUse, HeldGrasp, Proof, Values, pose_to_array};
+use dexterous_grasping::synthesis::held::{ClosedPose, DigitUse, HeldGrasp, NamedValues, VerifiedLoad, pose_to_array};
 use hand_model::{Digit, Hand};
 use nalgebra::{Point3, Vector3};
-use sim::hand_scene::Touch;
+use sim::hand_scene::SceneContact;
 
 use super::checks;
-use super::closing::{Closed, contact};
+use super::closing::{ClosedGrasp, held_contact};
 use super::grasping_hand::GraspingHand;
-use super::report::{Judgement, Report};
-use super::subject::Subject;
-use super::synthesizer::Checked;
+use super::report::{DerivedHandCounts, SynthesisReport};
+use super::subject::PreparedObject;
+use super::synthesizer::CheckedGrasp;
 use super::urdf_hand::refusal;
 
 /// Creates an empty report of a search.
-pub fn report(hand: &GraspingHand) -> Report {
-    let judgement = hand.found.as_ref().map(|_| Judgement::default());
-    Report { hand: hand.name().into(), notes: hand.notes.clone(), judgement, ..Report::default() }
+pub fn report(hand: &GraspingHand) -> SynthesisReport {
+    let judgement = hand.derived_surface.as_ref().map(|_| DerivedHandCounts::default());
+    SynthesisReport { hand: hand.name().into(), notes: hand.notes.clone(), judgement, ..SynthesisReport::default() }
 }
 
 /// Counts a verified grasp in the report.
-pub fn count(hand: &GraspingHand, checked: &Checked, report: &mut Report) {
-    let Closed { scene, touches, .. } = &checked.closed;
-    if let Some(named) = &hand.named {
+pub fn count(hand: &GraspingHand, checked: &CheckedGrasp, report: &mut SynthesisReport) {
+    let ClosedGrasp { scene, touches, .. } = &checked.closed;
+    if let Some(named) = &hand.named_hand {
         for digit in digits(named, touches).0 {
             *report.digits.entry(digit.name()).or_default() += 1;
         }
     }
-    if let (Some(found), Some(judgement)) = (&hand.found, &mut report.judgement) {
+    if let (Some(found), Some(judgement)) = (&hand.derived_surface, &mut report.judgement) {
         let links = scene.links();
-        let gaps = touches.iter().map(|touch| refusal::gap(found, &links, touch));
+        let gaps = touches.iter().map(|touch| refusal::surface_gap(found, &links, touch));
         judgement.surface_gap = gaps.fold(judgement.surface_gap, f64::max);
-        judgement.opposed += u64::from(refusal::opposes(hand, touches));
+        judgement.opposed += u64::from(refusal::has_opposed_digits(hand, touches));
     }
 }
 
 /// Returns the record of a verified grasp without its proof.
-pub fn record(hand: &GraspingHand, subject: &Subject, chain: u64, checked: &Checked) -> HeldGrasp {
-    let (closed, mechanism, named) = (&checked.closed, hand.mechanism(), hand.named.is_some());
+pub fn to_held_grasp(hand: &GraspingHand, subject: &PreparedObject, chain: u64, checked: &CheckedGrasp) -> HeldGrasp {
+    let (closed, mechanism, named) = (&checked.closed, hand.mechanism(), hand.named_hand.is_some());
     let (pose, links) = (pose_to_array(&closed.scene.object()), closed.scene.links());
-    let values = |names: Vec<String>, values: &[f64]| Values {
+    let values = |names: Vec<String>, values: &[f64]| NamedValues {
         names: if named { Vec::new() } else { names },
         values: values.to_vec(),
     };
     let by_joint = |angles| values(mechanism.tree.joints.iter().map(|joint| joint.name.clone()).collect(), angles);
-    let by_pull = |tensions| values(mechanism.pulls.iter().map(|pull| pull.name.clone()).collect(), tensions);
-    let on_surface = |touch: &Touch| match &hand.found {
+    let by_pull = |tensions| values(mechanism.actuators.iter().map(|pull| pull.name.clone()).collect(), tensions);
+    let on_surface = |touch: &SceneContact| match &hand.derived_surface {
         Some(found) => refusal::on_surface(found, &links, touch),
         None => touch.point,
     };
@@ -59,8 +59,8 @@ pub fn record(hand: &GraspingHand, subject: &Subject, chain: u64, checked: &Chec
         open_tensions: (!named).then(|| by_pull(&closed.open.tensions)),
         tensions: by_pull(&closed.pull.tensions),
         opposition: named.then_some(closed.pull.opposition),
-        contacts: closed.touches.iter().map(|touch| contact(touch, &on_surface(touch))).collect(),
-        digit_use: hand.named.as_ref().map(|named| digit_use(hand, named, subject, closed)),
+        contacts: closed.touches.iter().map(|touch| held_contact(touch, &on_surface(touch))).collect(),
+        digit_use: hand.named_hand.as_ref().map(|named| digit_use(hand, named, subject, closed)),
         margin: checked.margin,
         penetration: checked.penetration,
         held_without_tension: None,
@@ -68,10 +68,10 @@ pub fn record(hand: &GraspingHand, subject: &Subject, chain: u64, checked: &Chec
         energy: named.then_some(checked.sample.terms.total),
         proof: None,
     }
-    .rounded()
+    .at_file_precision()
 }
 
-fn digit_use(hand: &GraspingHand, named: &Hand, subject: &Subject, closed: &Closed) -> DigitUse {
+fn digit_use(hand: &GraspingHand, named: &Hand, subject: &PreparedObject, closed: &ClosedGrasp) -> DigitUse {
     let (digits, free) = digits(named, &closed.touches);
     let object_from_palm = closed.scene.object().inverse();
     let links = named.tree.forward(closed.scene.angles());
@@ -89,15 +89,15 @@ fn digit_use(hand: &GraspingHand, named: &Hand, subject: &Subject, closed: &Clos
 }
 
 /// Completes a record with its proof.
-pub fn prove(hand: &GraspingHand, checked: &Checked, proof: Proof, grasp: &mut HeldGrasp) {
-    let slack = || checks::hold(&checked.closed.slack(), checked.mass).held;
-    grasp.held_without_tension = hand.found.as_ref().map(|_| slack());
+pub fn add_verification(hand: &GraspingHand, checked: &CheckedGrasp, proof: VerifiedLoad, grasp: &mut HeldGrasp) {
+    let slack = || checks::run_hold_test(&checked.closed.slack(), checked.mass).held;
+    grasp.held_without_tension = hand.derived_surface.as_ref().map(|_| slack());
     grasp.proof = Some(proof);
-    *grasp = grasp.clone().rounded();
+    *grasp = grasp.clone().at_file_precision();
 }
 
 /// Returns the digits in contact, and the others.
-fn digits(hand: &Hand, touches: &[Touch]) -> (Vec<Digit>, Vec<Digit>) {
+fn digits(hand: &Hand, touches: &[SceneContact]) -> (Vec<Digit>, Vec<Digit>) {
     let touching =
         |digit: &Digit| touches.iter().any(|touch| touch.link.is_some_and(|link| hand.links(*digit).contains(&link)));
     hand.digits().iter().copied().partition(touching)

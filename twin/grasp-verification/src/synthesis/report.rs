@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::load::Load;
-use super::urdf_hand::refusal::Refused;
+use super::object_properties::ObjectProperties;
+use super::urdf_hand::refusal::RefusalCounts;
 
 /// Counts of passed checks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Verified {
+pub struct CheckCounts {
     /// Passed (a), the friction-cone margin.
     pub a: u64,
     /// Passed (b), penetration.
@@ -21,7 +21,7 @@ pub struct Verified {
     pub all: u64,
 }
 
-impl Verified {
+impl CheckCounts {
     /// Counts one more grasp with these verdicts.
     pub fn add(&mut self, [a, b, c]: [bool; 3]) {
         self.a += u64::from(a);
@@ -33,9 +33,9 @@ impl Verified {
 
 /// Results for a hand whose surface and palm are derived from its files.
 #[derive(Debug, Clone, Default, Serialize, JsonSchema)]
-pub struct Judgement {
+pub struct DerivedHandCounts {
     /// Grasps that passed all three checks but are refused.
-    pub refused: Refused,
+    pub refused: RefusalCounts,
     /// Verified grasps in which two digits press against each other.
     pub opposed: u64,
     /// Largest distance of a verified grasp's contact from its link's own surface, m. In the record, the contact is
@@ -47,7 +47,7 @@ pub struct Judgement {
 
 /// Results of a search.
 #[derive(Debug, Clone, Default, Serialize, JsonSchema)]
-pub struct Report {
+pub struct SynthesisReport {
     pub hand: String,
     pub object: String,
     /// Number of contact candidates on the hand.
@@ -67,7 +67,7 @@ pub struct Report {
     /// Number of chains whose first, plain closing passed all checks.
     pub plain: u64,
     /// Counts of checks passed. All three counts only grasps that are not refused.
-    pub verified: Verified,
+    pub verified: CheckCounts,
     /// Number of verified grasps of the wanted type. `None` if any type will do.
     pub of_type: Option<u64>,
     /// Number of verified grasps that nearly equal an earlier one. They are not written.
@@ -75,9 +75,9 @@ pub struct Report {
     /// Number of grasps kept and written.
     pub kept: usize,
     #[serde(flatten)]
-    pub judgement: Option<Judgement>,
+    pub judgement: Option<DerivedHandCounts>,
     /// Mass (kg) and friction for which grasps are verified, and the payloads of those kept.
-    pub load: Load,
+    pub load: ObjectProperties,
     /// Wall time, s.
     pub wall_s: f64,
     /// Iterations of the sampler per second and thread.
@@ -88,7 +88,7 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-impl Report {
+impl SynthesisReport {
     /// Returns a warning if the hand holds objects, but never between digits that oppose each other.
     pub(super) fn opposition_warning(&self) -> Option<String> {
         let all = self.verified.all;
@@ -122,9 +122,9 @@ impl Report {
             format!("(b) penetration   {}", share(self.verified.b)),
             format!("(c) held          {}", share(self.verified.c)),
         ];
-        if let Some(Judgement { refused, .. }) = &self.judgement {
+        if let Some(DerivedHandCounts { refused, .. }) = &self.judgement {
             rows.extend([
-                format!("refused           {}", share(refused.all())),
+                format!("refused           {}", share(refused.total())),
                 format!("  on a fixed part {}", share(refused.leans_on_fixed_part)),
                 format!("  off the surface {}", share(refused.contact_off_surface)),
                 format!("  out of reach    {}", share(refused.unreachable)),
@@ -134,7 +134,7 @@ impl Report {
             format!("all three         {}", share(self.verified.all)),
             format!("  at first closing{}; {} closings in all", share(self.plain), self.closings),
         ]);
-        if let Some(Judgement { opposed, surface_gap, held_without_tension, .. }) = &self.judgement {
+        if let Some(DerivedHandCounts { opposed, surface_gap, held_without_tension, .. }) = &self.judgement {
             rows.extend([
                 format!("  of these with opposed digits {opposed}"),
                 format!("  contacts within {:.1} mm of the links' own surfaces", 1e3 * surface_gap),

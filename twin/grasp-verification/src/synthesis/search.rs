@@ -6,22 +6,22 @@ use std::time::Instant;
 
 use anyhow::Result;
 use dexterous_grasping::synthesis::grasp_file::GraspWriter;
-use dexterous_grasping::synthesis::held::{HeldGrasp, Proof};
+use dexterous_grasping::synthesis::held::{HeldGrasp, VerifiedLoad};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
-use super::closing::NotClosed;
-use super::load::Load;
+use super::closing::ClosingFailure;
+use super::object_properties::ObjectProperties;
 use super::record;
-use super::report::Report;
-use super::synthesizer::{ChainResult, Checked, Synthesizer};
+use super::report::SynthesisReport;
+use super::synthesizer::{ChainResult, CheckedGrasp, Synthesizer};
 
 /// Number of chains between two writes to the file. All threads have work, and an interruption loses little.
-const BATCH: u64 = 32;
+const BATCH_SIZE: u64 = 32;
 
 /// Start of a search, from nothing or from an interrupted search.
 #[derive(Debug, Default)]
-pub struct Start {
+pub struct SearchStart {
     /// Number of the first chain.
     pub chain: u64,
     /// Grasps found before it.
@@ -32,43 +32,43 @@ pub struct Start {
 /// the report and all grasps kept.
 pub fn search(
     synthesizer: &Synthesizer<'_>,
-    from: Start,
+    from: SearchStart,
     mut writer: Option<GraspWriter>,
     progress: &ProgressBar,
-) -> Result<(Report, Vec<HeldGrasp>)> {
+) -> Result<(SynthesisReport, Vec<HeldGrasp>)> {
     let start = Instant::now();
     let Synthesizer { hand, subject, request, .. } = synthesizer;
     let model = &subject.model;
     let surface = &hand.sampled.surface;
     let (candidates, surface_points) = (surface.candidates.len(), surface.len());
-    let mut report = Report { object: model.name.clone(), candidates, surface_points, ..record::report(hand) };
+    let mut report = SynthesisReport { object: model.name.clone(), candidates, surface_points, ..record::report(hand) };
     show_chains(progress, &model.name, request.chains)?;
     progress.set_position(from.chain);
     let (mut steps, mut sampling_s) = (0, 0.0);
     let mut kept = from.kept;
-    for first in (from.chain..request.chains).step_by(BATCH as usize) {
-        if kept.len() >= request.enough {
+    for first in (from.chain..request.chains).step_by(BATCH_SIZE as usize) {
+        if kept.len() >= request.max_grasps {
             break;
         }
-        let chains = first..(first + BATCH).min(request.chains);
+        let chains = first..(first + BATCH_SIZE).min(request.chains);
         let results: Vec<(u64, ChainResult)> =
             chains.into_par_iter().map(|chain| Ok((chain, synthesizer.run(chain)?))).collect::<Result<_>>()?;
         let before = kept.len();
-        let mut fresh: Vec<&Checked> = Vec::new();
+        let mut fresh: Vec<&CheckedGrasp> = Vec::new();
         for (chain, result) in &results {
             steps += result.steps;
             sampling_s += result.sampling_s;
             report.requested += 1;
             report.closings += result.closings as u64;
             progress.inc(1);
-            report.plain += u64::from(result.plain.as_ref().is_ok_and(Checked::verified));
+            report.plain += u64::from(result.plain.as_ref().is_ok_and(CheckedGrasp::verified));
             let checked = match result.grasp() {
                 Ok(checked) => checked,
-                Err(NotClosed::Blocked) => {
+                Err(ClosingFailure::Blocked) => {
                     report.blocked += 1;
                     continue;
                 }
-                Err(NotClosed::PushedAway) => {
+                Err(ClosingFailure::PushedAway) => {
                     report.pushed_away += 1;
                     continue;
                 }
@@ -83,8 +83,8 @@ pub fn search(
                 continue;
             }
             record::count(hand, checked, &mut report);
-            let grasp = record::record(hand, subject, *chain, checked);
-            if let Some(of_type) = synthesizer.of_type(|| grasp.clone()) {
+            let grasp = record::to_held_grasp(hand, subject, *chain, checked);
+            if let Some(of_type) = synthesizer.is_of_wanted_type(|| grasp.clone()) {
                 *report.of_type.get_or_insert(0) += u64::from(of_type);
                 if !of_type {
                     continue;
@@ -92,19 +92,19 @@ pub fn search(
             }
             if kept.iter().any(|other| other.nearly_equals(&grasp, |a, b| model.symmetry.angle(a, b))) {
                 report.duplicates += 1;
-            } else if kept.len() < request.enough {
+            } else if kept.len() < request.max_grasps {
                 kept.push(grasp);
                 fresh.push(checked);
             }
         }
         // A proof costs more than all earlier steps, so only the grasps that are kept get one.
         kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
-            let proof: Proof = synthesizer.proof(checked);
-            record::prove(hand, checked, proof, grasp);
+            let proof: VerifiedLoad = synthesizer.verified_load(checked);
+            record::add_verification(hand, checked, proof, grasp);
         });
         if let Some(writer) = &mut writer {
             for grasp in &kept[before..] {
-                writer.add(&grasp.clone().with_frame_moved(&subject.origin).rounded())?;
+                writer.add(&grasp.clone().with_frame_moved(&subject.origin).at_file_precision())?;
             }
         }
         progress.set_message(report.verified.all.to_string());
@@ -116,7 +116,7 @@ pub fn search(
         judgement.held_without_tension = slack.count() as u64;
     }
     let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
-    report.load = Load::of(model, payloads);
+    report.load = ObjectProperties::summarize(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
     report.notes.extend(report.opposition_warning());
@@ -162,22 +162,29 @@ mod tests {
     use hand_model::Hand;
 
     use super::super::grasping_hand::GraspingHand;
-    use super::super::report::Verified;
-    use super::super::subject::Subject;
-    use super::super::synthesizer::Request;
+    use super::super::report::CheckCounts;
+    use super::super::subject::PreparedObject;
+    use super::super::synthesizer::SynthesisRequest;
     use super::*;
 
-    fn verified(threads: usize) -> (Verified, Vec<String>) {
-        let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let hand = GraspingHand::of(Arc::new(Hand::ftac()));
-        let synthesizer = Synthesizer::new(&hand, Subject::named("ball").expect("the ball"), request);
+    fn verified(threads: usize) -> (CheckCounts, Vec<String>) {
+        let request = SynthesisRequest {
+            chains: 6,
+            max_grasps: usize::MAX,
+            contacts: (5, 5),
+            closings: 4,
+            seed: 3,
+            table: false,
+        };
+        let hand = GraspingHand::from_hand(Arc::new(Hand::ftac()));
+        let synthesizer = Synthesizer::new(&hand, PreparedObject::from_set("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");
-        let header = dexterous_grasping::synthesis::grasp_file::Header::new(String::new(), 3);
+        let header = dexterous_grasping::synthesis::grasp_file::GraspFileHeader::new(String::new(), 3);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let writer = GraspWriter::create(&path, &header).expect("created");
         let (report, _) = pool
-            .install(|| search(&synthesizer, Start::default(), Some(writer), &ProgressBar::hidden()))
+            .install(|| search(&synthesizer, SearchStart::default(), Some(writer), &ProgressBar::hidden()))
             .expect("searched");
         let lines = std::fs::read_to_string(&path).expect("read").lines().map(str::to_owned).collect();
         (report.verified, lines)

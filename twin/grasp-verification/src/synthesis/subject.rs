@@ -7,10 +7,10 @@ use anyhow::{Context, Result, anyhow, bail};
 use dexterous_grasping::synthesis::field::DistanceField;
 use dexterous_grasping::synthesis::held::HeldGrasp;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use world::geometry::{Mesh, Shape};
+use world::geometry::{Mesh, ObjectShape};
 use world::objects::{ObjectModel, ObjectSet, Symmetry};
 
-use super::size::{self, Opening};
+use super::size::{self, HandOpening};
 
 /// Default mass of a mesh in the holding test, kg (DexGraspBench).
 pub const TEST_MASS: f64 = 0.1;
@@ -23,18 +23,18 @@ pub fn verified_for(grasp: &HeldGrasp) -> (f64, f64) {
 }
 
 /// Smallest cell of the distance field, m, and largest number of cells along the object's longest side.
-const FINEST_CELL: f64 = 2.0e-3;
-const MOST_CELLS: f64 = 80.0;
+const MIN_CELL: f64 = 2.0e-3;
+const MAX_CELLS: f64 = 80.0;
 /// Margin of the field around the object, m.
-const MARGIN: f64 = 0.02;
+const FIELD_MARGIN: f64 = 0.02;
 /// Number of points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
 /// Least value of the object's largest extent, m: a fingertip's width.
-const SMALLEST: f64 = 0.008;
+const MIN_OBJECT_EXTENT: f64 = 0.008;
 
 /// Object prepared for sampling.
 #[derive(Clone)]
-pub struct Subject {
+pub struct PreparedObject {
     /// The object as it is tested, with the mass and friction of the test.
     pub model: Arc<ObjectModel>,
     pub field: DistanceField,
@@ -44,12 +44,12 @@ pub struct Subject {
     pub origin: Vector3<f64>,
     /// Start points of a search, object frame, m: places where the object is thin enough. Empty if the object is thin
     /// enough as a whole.
-    pub places: Vec<Vector3<f64>>,
+    pub start_points: Vec<Vector3<f64>>,
 }
 
-impl Subject {
+impl PreparedObject {
     /// Prepares an object of the set, with its own mass.
-    pub fn named(name: &str) -> Result<Self> {
+    pub fn from_set(name: &str) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let Some(object) = set.get(name) else {
             bail!("--object: no object is called `{name}`; known are: {}", set.names().join(", "));
@@ -67,7 +67,7 @@ impl Subject {
         let note = (!repair.is_none()).then(|| repair.to_string());
         let (low, high) = mesh.aabb();
         let extent = high - low;
-        if extent.max() < SMALLEST {
+        if extent.max() < MIN_OBJECT_EXTENT {
             return refuse(
                 format!("a largest extent of {:.2} mm", 1e3 * extent.max()),
                 "at least 8 mm: it would vanish between two fingertips (is the file in metres?)",
@@ -79,7 +79,7 @@ impl Subject {
         let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
         let model = ObjectModel {
             name,
-            shape: Shape::Mesh(Arc::new(mesh)),
+            shape: ObjectShape::Mesh(Arc::new(mesh)),
             mass: TEST_MASS,
             friction: TEST_FRICTION,
             color: [160, 160, 160],
@@ -87,14 +87,14 @@ impl Subject {
             symmetry: Symmetry::None,
         };
         // An object that would fall over as given is placed on the table as it would come to rest.
-        let mut subject = Self::new(model.clone().at_rest().unwrap_or(model))?;
+        let mut subject = Self::new(model.clone().in_stable_pose().unwrap_or(model))?;
         subject.origin = origin;
         Ok((subject, note))
     }
 
     /// Returns the object for a hand of this opening. An object that the hand can take nowhere is an error.
-    pub fn for_opening(mut self, opening: &Opening) -> Result<Self> {
-        self.places = size::graspable(&self.model, opening)?;
+    pub fn for_opening(mut self, opening: &HandOpening) -> Result<Self> {
+        self.start_points = size::graspable_places(&self.model, opening)?;
         Ok(self)
     }
 
@@ -107,15 +107,15 @@ impl Subject {
     fn new(model: ObjectModel) -> Result<Self> {
         let field = field(&model)?;
         let surface = model.shape.surface_samples(SURFACE_POINTS);
-        Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros(), places: Vec::new() })
+        Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros(), start_points: Vec::new() })
     }
 }
 
 /// Computes the distance field of an object, in its frame.
 pub fn field(model: &ObjectModel) -> Result<DistanceField> {
     let (low, high) = model.shape.aabb();
-    let cell = FINEST_CELL.max((high - low).max() / MOST_CELLS);
+    let cell = MIN_CELL.max((high - low).max() / MAX_CELLS);
     let (center, _) = model.shape.inertia(model.mass);
-    DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
+    DistanceField::sample(&low, &high, &center, cell, FIELD_MARGIN, |point| model.shape.signed_distance(point))
         .with_context(|| format!("the distance field of {}", model.name))
 }

@@ -3,8 +3,8 @@
 //! [`describe`] finds surface, contact candidates and palm frame. [`refusal`] rejects grasps that pass the checks but
 //! are not possible with the hand as it is.
 
+pub mod derived_surface;
 pub mod describe;
-pub mod found_surface;
 pub(super) mod open_posture;
 mod reach;
 pub mod refusal;

@@ -1,32 +1,32 @@
 //! Weighing: standing with an empty hand, and with the weighed object in it.
 
 use control::motion::CLOSING_TIME;
-use control::motion::tension::{against_friction, approach_tension, closing_tension};
+use control::motion::tension::{closing_tension, friction_compensated, ramp_tension};
 use dexterous_grasping::Grasp;
 use hand_model::robot::{ArmState, RobotBackend};
 use hand_model::{ArmVector, DigitVector, RobotModel};
 
-use super::{Means, Player};
-use crate::arm_load::{bears, force_on_palm};
-use crate::weight::{Part, PickUp, Weight};
+use super::{ExcitationSetup, ScriptPlayer};
+use crate::arm_load::{bears_load, force_on_palm};
+use crate::payload::{Payload, PayloadStep, PickUpPath};
 
 /// Current limit of the opposition servo while it holds, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
 /// Share of the script's speed at which the hand moves to the object and rises with it.
-const SLOW: f64 = 0.3;
+const SPEED_SHARE: f64 = 0.3;
 /// Time for which the digits open after the object was put down, s.
-const LETTING_GO: f64 = 1.0;
+const RELEASE_TIME: f64 = 1.0;
 /// Greatest number of grasps that are tried.
-const TRIES: usize = 3;
+const MAX_GRASP_TRIES: usize = 3;
 /// Force on the hand at which its way to the object is abandoned, N: the arm's errors may bring the hand onto the
 /// table.
-const MOST_PUSH: f64 = 30.0;
+const MAX_PUSH_FORCE: f64 = 30.0;
 /// Deviation of the encoders from a posture beyond which something is in the arm's way, rad.
-const OFF: f64 = 0.008;
+const POSTURE_TOLERANCE: f64 = 0.008;
 
 /// Outcome of weighing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ended {
+pub(super) enum LiftOutcome {
     Done,
     /// No weight is felt in the hand.
     NotLifted,
@@ -37,61 +37,67 @@ pub(super) enum Ended {
 }
 
 /// True if the arm is in the requested posture.
-fn is_there(shown: &ArmState, at: &[f64]) -> bool {
-    shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
+fn is_at_posture(shown: &ArmState, at: &[f64]) -> bool {
+    shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < POSTURE_TOLERANCE)
 }
 
-impl<R: RobotBackend> Player<'_, R> {
-    /// Performs one part of weighing, according to the robot model `own`.
-    pub(super) fn weigh(
+impl<R: RobotBackend> ScriptPlayer<'_, R> {
+    /// Performs one part of weighing, according to the robot model `robot_model`.
+    pub(super) fn calibrate_payload(
         &mut self,
-        means: &Means,
+        means: &ExcitationSetup,
         own: &RobotModel,
-        (weight, part): (&Weight, Part),
+        (weight, part): (&Payload, PayloadStep),
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Ended {
+    ) -> LiftOutcome {
         match part {
-            Part::Empty(posture) => {
-                let at = weight.stand(posture, &means.ready);
-                self.stand(&at, weight.hold, goes_on)
-                    .map_or(Ended::Stopped, |shown| if is_there(&shown, &at) { Ended::Done } else { Ended::OutOfReach })
+            PayloadStep::Empty(posture) => {
+                let at = weight.posture_joints(posture, &means.ready);
+                self.stand_at(&at, weight.hold, goes_on).map_or(LiftOutcome::Stopped, |shown| {
+                    if is_at_posture(&shown, &at) { LiftOutcome::Done } else { LiftOutcome::OutOfReach }
+                })
             }
-            Part::Lifted => self.lift(means, own, weight, goes_on),
+            PayloadStep::Lifted => self.lift(means, own, weight, goes_on),
         }
     }
 
     fn lift(
         &mut self,
-        means: &Means,
+        means: &ExcitationSetup,
         own: &RobotModel,
-        weight: &Weight,
+        weight: &Payload,
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Ended {
-        let Some(object) = weight.model() else { return Ended::OutOfReach };
-        let stands: Vec<ArmVector> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
-        let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Ended::Stopped };
-        if !is_there(&clear, &stands[0]) {
-            return Ended::OutOfReach;
+    ) -> LiftOutcome {
+        let Some(object) = weight.model() else { return LiftOutcome::OutOfReach };
+        let stands: Vec<ArmVector> =
+            (0..weight.posture.len()).map(|n| weight.posture_joints(n, &means.ready)).collect();
+        let Some(clear) = self.stand_at(&stands[0], weight.hold, goes_on) else { return LiftOutcome::Stopped };
+        if !is_at_posture(&clear, &stands[0]) {
+            return LiftOutcome::OutOfReach;
         }
-        let mut ended = Ended::OutOfReach;
-        for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
+        let mut ended = LiftOutcome::OutOfReach;
+        for way in weight.plan_pick_ups(own, &object, means.grasps, &stands[0]).take(MAX_GRASP_TRIES) {
             match self.pick_up(means, own, &way, goes_on) {
-                Ended::Done => {}
-                Ended::NotLifted => {
-                    ended = Ended::NotLifted;
+                LiftOutcome::Done => {}
+                LiftOutcome::NotLifted => {
+                    ended = LiftOutcome::NotLifted;
                     continue;
                 }
                 other => return other,
             }
-            let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Ended::Stopped };
-            if bears(own, [&clear, &loaded], weight.mass) {
-                let held = stands[1..].iter().all(|at| self.stand(at, weight.hold, goes_on).is_some());
-                return if held && self.put_down(&way, &stands[0], goes_on) { Ended::Done } else { Ended::Stopped };
+            let Some(loaded) = self.stand_at(&stands[0], weight.hold, goes_on) else { return LiftOutcome::Stopped };
+            if bears_load(own, [&clear, &loaded], weight.mass) {
+                let held = stands[1..].iter().all(|at| self.stand_at(at, weight.hold, goes_on).is_some());
+                return if held && self.put_down(&way, &stands[0], goes_on) {
+                    LiftOutcome::Done
+                } else {
+                    LiftOutcome::Stopped
+                };
             }
-            ended = Ended::NotLifted;
+            ended = LiftOutcome::NotLifted;
             self.grip = None;
-            if !self.open(LETTING_GO, goes_on) {
-                return Ended::Stopped;
+            if !self.hold_hand(RELEASE_TIME, goes_on) {
+                return LiftOutcome::Stopped;
             }
         }
         ended
@@ -99,11 +105,11 @@ impl<R: RobotBackend> Player<'_, R> {
 
     /// Moves to a posture and stands there for `time` (s). Returns the mean state of the arm in the second half of that
     /// time.
-    fn stand(&mut self, at: &[f64], time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
-        if !self.go(at, goes_on) || !self.open(0.5 * time, goes_on) {
+    fn stand_at(&mut self, at: &[f64], time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
+        if !self.move_to(at, goes_on) || !self.hold_hand(0.5 * time, goes_on) {
             return None;
         }
-        let mut sum = ArmState::still(self.felt.position.iter().map(|_| 0.0).collect());
+        let mut sum = ArmState::at_rest(self.arm_state.position.iter().map(|_| 0.0).collect());
         let (end, mut ticks) = (self.time + 0.5 * time, 0.0);
         while self.time < end {
             if !self.tick(goes_on) {
@@ -111,8 +117,8 @@ impl<R: RobotBackend> Player<'_, R> {
             }
             ticks += 1.0;
             for joint in 0..sum.position.len() {
-                sum.position[joint] += self.felt.position[joint];
-                sum.torque[joint] += self.felt.torque[joint];
+                sum.position[joint] += self.arm_state.position[joint];
+                sum.torque[joint] += self.arm_state.torque[joint];
             }
         }
         let mean = |sum: ArmVector| sum.iter().map(|sum| sum / f64::max(ticks, 1.0)).collect();
@@ -123,34 +129,34 @@ impl<R: RobotBackend> Player<'_, R> {
     /// that, it returns with nothing lifted.
     fn pick_up(
         &mut self,
-        means: &Means,
+        means: &ExcitationSetup,
         own: &RobotModel,
-        way: &PickUp,
+        way: &PickUpPath,
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Ended {
-        let Some((begin, on)) = way.approach.split_first() else { return Ended::OutOfReach };
-        let (grasp, mut pull) = (&way.grasp, own.hand.slack());
-        let begun = self.go(begin, goes_on);
+    ) -> LiftOutcome {
+        let Some((begin, on)) = way.approach.split_first() else { return LiftOutcome::OutOfReach };
+        let (grasp, mut pull) = (&way.grasp, own.hand.slack_tensions());
+        let begun = self.move_to(begin, goes_on);
         // The digits take their pre-grasp shape.
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
-            return Ended::Stopped;
+            return LiftOutcome::Stopped;
         }
-        let (slow, clear) = (SLOW * self.script.arm_speed, self.felt);
+        let (slow, clear) = (SPEED_SHARE * self.script.arm_speed, self.arm_state);
         for (n, at) in on.iter().enumerate() {
-            if !self.go_at(at, slow, goes_on) {
-                return Ended::Stopped;
+            if !self.move_at_speed(at, slow, goes_on) {
+                return LiftOutcome::Stopped;
             }
-            if force_on_palm(own, [&clear, &self.felt]).is_some_and(|pushed| pushed.norm() > MOST_PUSH) {
+            if force_on_palm(own, [&clear, &self.arm_state]).is_some_and(|pushed| pushed.norm() > MAX_PUSH_FORCE) {
                 self.grip = None;
-                let back = on[..n].iter().rev().chain([begin]).all(|at| self.go_at(at, slow, goes_on));
-                return if back { Ended::NotLifted } else { Ended::Stopped };
+                let back = on[..n].iter().rev().chain([begin]).all(|at| self.move_at_speed(at, slow, goes_on));
+                return if back { LiftOutcome::NotLifted } else { LiftOutcome::Stopped };
             }
         }
         let closed = self.pull_for(means, grasp, &mut pull, 0.0, goes_on);
-        if closed && way.raise.iter().chain(&way.lift).all(|at| self.go_at(at, slow, goes_on)) {
-            Ended::Done
+        if closed && way.raise.iter().chain(&way.lift).all(|at| self.move_at_speed(at, slow, goes_on)) {
+            LiftOutcome::Done
         } else {
-            Ended::Stopped
+            LiftOutcome::Stopped
         }
     }
 
@@ -158,7 +164,7 @@ impl<R: RobotBackend> Player<'_, R> {
     /// negative times, with the pre-grasp tensions.
     fn pull_for(
         &mut self,
-        means: &Means,
+        means: &ExcitationSetup,
         grasp: &Grasp,
         pull: &mut DigitVector,
         mut time: f64,
@@ -169,8 +175,8 @@ impl<R: RobotBackend> Player<'_, R> {
             let wanted = means.robot.hand.each_digit(|digit| {
                 if time < 0.0 { grasp.pre_tension[digit] } else { closing_tension(grasp, digit, time) }
             });
-            let wanted = against_friction(&means.robot.hand, &means.friction, &self.servos, &wanted);
-            approach_tension(pull, &wanted, tick);
+            let wanted = friction_compensated(&means.robot.hand, &means.friction, &self.servos, &wanted);
+            ramp_tension(pull, &wanted, tick);
             self.grip = Some(means.robot.hand.servo_goals(pull, grasp.opposition, OPPOSITION_CURRENT));
             if !self.tick(goes_on) {
                 return false;
@@ -181,19 +187,19 @@ impl<R: RobotBackend> Player<'_, R> {
     }
 
     /// Puts the object down where it was picked up, and returns to `stand`.
-    fn put_down(&mut self, way: &PickUp, stand: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
-        let slow = SLOW * self.script.arm_speed;
+    fn put_down(&mut self, way: &PickUpPath, stand: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        let slow = SPEED_SHARE * self.script.arm_speed;
         let Some((above, down)) = way.lift.split_last() else { return false };
         let down = down.iter().rev().chain(way.raise.iter().rev()).chain(way.approach.last());
-        if !self.go(stand, goes_on) || !self.go(above, goes_on) {
+        if !self.move_to(stand, goes_on) || !self.move_to(above, goes_on) {
             return false;
         }
-        if !down.into_iter().all(|at| self.go_at(at, slow, goes_on)) {
+        if !down.into_iter().all(|at| self.move_at_speed(at, slow, goes_on)) {
             return false;
         }
         self.grip = None;
-        self.open(LETTING_GO, goes_on)
-            && way.approach.iter().rev().all(|at| self.go_at(at, slow, goes_on))
-            && self.go(stand, goes_on)
+        self.hold_hand(RELEASE_TIME, goes_on)
+            && way.approach.iter().rev().all(|at| self.move_at_speed(at, slow, goes_on))
+            && self.move_to(stand, goes_on)
     }
 }

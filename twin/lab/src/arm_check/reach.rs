@@ -5,37 +5,37 @@ use std::path::Path;
 use anyhow::Result;
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::{ArmKinematics, Joints};
-use grasp_verification::simulated_world::World;
+use grasp_verification::simulated_world::SimulatedWorld;
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Translation3};
 use rayon::prelude::*;
 use report::picture::{save, text};
 use serde_json::json;
 
-use crate::hand_check::{Row, Verdict};
+use crate::hand_check::{CheckRow, Verdict};
 
 /// Grid, m: spacing of the points, and extents of the maps.
-const STEP: f64 = 0.05;
-const ACROSS: (f64, f64) = (-0.9, 0.9);
-const UP: (f64, f64) = (0.0, 1.2);
+const GRID_STEP: f64 = 0.05;
+const HORIZONTAL_EXTENT: (f64, f64) = (-0.9, 0.9);
+const VERTICAL_EXTENT: (f64, f64) = (0.0, 1.2);
 /// Height of the map seen from above, m.
-const LEVEL: f64 = 0.15;
+const TOP_MAP_HEIGHT: f64 = 0.15;
 /// Minimum clearance of postures from themselves and from the table, m.
-const CLEAR: f64 = 0.0;
+const MIN_CLEARANCE: f64 = 0.0;
 /// Singularity threshold: smallest singular value of the Jacobian (m/rad).
-const SINGULAR: f64 = 0.04;
+const SINGULARITY_THRESHOLD: f64 = 0.04;
 /// Pixels per point of the grid.
-const PIXELS: u32 = 16;
+const PIXELS_PER_POINT: u32 = 16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Reachability {
     Free,
     NearSingular,
     OnlyColliding,
     OutOfReach,
 }
 
-impl Place {
+impl Reachability {
     const ALL: [(Self, &'static str, [u8; 3]); 4] = [
         (Self::Free, "reached, free", [96, 170, 110]),
         (Self::NearSingular, "reached near a singularity", [220, 190, 80]),
@@ -44,83 +44,92 @@ impl Place {
     ];
 }
 
-fn look(world: &World, kinematics: &ArmKinematics, bodies: &ArmBodies, at: [f64; 3]) -> Result<Place> {
-    let start = kinematics.palm_pose(&world.cell.ready);
+fn classify_point(
+    world: &SimulatedWorld,
+    kinematics: &ArmKinematics,
+    bodies: &ArmBodies,
+    at: [f64; 3],
+) -> Result<Reachability> {
+    let start = kinematics.palm_pose(&world.cell.ready_posture);
     let palm = Isometry3::from_parts(Translation3::from(at), start.rotation);
-    let postures: Vec<Joints> = match kinematics.solve(&palm, &world.cell.ready) {
-        Some(q) if free(kinematics, bodies, &q)? => vec![q],
-        Some(_) => kinematics.solutions(&palm, &world.cell.ready),
-        None => return Ok(Place::OutOfReach),
+    let postures: Vec<Joints> = match kinematics.solve(&palm, &world.cell.ready_posture) {
+        Some(q) if is_collision_free(kinematics, bodies, &q)? => vec![q],
+        Some(_) => kinematics.solutions(&palm, &world.cell.ready_posture),
+        None => return Ok(Reachability::OutOfReach),
     };
-    let mut best = Place::OnlyColliding;
+    let mut best = Reachability::OnlyColliding;
     for q in &postures {
-        if free(kinematics, bodies, q)? {
+        if is_collision_free(kinematics, bodies, q)? {
             let (_, mut jacobian) = kinematics.jacobian(q);
             jacobian.fixed_rows_mut::<3>(3).scale_mut(0.25);
             let smallest = jacobian.singular_values().min();
-            if smallest > SINGULAR {
-                return Ok(Place::Free);
+            if smallest > SINGULARITY_THRESHOLD {
+                return Ok(Reachability::Free);
             }
-            best = Place::NearSingular;
+            best = Reachability::NearSingular;
         }
     }
     Ok(best)
 }
 
-fn free(kinematics: &ArmKinematics, bodies: &ArmBodies, q: &Joints) -> Result<bool> {
-    Ok(bodies.clearance(kinematics, q)?.distance > CLEAR && bodies.height(kinematics, q)? > CLEAR)
+fn is_collision_free(kinematics: &ArmKinematics, bodies: &ArmBodies, q: &Joints) -> Result<bool> {
+    Ok(bodies.clearance(kinematics, q)?.distance > MIN_CLEARANCE
+        && bodies.lowest_point_height(kinematics, q)? > MIN_CLEARANCE)
 }
 
-fn count((from, to): (f64, f64)) -> usize {
-    ((to - from) / STEP).round() as usize + 1
+fn point_count((from, to): (f64, f64)) -> usize {
+    ((to - from) / GRID_STEP).round() as usize + 1
 }
 
 /// Returns the row with its maps: from the side (y = 0) and from above.
-pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
+pub fn row(world: &SimulatedWorld, out: Option<&Path>, quiet: bool) -> Result<CheckRow> {
     let kinematics = world.cell.kinematics();
     let bodies = ArmBodies::new(&kinematics, &world.cell.robot.hand)?;
-    let (columns, heights, depths) = (count(ACROSS), count(UP), count(ACROSS));
-    let across = |n: usize| ACROSS.0 + STEP * n as f64;
-    let side = (0..columns * heights).map(|n| [across(n % columns), 0.0, UP.0 + STEP * (n / columns) as f64]);
-    let above = (0..columns * depths).map(|n| [across(n % columns), across(n / columns), LEVEL]);
+    let (columns, heights, depths) =
+        (point_count(HORIZONTAL_EXTENT), point_count(VERTICAL_EXTENT), point_count(HORIZONTAL_EXTENT));
+    let across = |n: usize| HORIZONTAL_EXTENT.0 + GRID_STEP * n as f64;
+    let side = (0..columns * heights)
+        .map(|n| [across(n % columns), 0.0, VERTICAL_EXTENT.0 + GRID_STEP * (n / columns) as f64]);
+    let above = (0..columns * depths).map(|n| [across(n % columns), across(n / columns), TOP_MAP_HEIGHT]);
     let places: Vec<[f64; 3]> = side.chain(above).collect();
     let bar = progress::bar(places.len() as u64, "places", quiet);
-    let found: Vec<Place> = places
+    let found: Vec<Reachability> = places
         .par_iter()
         .map(|at| {
-            let place = look(world, &kinematics, &bodies, *at);
+            let place = classify_point(world, &kinematics, &bodies, *at);
             bar.inc(1);
             place
         })
         .collect::<Result<_>>()?;
     bar.finish_and_clear();
-    let number = |kind: Place| found.iter().filter(|place| **place == kind).count();
+    let number = |kind: Reachability| found.iter().filter(|place| **place == kind).count();
     let layout = &world.scenario.layout;
     // Points above the places where the objects of a trial stand, at the map's height.
-    let needed: Vec<[f64; 3]> = [&layout.first, &layout.second].iter().map(|spot| [spot.x, spot.y, LEVEL]).collect();
+    let needed: Vec<[f64; 3]> =
+        [&layout.first, &layout.second].iter().map(|spot| [spot.x, spot.y, TOP_MAP_HEIGHT]).collect();
     let mut served = 0;
     for at in &needed {
-        served += usize::from(look(world, &kinematics, &bodies, *at)? == Place::Free);
+        served += usize::from(classify_point(world, &kinematics, &bodies, *at)? == Reachability::Free);
     }
-    let mut row = Row::new(
+    let mut row = CheckRow::new(
         "reach, palm level",
-        format!("{} of {} places free", number(Place::Free), found.len()),
+        format!("{} of {} places free", number(Reachability::Free), found.len()),
         "table in reach",
         &format!(
-            "places {:.0} mm apart in the plane y = 0 and at z = {LEVEL} m: a posture within the limits at which no two bodies of arm, \
+            "places {:.0} mm apart in the plane y = 0 and at z = {TOP_MAP_HEIGHT} m: a posture within the limits at which no two bodies of arm, \
              hand and table touch; near a singularity {}, only with a collision {}, out of reach {}; over both objects' places: \
              {served} of {}",
-            STEP * 1e3,
-            number(Place::NearSingular),
-            number(Place::OnlyColliding),
-            number(Place::OutOfReach),
+            GRID_STEP * 1e3,
+            number(Reachability::NearSingular),
+            number(Reachability::OnlyColliding),
+            number(Reachability::OutOfReach),
             needed.len()
         ),
-        Verdict::of(served == needed.len()),
+        Verdict::from_good(served == needed.len()),
     )
-    .with(json!({
-        "free": number(Place::Free), "near_singular": number(Place::NearSingular),
-        "only_colliding": number(Place::OnlyColliding), "out_of_reach": number(Place::OutOfReach), "step_m": STEP,
+    .with_details(json!({
+        "free": number(Reachability::Free), "near_singular": number(Reachability::NearSingular),
+        "only_colliding": number(Reachability::OnlyColliding), "out_of_reach": number(Reachability::OutOfReach), "step_m": GRID_STEP,
     }));
     if let Some(folder) = out {
         let maps = [
@@ -133,11 +142,11 @@ pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
     Ok(row)
 }
 
-fn draw(maps: &[(&str, &[Place], usize); 2], columns: usize) -> RgbImage {
-    let (width, gap, head) = (columns as u32 * PIXELS, 24u32, 90u32);
-    let tallest = maps.iter().map(|map| map.2).max().unwrap_or(0) as u32 * PIXELS;
+fn draw(maps: &[(&str, &[Reachability], usize); 2], columns: usize) -> RgbImage {
+    let (width, gap, head) = (columns as u32 * PIXELS_PER_POINT, 24u32, 90u32);
+    let tallest = maps.iter().map(|map| map.2).max().unwrap_or(0) as u32 * PIXELS_PER_POINT;
     let mut image = RgbImage::from_pixel(2 * width + 3 * gap, tallest + head + gap, Rgb([255, 255, 255]));
-    for (n, (_, name, color)) in Place::ALL.iter().enumerate() {
+    for (n, (_, name, color)) in Reachability::ALL.iter().enumerate() {
         fill(&mut image, gap, 8 + 14 * n as u32, 10, *color);
         text(&mut image, i64::from(gap) + 16, 9 + 14 * n as i64, name, [40, 42, 48]);
     }
@@ -146,13 +155,19 @@ fn draw(maps: &[(&str, &[Place], usize); 2], columns: usize) -> RgbImage {
         text(&mut image, i64::from(left), i64::from(head) - 14, title, [40, 42, 48]);
         for (n, place) in places.iter().enumerate() {
             let (column, row) = (n % columns, rows - 1 - n / columns);
-            let color = Place::ALL.iter().find(|kind| kind.0 == *place).map_or([0; 3], |kind| kind.2);
-            fill(&mut image, left + column as u32 * PIXELS, head + row as u32 * PIXELS, PIXELS - 1, color);
+            let color = Reachability::ALL.iter().find(|kind| kind.0 == *place).map_or([0; 3], |kind| kind.2);
+            fill(
+                &mut image,
+                left + column as u32 * PIXELS_PER_POINT,
+                head + row as u32 * PIXELS_PER_POINT,
+                PIXELS_PER_POINT - 1,
+                color,
+            );
         }
         // Mark of the base's axis.
-        let middle = ((-ACROSS.0) / STEP).round() as u32;
+        let middle = ((-HORIZONTAL_EXTENT.0) / GRID_STEP).round() as u32;
         let row = if m == 0 { *rows as u32 - 1 } else { *rows as u32 / 2 };
-        fill(&mut image, left + middle * PIXELS + 4, head + row * PIXELS + 4, 7, [40, 42, 48]);
+        fill(&mut image, left + middle * PIXELS_PER_POINT + 4, head + row * PIXELS_PER_POINT + 4, 7, [40, 42, 48]);
     }
     image
 }

@@ -6,32 +6,32 @@ use std::time::Instant;
 use anyhow::Result;
 use control::Twist;
 use control::trajectory::{PathLimits, PosePath, displacement};
-use grasp_verification::simulated_world::World;
-use hand_model::robot::Command;
+use grasp_verification::simulated_world::SimulatedWorld;
+use hand_model::robot::RobotCommand;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use report::picture::{save, tile};
 use report::plot::Plot;
 use serde_json::json;
-use sim::stand::tension_goals;
 use sim::tactile::TactileBoard;
+use sim::test_stand::tension_goals;
 use sim::{SceneSetup, SimulatedRobot};
 
-use crate::hand_check::{Row, Verdict};
+use crate::hand_check::{CheckRow, Verdict};
 
 /// Tolerances on the distance from a path within the arm's limits, m: of the reference, and of the palm in physics.
-const REFERENCE: f64 = 1e-3;
-const PALM: f64 = 5e-3;
+const REFERENCE_TOLERANCE: f64 = 1e-3;
+const PALM_TOLERANCE: f64 = 5e-3;
 /// Limit on the 99th percentile of the solve time, s.
-const SOLVE: f64 = 1e-3;
+const SOLVE_TIME_LIMIT: f64 = 1e-3;
 /// Radius of the circle, m. The speed along it grows and shrinks smoothly.
-const RADIUS: f64 = 0.10;
+const CIRCLE_RADIUS: f64 = 0.10;
 /// Time per turn, s. At the top of the circle, with the palm level, joint 5 turns fastest and allows a turn in 8 s. In
-/// half of [`TURN`] it cannot follow, and the reference has to cut the corner.
-const TURN: f64 = 10.0;
-const HASTY_TURN: f64 = 5.0;
+/// half of [`TURN_TIME`] it cannot follow, and the reference has to cut the corner.
+const TURN_TIME: f64 = 10.0;
+const FAST_TURN_TIME: f64 = 5.0;
 
 /// A trajectory of the palm: pose and twist as functions of time, and duration.
-struct Motion<'a> {
+struct PalmTrajectory<'a> {
     name: &'static str,
     /// True if it is within a Gen3's limits.
     possible: bool,
@@ -39,40 +39,50 @@ struct Motion<'a> {
     at: Box<dyn Fn(f64) -> (Isometry3<f64>, Twist) + 'a>,
 }
 
-fn motions(start: Isometry3<f64>) -> Result<Vec<Motion<'static>>> {
+fn motions(start: Isometry3<f64>) -> Result<Vec<PalmTrajectory<'static>>> {
     let limits = PathLimits::default().scaled(0.5);
     let shifted = |x: f64, y: f64, z: f64| Translation3::new(x, y, z) * start;
     let turned = |axis: Vector3<f64>| {
         let turn = UnitQuaternion::from_scaled_axis(axis);
         Isometry3::from_parts(start.translation, turn * start.rotation)
     };
-    let path = |name, through: &[Isometry3<f64>]| -> Result<Motion<'static>> {
-        let path = PosePath::timed(through, limits)?;
-        Ok(Motion { name, possible: true, duration: path.duration(), at: Box::new(move |time| path.sample(time)) })
+    let path = |name, through: &[Isometry3<f64>]| -> Result<PalmTrajectory<'static>> {
+        let path = PosePath::fastest(through, limits)?;
+        Ok(PalmTrajectory {
+            name,
+            possible: true,
+            duration: path.duration(),
+            at: Box::new(move |time| path.sample(time)),
+        })
     };
     let circle = move |turn: f64, time: f64| {
         let tau = (time / turn).clamp(0.0, 1.0);
         let angle = std::f64::consts::TAU * tau * tau * tau * (10.0 + tau * (6.0 * tau - 15.0));
         let rate = std::f64::consts::TAU * 30.0 * (tau * (1.0 - tau)).powi(2) / turn;
-        let at = Translation3::new(0.0, RADIUS * angle.sin(), RADIUS * (1.0 - angle.cos())) * start;
-        let v = Vector3::new(0.0, angle.cos(), angle.sin()) * RADIUS * rate;
+        let at = Translation3::new(0.0, CIRCLE_RADIUS * angle.sin(), CIRCLE_RADIUS * (1.0 - angle.cos())) * start;
+        let v = Vector3::new(0.0, angle.cos(), angle.sin()) * CIRCLE_RADIUS * rate;
         (at, Twist::new(v.x, v.y, v.z, 0.0, 0.0, 0.0))
     };
     Ok(vec![
         path("sideways and back", &[start, shifted(0.0, 0.25, 0.0), shifted(0.0, -0.25, 0.0), start])?,
         path("down, out, up", &[start, shifted(0.0, 0.0, -0.15), shifted(0.15, 0.0, -0.15), shifted(0.15, 0.0, 0.1)])?,
         path("turning over", &[start, turned(Vector3::x() * 1.2), turned(Vector3::y() * 0.6), start])?,
-        Motion { name: "circle", possible: true, duration: TURN, at: Box::new(move |time| circle(TURN, time)) },
-        Motion {
+        PalmTrajectory {
+            name: "circle",
+            possible: true,
+            duration: TURN_TIME,
+            at: Box::new(move |time| circle(TURN_TIME, time)),
+        },
+        PalmTrajectory {
             name: "circle, too fast",
             possible: false,
-            duration: HASTY_TURN,
-            at: Box::new(move |time| circle(HASTY_TURN, time)),
+            duration: FAST_TURN_TIME,
+            at: Box::new(move |time| circle(FAST_TURN_TIME, time)),
         },
     ])
 }
 
-struct Followed {
+struct TrackingResult {
     name: &'static str,
     possible: bool,
     /// Deviation from the path over time (s, mm): of the reference, and of the palm.
@@ -83,13 +93,13 @@ struct Followed {
     solves: Vec<f64>,
 }
 
-fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
-    let mut servo = world.cell.arm_servo(world.cell.ready)?;
-    let setup = SceneSetup::ideal(world.cell.world_from_base, world.cell.ready);
+fn track(world: &SimulatedWorld, motion: &PalmTrajectory<'_>) -> Result<TrackingResult> {
+    let mut servo = world.cell.arm_servo(world.cell.ready_posture)?;
+    let setup = SceneSetup::ideal(world.cell.world_from_base, world.cell.ready_posture);
     let mut robot = SimulatedRobot::new(&world.cell.robot, &setup, TactileBoard::blank());
     let servos = tension_goals(&world.cell.robot.hand, &[0.0; 5], 0.0);
     let tick = robot.tick_length();
-    let mut out = Followed {
+    let mut out = TrackingResult {
         name: motion.name,
         possible: motion.possible,
         reference: Vec::new(),
@@ -105,7 +115,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         let step = servo.step(&target, &twist, tick)?;
         out.solves.push(clock.elapsed().as_secs_f64());
         out.saturated += usize::from(step.saturated);
-        robot.send(&Command { arm: step.q, servos, capture: false });
+        robot.send(&RobotCommand { arm: step.q, servos, capture: false });
         robot.wait_for_tick();
         let (shift, turn) = displacement(&world.cell.kinematics().palm_pose(&robot.observe().arm.position), &target);
         out.turn = out.turn.max(turn.norm());
@@ -120,18 +130,19 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
-    let start = world.cell.kinematics().palm_pose(&world.cell.ready);
+pub fn rows(world: &SimulatedWorld, out: Option<&Path>) -> Result<Vec<CheckRow>> {
+    let start = world.cell.kinematics().palm_pose(&world.cell.ready_posture);
     let mut followed = Vec::new();
     for motion in motions(start)? {
-        followed.push(follow(world, &motion)?);
+        followed.push(track(world, &motion)?);
     }
     let most = |line: &[[f64; 2]]| line.iter().fold(0.0f64, |most, p| most.max(p[1]));
     let possible = || followed.iter().filter(|f| f.possible);
-    let worst = |of: fn(&Followed) -> &[[f64; 2]]| possible().map(|f| most(of(f))).fold(0.0, f64::max) * 1e-3;
+    let worst = |of: fn(&TrackingResult) -> &[[f64; 2]]| possible().map(|f| most(of(f))).fold(0.0, f64::max) * 1e-3;
     let (reference, palm) = (worst(|f| &f.reference), worst(|f| &f.palm));
     let turn = possible().map(|f| f.turn).fold(0.0, f64::max);
-    let said = followed.iter().all(|f| f.possible || f.saturated > 0 || most(&f.reference) * 1e-3 < REFERENCE);
+    let said =
+        followed.iter().all(|f| f.possible || f.saturated > 0 || most(&f.reference) * 1e-3 < REFERENCE_TOLERANCE);
     let hasty: Vec<String> = followed
         .iter()
         .filter(|f| !f.possible)
@@ -150,7 +161,7 @@ pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
         })
         .collect();
     let mut rows = vec![
-        Row::new(
+        CheckRow::new(
             "palm paths, reference / arm",
             format!("{:.2} / {:.1} mm, {:.2} deg", reference * 1e3, palm * 1e3, turn.to_degrees()),
             "-",
@@ -160,17 +171,17 @@ pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
                  its speed limit is cut short and said to be, or followed: {}",
                 hasty.join(", ")
             ),
-            Verdict::of(reference < REFERENCE && palm < PALM && said),
+            Verdict::from_good(reference < REFERENCE_TOLERANCE && palm < PALM_TOLERANCE && said),
         )
-        .with(json!(details)),
-        Row::new(
+        .with_details(json!(details)),
+        CheckRow::new(
             "time of a solve, p50 / p99",
             format!("{:.0} / {:.0} us", p50 * 1e6, p99 * 1e6),
             "a tick is 8333 us",
             &format!("wall time of {} solves on one thread, this machine as it is now; p99 below 1 ms", solves.len()),
-            Verdict::of(p99 < SOLVE),
+            Verdict::from_good(p99 < SOLVE_TIME_LIMIT),
         )
-        .with(json!({ "p50_us": p50 * 1e6, "p99_us": p99 * 1e6, "solves": solves.len() })),
+        .with_details(json!({ "p50_us": p50 * 1e6, "p99_us": p99 * 1e6, "solves": solves.len() })),
     ];
     if let Some(folder) = out {
         let plots: Vec<_> = followed

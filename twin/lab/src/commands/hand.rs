@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ftac::lab::arguments::hand::{CheckArgs, HandLabCommand};
-use ftac::options::own_hand;
+use ftac::options::renamed_options;
 use ftac::terminal::{Outcome, Terminal};
 use hand_model::Hand;
 use lab::hand_check as check;
-use lab::hand_check::engine::Sweep;
+use lab::hand_check::engine::EngineResult;
 use lab::hand_check::feix::GraspTypeResult;
 use lab::hand_check::feix::seeds::TypeOverSeeds;
 use schemars::JsonSchema;
@@ -21,21 +21,21 @@ use super::rows::show_rows;
 
 /// Output of `hand export`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Exported<'a> {
+pub struct ExportOutput<'a> {
     /// Folder with the files.
     folder: &'a Path,
 }
 
 /// Output of `hand check --engine`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Engine {
+pub struct EngineSweepOutput {
     /// One row per setting of the engine.
-    sweep: Vec<Sweep>,
+    sweep: Vec<EngineResult>,
 }
 
 /// Output of `hand check --grasps`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct GraspTypes<'a> {
+pub struct GraspTypesOutput<'a> {
     /// Seed of all random numbers.
     seed: u64,
     /// Number of seeds tried.
@@ -62,7 +62,7 @@ pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
                 "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
                 mjcf.display()
             );
-            terminal.print(&Exported { folder: mjcf }, &text)?;
+            terminal.print(&ExportOutput { folder: mjcf }, &text)?;
             Ok(None)
         }
     }
@@ -70,7 +70,7 @@ pub fn run(terminal: &Terminal, command: &HandLabCommand) -> Outcome {
 
 /// Runs `ftac hand check`, or the variant that its options select.
 fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
-    own_hand::say_renamed();
+    renamed_options::note_renamed_options();
     if let Some(path) = &args.urdf {
         return inspect::run(terminal, path, args.pulls.as_deref());
     }
@@ -78,7 +78,7 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     if args.engine {
         let sweep = check::engine::sweep(&hand)?;
         let text = check::engine::table(&sweep);
-        terminal.print(&Engine { sweep }, &text)?;
+        terminal.print(&EngineSweepOutput { sweep }, &text)?;
         return Ok(None);
     }
     if args.grasps {
@@ -96,24 +96,24 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
 }
 
 /// Default folder of the public model, beside a checkout.
-const PUBLIC_MODEL: &str = "../shared/data/hands/ftac_public";
+const PUBLIC_MODEL_FOLDER: &str = "../shared/data/hands/ftac_public";
 
 /// Returns the folder of the public model: the named one, or the one beside a checkout, if there is one.
 fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
-    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL));
-    match (folder.join(check::public_model::FILE).is_file(), named) {
+    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL_FOLDER));
+    match (folder.join(check::public_model::MODEL_FILE).is_file(), named) {
         (true, _) => Ok(Some(folder.to_owned())),
         (false, Some(named)) => anyhow::bail!(
             "--public-model {}: found no {} in it, expected it, from {}",
             named.display(),
-            check::public_model::FILE,
-            check::public_model::SOURCE
+            check::public_model::MODEL_FILE,
+            check::public_model::MODEL_SOURCE
         ),
         (false, None) => {
             eprintln!(
-                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL}; it comes from {}, and \
+                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL_FOLDER}; it comes from {}, and \
                  --public-model FOLDER names it",
-                check::public_model::SOURCE
+                check::public_model::MODEL_SOURCE
             );
             Ok(None)
         }
@@ -123,12 +123,12 @@ fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
     let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
     let seeds = (terminal.seed, args.seeds.into());
-    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
+    let types = if numbers.is_empty() { check::feix::types::all_types().len() } else { numbers.len() };
     let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
     let done = || bar.inc(1);
     let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
     bar.finish_and_clear();
-    let found = GraspTypes {
+    let found = GraspTypesOutput {
         seed: terminal.seed,
         seeds: args.seeds.into(),
         tries: args.tries as usize,
@@ -137,7 +137,7 @@ fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outco
     };
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &results, folder)?;
-        ftac_platform::data::write_whole(
+        ftac_platform::data::write_atomically(
             &folder.join("grasps.json"),
             serde_json::to_string_pretty(&found)?.as_bytes(),
         )?;

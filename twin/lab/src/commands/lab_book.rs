@@ -4,17 +4,17 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use ftac::terminal::{Outcome, Terminal};
-use ftac_platform::data::write_whole;
-use lab::lab_book::command::Check;
+use ftac_platform::data::write_atomically;
+use lab::lab_book::command::CommandCheck;
 use lab::lab_book::{page, table};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Checks that `ftac` accepts these arguments; the error is the reason why it does not.
-pub type Parse = dyn Fn(&[&str]) -> Result<(), String>;
+pub type ArgumentParser = dyn Fn(&[&str]) -> Result<(), String>;
 
 /// Default path of the page without `--out`.
-const PAGE: &str = "BENCHMARKS.md";
+const DEFAULT_PAGE: &str = "BENCHMARKS.md";
 
 /// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -26,19 +26,19 @@ pub struct LabBook<'a> {
 }
 
 /// Makes the page from `figures`. The workspace's folder is the current directory.
-pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &Parse) -> Outcome {
+pub fn run(terminal: &Terminal, figures: &Path, out: Option<&Path>, parse: &ArgumentParser) -> Outcome {
     let (page, count) = checked_page(figures, Path::new("."), parse)?;
-    let out = out.unwrap_or(Path::new(PAGE));
-    write_whole(out, page.as_bytes())?;
+    let out = out.unwrap_or(Path::new(DEFAULT_PAGE));
+    write_atomically(out, page.as_bytes())?;
     terminal.print(&LabBook { page: out, figures: count }, &format!("{}: {count} figures\n", out.display()))?;
     Ok(None)
 }
 
 /// Returns the page and the number of figures on it. `root` is the folder in which commands are run.
-fn checked_page(figures: &Path, root: &Path, parse: &Parse) -> Result<(String, usize)> {
+fn checked_page(figures: &Path, root: &Path, parse: &ArgumentParser) -> Result<(String, usize)> {
     let text = std::fs::read_to_string(figures).with_context(|| figures.display().to_string())?;
     let rows = table::parse(figures, &text)?;
-    Check::new(root, parse)?.all(figures, &rows)?;
+    CommandCheck::new(root, parse)?.check_all(figures, &rows)?;
     Ok((page::page(&rows), rows.len()))
 }
 
@@ -59,7 +59,7 @@ mod tests {
         let file = Path::new("figures.csv");
         let text = format!("{}\na.b,1,,,,,,,2 cores,yes,{command},,Group,figure,,,\n", table::COLUMNS.join(","));
         let rows = table::parse(file, &text).unwrap();
-        Check::new(&root(), &parse_arguments).unwrap().all(file, &rows)
+        CommandCheck::new(&root(), &parse_arguments).unwrap().check_all(file, &rows)
     }
 
     #[test]
@@ -113,8 +113,8 @@ mod tests {
     fn benchmarks_md_is_what_the_checked_in_figures_make() {
         let (page, count) = checked_page(&root().join("recordings/figures.csv"), &root(), &parse_arguments).unwrap();
         assert!(count >= 40, "only {count} figures");
-        let checked_in = std::fs::read_to_string(root().join(PAGE)).unwrap();
-        assert!(page == checked_in, "{PAGE} is out of date: run `ftac report --lab-book`");
+        let checked_in = std::fs::read_to_string(root().join(DEFAULT_PAGE)).unwrap();
+        assert!(page == checked_in, "{DEFAULT_PAGE} is out of date: run `ftac report --lab-book`");
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::{lab_book, study};
 pub fn run(terminal: &Terminal, args: &ReportArgs) -> Outcome {
     match &args.lab_book {
         Some(figures) => lab_book::run(terminal, figures, args.out.as_deref(), &parse_arguments),
-        None if args.study => study::report::of_folders(terminal, &args.folders),
+        None if args.study => study::report::report_folders(terminal, &args.folders),
         None => {
             bail!("found neither --study nor --lab-book, expected one of them: `ftac report` makes all other pages")
         }

@@ -9,18 +9,18 @@ use serde::Serialize;
 
 /// Output of a check.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Checked<'a> {
+pub struct CheckOutput<'a> {
     /// Seed of all random numbers.
     seed: u64,
     /// One entry per row of the table.
-    rows: &'a [check::Row],
+    rows: &'a [check::CheckRow],
 }
 
 /// Prints the rows of a check and saves them in `folder`.
-pub fn show_rows(terminal: &Terminal, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
-    let checked = Checked { seed: terminal.seed, rows };
+pub fn show_rows(terminal: &Terminal, rows: &[check::CheckRow], folder: Option<&Path>) -> Outcome {
+    let checked = CheckOutput { seed: terminal.seed, rows };
     if let Some(folder) = folder {
-        ftac_platform::data::write_whole(
+        ftac_platform::data::write_atomically(
             &folder.join("check.json"),
             serde_json::to_string_pretty(&checked)?.as_bytes(),
         )?;

@@ -3,7 +3,7 @@
 //! [`source`] reads the grasps and knows their objects. [`classify`] assigns each grasp its type, [`pick_ups`] does so
 //! for the grasps of the benchmark's plans, and [`annotate`] writes the page on which people do. [`map`] draws the map
 //! of contact, [`landscape`] the tree of basins and barriers, [`hands`] compares several hands, and [`report`] compares
-//! all of it with the paper. [`all`] runs everything. The mathematics is in the crate `study`, the pages are in
+//! all of it with the paper. [`all_types`] runs everything. The mathematics is in the crate `study`, the pages are in
 //! `lab::study_pages`.
 
 pub mod all;

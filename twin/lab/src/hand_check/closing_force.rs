@@ -11,34 +11,34 @@ use report::picture::{Picture, View, save, tile};
 use report::plot::Plot;
 use serde_json::json;
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Prop, tension_goals};
-use world::Shape;
+use sim::test_stand::{HandTestStand, Prop, tension_goals};
+use world::ObjectShape;
 
-use super::row::{Row, Verdict};
+use super::row::{CheckRow, Verdict};
 
 /// Total force in the paper, N.
-const PAPER: f64 = 10.3;
+const PAPER_FORCE: f64 = 10.3;
 /// Rated torque over stall torque: recommendation of makers of small geared servos for continuous load.
 const RATED_SHARE: f64 = 0.2;
 /// Size of the rod: radius and half length, m.
-const ROD: (f64, f64) = (0.025, 0.06);
+const ROD_SIZE: (f64, f64) = (0.025, 0.06);
 /// Opposition angle of the thumb, rad.
-const OPPOSITION: f64 = 1.0;
+const OPPOSITION_ANGLE: f64 = 1.0;
 /// Time to close, s.
-const CLOSE: f64 = 3.0;
+const CLOSING_TIME: f64 = 3.0;
 
 /// Closes all digits at a cable tension (N). Returns the stand and the normal force of each link on the rod, palm last,
 /// N.
-fn close(hand: &Arc<Hand>, tension: f64) -> (HandStand, [f64; 16]) {
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-    let rod = Prop::new("rod", Shape::Cylinder { radius: ROD.0, half_height: ROD.1 }, 0.3, 0.8);
+fn close(hand: &Arc<Hand>, tension: f64) -> (HandTestStand, [f64; 16]) {
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
+    let rod = Prop::new("rod", ObjectShape::Cylinder { radius: ROD_SIZE.0, half_height: ROD_SIZE.1 }, 0.3, 0.8);
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     // Just clear of the palm, over the finger bases.
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
-    let place = Isometry3::from_parts(Vector3::new(0.0, -0.008, skin - ROD.0 - 0.0005).into(), across);
-    stand.put(rod, &place);
-    stand.run(&tension_goals(hand, &[0.0; 5], OPPOSITION), 0.5);
-    stand.run(&tension_goals(hand, &[tension; 5], OPPOSITION), CLOSE);
+    let place = Isometry3::from_parts(Vector3::new(0.0, -0.008, skin - ROD_SIZE.0 - 0.0005).into(), across);
+    stand.add_prop(rod, &place);
+    stand.run(&tension_goals(hand, &[0.0; 5], OPPOSITION_ANGLE), 0.5);
+    stand.run(&tension_goals(hand, &[tension; 5], OPPOSITION_ANGLE), CLOSING_TIME);
     let mut forces = [0.0; 16];
     for contact in stand.contacts() {
         forces[contact.link.unwrap_or(15)] += contact.force.norm();
@@ -46,7 +46,7 @@ fn close(hand: &Arc<Hand>, tension: f64) -> (HandStand, [f64; 16]) {
     (stand, forces)
 }
 
-pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
+pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<CheckRow>> {
     let servo = hand.parameters.servo;
     let rated = RATED_SHARE * servo.stall_torque;
     let tension = |torque: f64| torque / hand.parameters.cable.spool_radius;
@@ -61,8 +61,8 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
             [torque / servo.torque_constant, close(hand, tension(torque)).1[..15].iter().sum()]
         })
         .collect();
-    let needed = curve.windows(2).find(|pair| pair[0][1] < PAPER && pair[1][1] >= PAPER).map(|pair| {
-        let part = (PAPER - pair[0][1]) / (pair[1][1] - pair[0][1]);
+    let needed = curve.windows(2).find(|pair| pair[0][1] < PAPER_FORCE && pair[1][1] >= PAPER_FORCE).map(|pair| {
+        let part = (PAPER_FORCE - pair[0][1]) / (pair[1][1] - pair[0][1]);
         pair[0][0] + part * (pair[1][0] - pair[0][0])
     });
     let mut by_phalanx = serde_json::Map::new();
@@ -71,7 +71,7 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     }
     by_phalanx.insert("palm".into(), json!(forces[15]));
     let current = rated / servo.torque_constant;
-    let mut row = Row::new(
+    let mut row = CheckRow::new(
         "closing force, sum of phalanges",
         format!("{total:.1} N at {:.0} mA", current * 1e3),
         "10.3 N",
@@ -81,9 +81,9 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
             tension(rated),
             needed.map_or(String::new(), |amps| format!("; ours reaches 10.3 N at {:.0} mA", amps * 1e3))
         ),
-        Verdict::of(total >= PAPER),
+        Verdict::from_good(total >= PAPER_FORCE),
     )
-    .with(json!({ "forces_n": by_phalanx, "sum_over_current_a_n": curve, "phalanges_touching": touching }));
+    .with_details(json!({ "forces_n": by_phalanx, "sum_over_current_a_n": curve, "phalanges_touching": touching }));
     if let Some(folder) = out {
         let caption = |digit: Digit| {
             let [a, b, c] = digit.ftac_joints().map(|joint| forces[joint]);
@@ -92,7 +92,7 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
         let lines: Vec<String> = Digit::ALL.into_iter().map(caption).collect();
         let mut first = Picture::new(480, View::thumb_side());
         first.stand(&stand);
-        let mut second = Picture::new(480, View::palm().at(Point3::new(0.01, -0.02, 0.0), 0.20));
+        let mut second = Picture::new(480, View::palm().recentered(Point3::new(0.01, -0.02, 0.0), 0.20));
         second.stand(&stand);
         for contact in stand.contacts() {
             second.dot(&contact.point, 0.001, [200.0, 30.0, 30.0]);
@@ -108,7 +108,7 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
             y: "[N]".into(),
             lines: vec![
                 ("ours".into(), curve.clone()),
-                ("paper".into(), curve.iter().map(|p| [p[0], PAPER]).collect()),
+                ("paper".into(), curve.iter().map(|p| [p[0], PAPER_FORCE]).collect()),
             ],
         };
         save(&plot.draw(), &folder.join("closing_force_curve.png"))?;

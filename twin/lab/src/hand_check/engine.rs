@@ -9,20 +9,20 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Prop, tension_goals};
-use world::Shape;
+use sim::test_stand::{HandTestStand, Prop, tension_goals};
+use world::ObjectShape;
 
 use super::dumbbell;
 
 /// Swept settings: time steps per second, and outer and inner iterations.
-const RATES: [f64; 3] = [120.0, 240.0, 480.0];
-const ITERATIONS: [(usize, usize); 4] = [(1, 4), (1, 8), (2, 4), (4, 4)];
+const STEP_RATES: [f64; 3] = [120.0, 240.0, 480.0];
+const ITERATION_COUNTS: [(usize, usize); 4] = [(1, 4), (1, 8), (2, 4), (4, 4)];
 /// Time over which slip is measured after settling, s.
-const HOLD: f64 = 5.0;
+const SLIP_TIME: f64 = 5.0;
 
 /// Result of one setting in one scene.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct Sweep {
+pub struct EngineResult {
     pub scene: &'static str,
     /// Time steps per second.
     pub rate: f64,
@@ -40,81 +40,81 @@ pub struct Sweep {
     pub real_time: f64,
 }
 
-struct Scene {
+struct EngineScene {
     name: &'static str,
     prop: Prop,
     place: Isometry3<f64>,
     tensions: DigitVector,
     /// Sequence of tensions with their times after the release of the prop, before its weight acts, N and s.
-    gripping: Vec<(DigitVector, f64)>,
+    grip_sequence: Vec<(DigitVector, f64)>,
     opposition: f64,
     gravity: Vector3<f64>,
 }
 
-fn scenes(hand: &Hand) -> Vec<Scene> {
+fn scenes(hand: &Hand) -> Vec<EngineScene> {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     let place = |y: f64, half: f64| Isometry3::from_parts(Vector3::new(0.0, y, skin - half - 5e-4).into(), across);
     let down = Vector3::new(0.0, 0.0, -9.81);
     vec![
-        Scene {
+        EngineScene {
             name: "cylinder 300 g",
-            prop: Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8),
+            prop: Prop::new("cylinder", ObjectShape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8),
             place: place(-0.005, 0.025),
             tensions: [20.0; 5].into(),
-            gripping: vec![([20.0; 5].into(), 1.0)],
+            grip_sequence: vec![([20.0; 5].into(), 1.0)],
             opposition: 1.0,
             gravity: down,
         },
-        Scene {
+        EngineScene {
             name: "ball 60 g",
-            prop: Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8),
+            prop: Prop::new("ball", ObjectShape::Sphere { radius: 0.03 }, 0.06, 0.8),
             place: place(0.0, 0.03),
             tensions: [15.0; 5].into(),
-            gripping: vec![([15.0; 5].into(), 1.0)],
+            grip_sequence: vec![([15.0; 5].into(), 1.0)],
             opposition: 1.1,
             gravity: down,
         },
-        Scene {
+        EngineScene {
             name: "dumbbell 2.5 kg",
-            prop: dumbbell::prop(),
-            place: dumbbell::place(hand),
+            prop: dumbbell::dumbbell_prop(),
+            place: dumbbell::handle_pose(hand),
             tensions: dumbbell::tensions(),
-            gripping: dumbbell::gripping(),
+            grip_sequence: dumbbell::grip_sequence(),
             opposition: 0.0,
             gravity: Vector3::new(0.0, 9.81, 0.0),
         },
     ]
 }
 
-fn run(hand: &Arc<Hand>, scene: &Scene, rate: f64, (outer, inner): (usize, usize)) -> Sweep {
+fn run(hand: &Arc<Hand>, scene: &EngineScene, rate: f64, (outer, inner): (usize, usize)) -> EngineResult {
     let settings =
         EngineSettings { dt: 1.0 / rate, solver_iterations: outer, pgs_iterations: inner, ..EngineSettings::default() };
-    let mut stand = HandStand::new(hand.clone(), settings);
-    let prop = stand.put(scene.prop.clone(), &scene.place);
+    let mut stand = HandTestStand::new(hand.clone(), settings);
+    let prop = stand.add_prop(scene.prop.clone(), &scene.place);
     let clock = Instant::now();
     let goals = tension_goals(hand, &scene.tensions, scene.opposition);
     stand.run(&tension_goals(hand, &[0.0; 5], scene.opposition), 0.6);
     stand.run(&goals, 2.0);
-    stand.release(prop);
-    for (tensions, seconds) in &scene.gripping {
+    stand.release_prop(prop);
+    for (tensions, seconds) in &scene.grip_sequence {
         stand.run(&tension_goals(hand, tensions, scene.opposition), *seconds);
     }
     stand.set_gravity(&scene.gravity);
     stand.run(&goals, 1.0);
-    let before = stand.pose(prop).translation.vector;
-    let steps = (HOLD * rate) as usize;
+    let before = stand.prop_pose(prop).translation.vector;
+    let steps = (SLIP_TIME * rate) as usize;
     let mut square = 0.0;
     for _ in 0..steps {
         stand.step(&goals);
         square += stand.prop_velocity(prop).norm_squared();
     }
     let wall = clock.elapsed().as_secs_f64();
-    Sweep {
+    EngineResult {
         scene: scene.name,
         rate,
         iterations: (outer, inner),
-        slip_mm: (stand.pose(prop).translation.vector - before).norm() * 1e3,
+        slip_mm: (stand.prop_pose(prop).translation.vector - before).norm() * 1e3,
         overlap_mm: stand.prop_penetration(prop) * 1e3,
         jitter_mm_s: (square / steps as f64).sqrt() * 1e3,
         step_us: wall / (stand.time() * rate) * 1e6,
@@ -123,11 +123,11 @@ fn run(hand: &Arc<Hand>, scene: &Scene, rate: f64, (outer, inner): (usize, usize
 }
 
 /// Runs every setting in every scene, one after the other because the cost is measured.
-pub fn sweep(hand: &Arc<Hand>) -> Result<Vec<Sweep>> {
+pub fn sweep(hand: &Arc<Hand>) -> Result<Vec<EngineResult>> {
     let mut found = Vec::new();
     for scene in &scenes(hand) {
-        for rate in RATES {
-            for iterations in ITERATIONS {
+        for rate in STEP_RATES {
+            for iterations in ITERATION_COUNTS {
                 found.push(run(hand, scene, rate, iterations));
             }
         }
@@ -136,7 +136,7 @@ pub fn sweep(hand: &Arc<Hand>) -> Result<Vec<Sweep>> {
 }
 
 /// Returns the table as text; the default setting is marked.
-pub fn table(found: &[Sweep]) -> String {
+pub fn table(found: &[EngineResult]) -> String {
     let default = EngineSettings::default();
     let mut text = format!(
         "{:16} {:>5} {:>10} {:>11} {:>11} {:>12} {:>8} {:>7}\n",

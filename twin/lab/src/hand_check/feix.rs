@@ -12,7 +12,7 @@
 
 mod aim;
 mod attempt;
-mod curl;
+mod free_postures;
 mod opposed;
 mod search;
 pub mod seeds;
@@ -30,14 +30,14 @@ use report::picture::{Picture, View, save, tile};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use self::attempt::Attempt;
-use self::curl::Curls;
-use self::search::Found;
+use self::attempt::GraspAttempt;
+use self::free_postures::FreePostureTable;
+use self::search::SearchResult;
 use self::types::GraspType;
 
 /// Radius of a drawn contact point, m, and its colour.
-const DOT: f64 = 2e-3;
-const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
+const CONTACT_DOT_RADIUS: f64 = 2e-3;
+const CONTACT_COLOR: [f64; 3] = [200.0, 30.0, 60.0];
 
 /// Result of one grasp type.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -58,7 +58,7 @@ pub struct GraspTypeResult {
     pub note: &'static str,
     /// Number of attempts made.
     pub tries: usize,
-    pub attempt: Attempt,
+    pub attempt: GraspAttempt,
     /// Joint angles after settling, rad.
     pub angles: Vec<f64>,
     #[serde(skip)]
@@ -69,7 +69,7 @@ pub struct GraspTypeResult {
 }
 
 /// Searches for grasps of the types with these `numbers`, or of all types if none is given, with at most `tries`
-/// attempts each. `done` is called after each type.
+/// attempts each. `is_finished` is called after each type.
 pub fn run(
     hand: &Arc<Hand>,
     seed: u64,
@@ -77,19 +77,19 @@ pub fn run(
     numbers: &[usize],
     done: impl Fn() + Sync,
 ) -> Vec<GraspTypeResult> {
-    let curls = Curls::new(hand);
+    let curls = FreePostureTable::new(hand);
     let kinds: Vec<GraspType> =
-        types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
+        types::all_types().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
     // One type per task: the last ones take longest.
     let search = |kind| {
-        let found = search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+        let found = search::run(hand, &curls, kind, seed, tries).map(|found| type_result(kind, found));
         done();
         found
     };
     kinds.par_iter().with_max_len(1).filter_map(search).collect()
 }
 
-fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> GraspTypeResult {
+fn type_result(kind: &GraspType, SearchResult { tries, attempt, trial }: SearchResult) -> GraspTypeResult {
     let (formed, held) = (trial.formed(), trial.held());
     let reason = match (formed, held) {
         (false, _) => trial.faults.join(", "),
@@ -116,7 +116,7 @@ fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> GraspTyp
 /// thumb's side and along the fingers.
 pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
-    let types = types::all();
+    let types = types::all_types();
     let pictures: Vec<_> = outcomes
         .iter()
         .flat_map(|outcome| {
@@ -127,12 +127,12 @@ pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Re
                 _ => "NOT FORMED".to_string(),
             };
             let reason: String = outcome.reason.chars().take(36).collect();
-            let caption = format!("{} {}\n{verdict}, {}\n{reason}", outcome.number, outcome.name, size(kind));
+            let caption = format!("{} {}\n{verdict}, {}\n{reason}", outcome.number, outcome.name, format_size(kind));
             views().map(|(view, name)| {
                 let mut picture = Picture::new(300, view);
                 picture.hand(hand, &outcome.angles);
-                picture.prop(&kind.prop, &outcome.place, report::picture::PROPS[0]);
-                outcome.contacts.iter().for_each(|point| picture.dot(point, DOT, CONTACT));
+                picture.prop(&kind.prop, &outcome.place, report::picture::PROP_COLORS[0]);
+                outcome.contacts.iter().for_each(|point| picture.dot(point, CONTACT_DOT_RADIUS, CONTACT_COLOR));
                 picture.finish(&format!("{caption}{name}"))
             })
         })
@@ -144,14 +144,14 @@ pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Re
 fn views() -> [(View, &'static str); 3] {
     let width = 0.23;
     [
-        (View::palm().at(Point3::new(0.01, -0.005, 0.0), width), ""),
-        (View::thumb_side().at(Point3::new(0.0, 0.0, -0.01), width), "from the thumb's side"),
-        (View::tips().at(Point3::new(0.01, 0.0, -0.01), width), "along the fingers"),
+        (View::palm().recentered(Point3::new(0.01, -0.005, 0.0), width), ""),
+        (View::thumb_side().recentered(Point3::new(0.0, 0.0, -0.01), width), "from the thumb's side"),
+        (View::tips().recentered(Point3::new(0.01, 0.0, -0.01), width), "along the fingers"),
     ]
 }
 
 /// Formats extent (mm) and mass of a type's object.
-fn size(kind: &GraspType) -> String {
+fn format_size(kind: &GraspType) -> String {
     let extent = kind.prop.extent() * 1e3;
     format!("{:.0} x {:.0} x {:.0} mm, {:.0} g", extent.x, extent.y, extent.z, 1e3 * kind.prop.mass)
 }

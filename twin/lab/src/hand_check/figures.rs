@@ -10,22 +10,22 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use report::picture::{Picture, View, save, tile};
 use serde_json::json;
 
-use super::row::{Row, Verdict};
+use super::row::{CheckRow, Verdict};
 
 /// The paper's table of sensor configurations: letter, h and w (mm).
 const CONFIGURATIONS: [(&str, f64, f64); 6] =
     [("a", 33.0, 20.0), ("b", 29.0, 20.0), ("c", 41.0, 20.0), ("d", 45.0, 25.0), ("e", 48.0, 29.0), ("f", 69.0, 47.0)];
 /// Fingertip in the distal link's frame: the end of its cover, m.
-const TIP: [f64; 3] = [0.0325, 0.0, 0.0];
+const FINGERTIP: [f64; 3] = [0.0325, 0.0, 0.0];
 /// Side of a skin element, m.
-const ELEMENT: f64 = 0.001;
+const SKIN_ELEMENT_SIDE: f64 = 0.001;
 /// Maximum angle between the normal of palmar skin and the pads' direction, rad.
-const PALMAR: f64 = std::f64::consts::FRAC_PI_4;
+const MAX_PALMAR_ANGLE: f64 = std::f64::consts::FRAC_PI_4;
 
 /// Returns the rows that are read off the model.
-pub fn rows(hand: &Hand) -> Vec<Row> {
+pub fn rows(hand: &Hand) -> Vec<CheckRow> {
     let poses = hand.tree.forward(&[0.0; 15]);
-    let tip = hand.tree.find("middle_3").map_or(f64::NAN, |link| (poses[link] * Point3::from(TIP)).y);
+    let tip = hand.tree.find("middle_3").map_or(f64::NAN, |link| (poses[link] * Point3::from(FINGERTIP)).y);
     let length = (tip - hand.palm_from_flange.translation.y) * 1e3;
     let range = |joint: &hand_model::kinematics::Joint| {
         (joint.lower.to_degrees().abs() < 1e-6) && (joint.upper.to_degrees() - 90.0).abs() < 1e-6
@@ -47,52 +47,52 @@ pub fn rows(hand: &Hand) -> Vec<Row> {
     });
     let double = hand.parameters.configuration.get("f").is_some_and(|c| c.cameras == 2);
     let count = |what: &str, found: usize, wanted: usize, method: &str| {
-        Row::new(what, found.to_string(), &wanted.to_string(), method, Verdict::of(found == wanted))
+        CheckRow::new(what, found.to_string(), &wanted.to_string(), method, Verdict::from_good(found == wanted))
     };
     vec![
-        Row::new(
+        CheckRow::new(
             "wrist to middle fingertip",
             format!("{length:.1} mm"),
             "194 mm",
             "flange to the end of the middle finger's cover, open hand; within 0.5 mm",
-            Verdict::of((length - 194.0).abs() < 0.5),
+            Verdict::from_good((length - 194.0).abs() < 0.5),
         ),
         count("joints", hand.tree.len(), 15, "revolute joints of the hand's tree"),
         count("joints of 0 to 90 deg", full, 15, "joint limits; exact"),
-        Row::new(
+        CheckRow::new(
             "thumb: CMC axis to PIP axis",
             format!("{tilt:.1} deg"),
             "45 deg",
             "angle between the axes, open hand; the public model's frames rule, within 5 deg",
-            Verdict::of((tilt - 45.0).abs() < 5.0),
+            Verdict::from_good((tilt - 45.0).abs() < 5.0),
         ),
         count("actuators (5 cables, opposition)", hand.parameters.actuator.len(), 6, "servos of the parameter file"),
         count("pads", hand.pads.len(), 17, "sensing surfaces"),
         count("cameras", hand.cameras.len(), 18, "one a pad, two on the largest"),
-        Row::new(
+        CheckRow::new(
             "sensor configurations",
             format!("{} used, sizes {}", by_letter.len(), if sizes && double { "equal" } else { "differ" }),
             "6 with their sizes",
             "h x w of every configuration against the paper's table; exact; two cameras on f",
-            Verdict::of(by_letter.len() == 6 && sizes && double),
+            Verdict::from_good(by_letter.len() == 6 && sizes && double),
         )
-        .with(json!({ "pads_of_each": by_letter })),
+        .with_details(json!({ "pads_of_each": by_letter })),
     ]
 }
 
 /// Palmar skin of one link, and its part covered by pads, m2.
-struct Share {
+struct PalmarSkin {
     palmar: f64,
     covered: f64,
 }
 
 /// Returns the row on palmar coverage.
-pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<Row> {
+pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<CheckRow> {
     let poses = hand.tree.forward(&[0.0; 15]);
     let (mut palmar, mut covered) = (0.0, 0.0);
     let mut by_link = BTreeMap::new();
     for link in std::iter::once(None).chain((0..hand.tree.len()).map(Some)) {
-        let share = link_share(hand, link, &poses, PALMAR);
+        let share = link_share(hand, link, &poses, MAX_PALMAR_ANGLE);
         let name = link.map_or("palm", |link| hand.tree.joints[link].name.as_str());
         by_link.insert(name, json!({ "palmar_cm2": share.palmar * 1e4, "covered_cm2": share.covered * 1e4 }));
         palmar += share.palmar;
@@ -103,17 +103,17 @@ pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<Row> {
         let share = link_share(hand, link, &poses, std::f64::consts::FRAC_PI_2);
         (sum.0 + share.palmar, sum.1 + share.covered)
     });
-    let mut row = Row::new(
+    let mut row = CheckRow::new(
         "palmar coverage",
         format!("{:.1} % of {:.0} cm2", share * 100.0, palmar * 1e4),
         "70 %",
         "area of the covers' skin in 1 mm elements whose normal is within 45 deg of the pads' direction and that no other \
          cover hides; covered where a pad's rectangle lies over it; at least 70 %",
-        Verdict::of(share >= 0.70),
+        Verdict::from_good(share >= 0.70),
     )
-    .with(json!({ "links": by_link, "share_with_normals_up_to_90_deg": wide.1 / wide.0 }));
+    .with_details(json!({ "links": by_link, "share_with_normals_up_to_90_deg": wide.1 / wide.0 }));
     if let Some(folder) = out {
-        let views = [View::palm().at(Point3::new(0.012, -0.005, 0.0), 0.235), View::thumb_side()];
+        let views = [View::palm().recentered(Point3::new(0.012, -0.005, 0.0), 0.235), View::thumb_side()];
         let pictures = views.map(|view| {
             let mut picture = Picture::new(480, view);
             picture.hand(hand, &[0.0; 15]);
@@ -125,13 +125,13 @@ pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<Row> {
     Ok(row)
 }
 
-fn link_share(hand: &Hand, link: Option<usize>, poses: &[Isometry3<f64>], reach: f64) -> Share {
+fn link_share(hand: &Hand, link: Option<usize>, poses: &[Isometry3<f64>], reach: f64) -> PalmarSkin {
     let pads: Vec<_> = hand.pads.iter().filter(|pad| pad.link == link).collect();
     let pose = link.map_or(Isometry3::identity(), |link| poses[link]);
     let cover = link.map_or(&hand.palm_cover, |link| &hand.covers[link]);
     // All pads of a link face the same way; every link of this hand has one.
     let Some(direction) = pads.first().map(|pad| pad.link_from_pad * Vector3::z()) else {
-        return Share { palmar: 0.0, covered: 0.0 };
+        return PalmarSkin { palmar: 0.0, covered: 0.0 };
     };
     let hidden = |element: &SkinElement| {
         let at = pose * element.point;
@@ -144,8 +144,8 @@ fn link_share(hand: &Hand, link: Option<usize>, poses: &[Isometry3<f64>], reach:
                 (0..3).all(|axis| local[axis].abs() < cover.half[axis] - 1e-4)
             })
     };
-    let mut share = Share { palmar: 0.0, covered: 0.0 };
-    for element in cover.skin(ELEMENT) {
+    let mut share = PalmarSkin { palmar: 0.0, covered: 0.0 };
+    for element in cover.skin_elements(SKIN_ELEMENT_SIDE) {
         if element.normal.dot(&direction) < reach.cos() || hidden(&element) {
             continue;
         }

@@ -9,29 +9,29 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
-use super::row::{Row, Verdict};
+use super::row::{CheckRow, Verdict};
 
-const POSTURES: usize = 500;
+const POSTURE_COUNT: usize = 500;
 /// Our thumb frames that are rotated by pi about x, so that a positive angle flexes as on every other joint.
-const TURNED: [&str; 2] = ["thumb_2", "thumb_3"];
+const FLIPPED_LINKS: [&str; 2] = ["thumb_2", "thumb_3"];
 
 /// Path of the model within its folder.
-pub const FILE: &str = "urdf/f_tac_hand.urdf";
+pub const MODEL_FILE: &str = "urdf/f_tac_hand.urdf";
 /// Origin of the model.
-pub const SOURCE: &str = "the assets of https://github.com/Taccel-Simulator/Taccel";
+pub const MODEL_SOURCE: &str = "the assets of https://github.com/Taccel-Simulator/Taccel";
 
 /// Compares the origins and orientations of all 15 links with those of the model in `folder`.
-pub fn row(hand: &Hand, folder: &Path, seed: u64) -> Result<Row> {
+pub fn row(hand: &Hand, folder: &Path, seed: u64) -> Result<CheckRow> {
     let what = "joint frames, public model";
     let paper = "Taccel's model of this hand";
-    let path = folder.join(FILE);
+    let path = folder.join(MODEL_FILE);
     let names: Vec<&str> = hand.tree.joints.iter().map(|joint| joint.name.as_str()).collect();
     let public = hand_model::urdf::read_frames(&path, &names)?;
-    let turned = |name: &str| TURNED.contains(&name);
+    let turned = |name: &str| FLIPPED_LINKS.contains(&name);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (mut farthest, mut widest) = (0.0f64, 0.0f64);
-    for _ in 0..POSTURES {
+    for _ in 0..POSTURE_COUNT {
         let q: Vec<f64> = hand.tree.joints.iter().map(|j| rng.random_range(j.lower..j.upper)).collect();
         let theirs: Vec<f64> = public
             .joints
@@ -49,14 +49,14 @@ pub fn row(hand: &Hand, folder: &Path, seed: u64) -> Result<Row> {
             widest = widest.max(ours[index].rotation.angle_to(&rotation).to_degrees());
         }
     }
-    Ok(Row::new(
+    Ok(CheckRow::new(
         what,
         format!("{farthest:.3} mm, {widest:.3} deg"),
         paper,
         "largest difference of any link's frame over 500 random postures; within 1 mm and 1 deg. Named deviations: thumb_2 and \
          thumb_3 are turned by 180 deg about x so that positive angles flex; little_1 has the other fingers' mass, not 0; covers \
          and pads follow the paper's table, which is larger than that model's gels",
-        Verdict::of(farthest < 1.0 && widest < 1.0),
+        Verdict::from_good(farthest < 1.0 && widest < 1.0),
     )
-    .with(json!({ "postures": POSTURES, "max_mm": farthest, "max_deg": widest })))
+    .with_details(json!({ "postures": POSTURE_COUNT, "max_mm": farthest, "max_deg": widest })))
 }

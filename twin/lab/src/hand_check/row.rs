@@ -14,14 +14,14 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    pub fn of(good: bool) -> Self {
+    pub fn from_good(good: bool) -> Self {
         if good { Self::Good } else { Self::FallsShort }
     }
 }
 
 /// A row of the table.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct Row {
+pub struct CheckRow {
     /// Compared quantity.
     pub what: String,
     /// Our figure.
@@ -38,7 +38,7 @@ pub struct Row {
     pub details: serde_json::Value,
 }
 
-impl Row {
+impl CheckRow {
     /// Creates a row without picture and details.
     pub fn new(what: &str, ours: String, paper: &str, method: &str, verdict: Verdict) -> Self {
         Self {
@@ -53,13 +53,13 @@ impl Row {
     }
 
     /// Adds details to the row.
-    pub fn with(self, details: serde_json::Value) -> Self {
+    pub fn with_details(self, details: serde_json::Value) -> Self {
         Self { details, ..self }
     }
 }
 
 /// Returns the table as text.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(rows: &[CheckRow]) -> String {
     let mut text = String::new();
     for row in rows {
         let verdict = match row.verdict {

@@ -6,20 +6,20 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::error::FieldError;
-use super::figure::Figure;
+use super::figure::LabBookFigure;
 
-/// Options of `cargo` without a value, and with a value.
-const FLAGS: [&str; 5] = ["--release", "--lib", "--workspace", "--all-targets", "--no-run"];
-const OPTIONS: [&str; 8] =
+/// Options of `check_cargo` without a value, and with a value.
+const CARGO_FLAGS: [&str; 5] = ["--release", "--lib", "--workspace", "--all-targets", "--no-run"];
+const CARGO_OPTIONS: [&str; 8] =
     ["-p", "--package", "--test", "--bench", "--example", "--bin", "--features", "--manifest-path"];
 /// Package of the program `ftac`, which `cargo run` uses without `-p`.
-const PROGRAM: &str = "ftac";
+const FTAC_PACKAGE: &str = "ftac";
 
 /// Parser of the arguments of `ftac` (without its name); the error says what is wrong.
 pub type ParseArguments = dyn Fn(&[&str]) -> Result<(), String>;
 
 /// Reference against which commands are checked.
-pub struct Check<'a> {
+pub struct CommandCheck<'a> {
     /// Root folder of the workspace: commands are run there, and paths are relative to it.
     root: &'a Path,
     /// Folder of each package of the workspace, by its name.
@@ -27,7 +27,7 @@ pub struct Check<'a> {
     parse: &'a ParseArguments,
 }
 
-impl<'a> Check<'a> {
+impl<'a> CommandCheck<'a> {
     /// Reads the workspace's manifest in `root` and those of its members.
     pub fn new(root: &'a Path, parse: &'a ParseArguments) -> std::io::Result<Self> {
         let manifest = read_manifest(&root.join("Cargo.toml"))?;
@@ -42,11 +42,11 @@ impl<'a> Check<'a> {
         Ok(Self { root, packages, parse })
     }
 
-    /// Checks all figures of `file`; the error is about the first one whose command is refused.
-    pub fn all(&self, file: &Path, figures: &[Figure]) -> Result<(), FieldError> {
+    /// Checks all figures of `scene_file`; the error is about the first one whose command is refused.
+    pub fn check_all(&self, file: &Path, figures: &[LabBookFigure]) -> Result<(), FieldError> {
         for figure in figures {
             for command in figure.command.split(';').map(str::trim) {
-                self.one(command).map_err(|Refused { found, expected }| {
+                self.check_command(command).map_err(|RefusedCommand { found, expected }| {
                     FieldError::new((file, figure.line), "command", format!("`{command}`: {found}"), expected)
                 })?;
             }
@@ -54,24 +54,24 @@ impl<'a> Check<'a> {
         Ok(())
     }
 
-    fn one(&self, command: &str) -> Result<(), Refused> {
+    fn check_command(&self, command: &str) -> Result<(), RefusedCommand> {
         let words: Vec<&str> = command.split_whitespace().collect();
         match words.as_slice() {
-            [PROGRAM, arguments @ ..] => self.program(arguments),
-            ["cargo", "test" | "bench" | "run", ..] => self.cargo(words[1], &words[2..]),
+            [FTAC_PACKAGE, arguments @ ..] => self.check_program(arguments),
+            ["cargo", "test" | "bench" | "run", ..] => self.check_cargo(words[1], &words[2..]),
             ["python3", script, ..] => {
                 let exists = script.ends_with(".py") && self.root.join(script).is_file();
                 require(exists, format!("no script {script}"), "the path of a script, seen from the workspace")
             }
-            _ => Err(Refused::new("another program", "ftac, cargo test, cargo bench, cargo run or python3")),
+            _ => Err(RefusedCommand::new("another program", "ftac, cargo test, cargo bench, cargo run or python3")),
         }
     }
 
-    fn program(&self, arguments: &[&str]) -> Result<(), Refused> {
-        (self.parse)(arguments).map_err(|found| Refused::new(found, "arguments that ftac takes"))
+    fn check_program(&self, arguments: &[&str]) -> Result<(), RefusedCommand> {
+        (self.parse)(arguments).map_err(|found| RefusedCommand::new(found, "arguments that ftac takes"))
     }
 
-    fn cargo(&self, verb: &str, arguments: &[&str]) -> Result<(), Refused> {
+    fn check_cargo(&self, verb: &str, arguments: &[&str]) -> Result<(), RefusedCommand> {
         let end = arguments.iter().position(|word| *word == "--").unwrap_or(arguments.len());
         let (own, passed) = (&arguments[..end], arguments.get(end + 1..).unwrap_or_default());
         let mut packages: Vec<&str> = Vec::new();
@@ -79,16 +79,17 @@ impl<'a> Check<'a> {
         let mut elsewhere = false;
         let mut words = own.iter();
         while let Some(word) = words.next() {
-            if FLAGS.contains(word) {
+            if CARGO_FLAGS.contains(word) {
                 continue;
             }
-            if !OPTIONS.contains(word) {
+            if !CARGO_OPTIONS.contains(word) {
                 // A filter of tests or benchmarks.
                 let filter = !word.starts_with('-') && verb != "run";
                 require(filter, format!("`{word}`"), format!("what cargo {verb} takes"))?;
                 continue;
             }
-            let value = words.next().ok_or_else(|| Refused::new(format!("{word} without a value"), "its value"))?;
+            let value =
+                words.next().ok_or_else(|| RefusedCommand::new(format!("{word} without a value"), "its value"))?;
             match *word {
                 "-p" | "--package" => packages.push(value),
                 "--test" => targets.push(("tests", value)),
@@ -110,12 +111,12 @@ impl<'a> Check<'a> {
         }
         let default = packages.is_empty() && !elsewhere;
         for (kind, name) in targets.iter().filter(|_| !elsewhere) {
-            let packages = if default { &[PROGRAM][..] } else { &packages[..] };
+            let packages = if default { &[FTAC_PACKAGE][..] } else { &packages[..] };
             let found = packages.iter().any(|package| self.has_target(package, kind, name));
             require(found, format!("no {name} in {kind}"), format!("a target in {kind} of {}", packages.join(", ")))?;
         }
-        if verb == "run" && targets.is_empty() && (default || packages == [PROGRAM]) {
-            return self.program(passed);
+        if verb == "run" && targets.is_empty() && (default || packages == [FTAC_PACKAGE]) {
+            return self.check_program(passed);
         }
         Ok(())
     }
@@ -135,19 +136,19 @@ impl<'a> Check<'a> {
 
 /// Reason why a command is refused.
 #[derive(Debug)]
-struct Refused {
+struct RefusedCommand {
     found: String,
     expected: String,
 }
 
-impl Refused {
+impl RefusedCommand {
     fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self { found: found.into(), expected: expected.into() }
     }
 }
 
-fn require(holds: bool, found: String, expected: impl Into<String>) -> Result<(), Refused> {
-    if holds { Ok(()) } else { Err(Refused::new(found, expected)) }
+fn require(holds: bool, found: String, expected: impl Into<String>) -> Result<(), RefusedCommand> {
+    if holds { Ok(()) } else { Err(RefusedCommand::new(found, expected)) }
 }
 
 fn read_manifest(path: &Path) -> std::io::Result<toml::Table> {

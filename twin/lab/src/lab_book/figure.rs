@@ -5,18 +5,18 @@ use std::str::FromStr;
 
 /// A decimal number that is shown as it was written: its digits indicate its precision.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Number {
+pub struct DecimalNumber {
     text: String,
     value: f64,
 }
 
-impl Number {
+impl DecimalNumber {
     pub fn value(&self) -> f64 {
         self.value
     }
 }
 
-impl FromStr for Number {
+impl FromStr for DecimalNumber {
     type Err = String;
 
     /// Accepts finite decimal numbers only; the error is the text that was found.
@@ -28,7 +28,7 @@ impl FromStr for Number {
     }
 }
 
-impl fmt::Display for Number {
+impl fmt::Display for DecimalNumber {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
@@ -37,7 +37,7 @@ impl fmt::Display for Number {
 /// Load of the machine during the measurement, which decides how far a time can be trusted: idle otherwise, busy, or
 /// unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Idle {
+pub enum MachineIdle {
     Yes,
     No,
     Unknown,
@@ -45,15 +45,15 @@ pub enum Idle {
 
 /// A row of the table. Texts may be empty if nothing is known.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Figure {
+pub struct LabBookFigure {
     /// Line number in the table, counted from 1.
     pub line: u64,
     /// Stable name, such as `bench.touch.success.mean`.
     pub id: String,
-    pub value: Number,
+    pub value: DecimalNumber,
     pub unit: String,
     /// 95 % interval, unless the note says otherwise.
-    pub interval: Option<(Number, Number)>,
+    pub interval: Option<(DecimalNumber, DecimalNumber)>,
     /// Number of samples behind the value: trials, grasps, images, pixels.
     pub n: Option<u64>,
     /// Seed, or first and last of several.
@@ -61,7 +61,7 @@ pub struct Figure {
     /// Commit that first states the figure.
     pub commit: String,
     pub machine: String,
-    pub idle: Idle,
+    pub idle: MachineIdle,
     /// Command that measures it again, or several separated by `;`.
     pub command: String,
     /// `id@commit` of the figure that this one replaces.

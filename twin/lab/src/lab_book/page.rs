@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::figure::Figure;
+use super::figure::LabBookFigure;
 
 const INTRODUCTION: &str = "\
 # Figures
@@ -14,18 +14,18 @@ What was tried, what it gave and how figures changed is in [recordings/log](reco
 Brackets are 95 % intervals, n is the number of samples, `ftac` stands for `cargo run --release --`. A figure in the paper column that is not the paper's names its source.
 ";
 
-const BESIDE: &str = "
+const OTHER_FIGURES_INTRODUCTION: &str = "
 ## Beside the paper
 
 Every figure that the paper states and this project measures; they are also in the tables of their groups. Panels c and d of the paper's figure on adaptive behaviours, drawn
 with its values beside ours, and the commands that play what it shows without figures are in the `report.html` of `ftac bench`.
 
 ";
-const HEAD: &str = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
+const TABLE_HEAD: &str = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
 
 /// Returns `BENCHMARKS.md`: first the figures that the paper states, then a table for each group. Groups and figures
 /// are in the order of their first appearance.
-pub fn page(figures: &[Figure]) -> String {
+pub fn page(figures: &[LabBookFigure]) -> String {
     let mut groups: Vec<&str> = Vec::new();
     for figure in figures {
         if !groups.contains(&figure.group.as_str()) {
@@ -33,14 +33,14 @@ pub fn page(figures: &[Figure]) -> String {
         }
     }
     let mut page = INTRODUCTION.to_owned();
-    let stated: Vec<&Figure> = figures.iter().filter(|figure| is_of_the_paper(&figure.paper)).collect();
+    let stated: Vec<&LabBookFigure> = figures.iter().filter(|figure| is_paper_figure(&figure.paper)).collect();
     if !stated.is_empty() {
-        page.push_str(BESIDE);
-        page.push_str(HEAD);
+        page.push_str(OTHER_FIGURES_INTRODUCTION);
+        page.push_str(TABLE_HEAD);
         stated.into_iter().for_each(|figure| page.push_str(&row(figure)));
     }
     for group in groups {
-        let _ = write!(page, "\n## {group}\n\n{HEAD}");
+        let _ = write!(page, "\n## {group}\n\n{TABLE_HEAD}");
         for figure in figures.iter().filter(|figure| figure.group == group) {
             page.push_str(&row(figure));
         }
@@ -49,11 +49,11 @@ pub fn page(figures: &[Figure]) -> String {
 }
 
 /// True for a figure of the paper; that of another source names it, as in `Taxim: 31.4`.
-fn is_of_the_paper(stated: &str) -> bool {
+fn is_paper_figure(stated: &str) -> bool {
     !stated.is_empty() && !stated.contains(": ")
 }
 
-fn row(figure: &Figure) -> String {
+fn row(figure: &LabBookFigure) -> String {
     let mut ours = figure.value.to_string();
     if let Some((low, high)) = &figure.interval {
         let _ = write!(ours, " [{low}, {high}]");
@@ -95,12 +95,12 @@ mod tests {
         assert_eq!(
             page,
             format!(
-                "{BESIDE}{HEAD}\
+                "{OTHER_FIGURES_INTRODUCTION}{TABLE_HEAD}\
                  | one | 0.980 [0.97, 0.99], n = 600 | share | 1.000 | 0.98 | 1 | `ftac bench` |\n\
-                 \n## Second\n\n{HEAD}\
+                 \n## Second\n\n{TABLE_HEAD}\
                  | one | 0.980 [0.97, 0.99], n = 600 | share | 1.000 | 0.98 | 1 | `ftac bench` |\n\
                  | three | 4 | - | Taxim: 5 | - | - | `ftac bench` |\n\
-                 \n## First\n\n{HEAD}\
+                 \n## First\n\n{TABLE_HEAD}\
                  | two \\| three | 3 | mm | - | - | 1 to 3 | `ftac hand check` |\n"
             )
         );

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::error::FieldError;
-use super::figure::{Figure, Idle, Number};
+use super::figure::{DecimalNumber, LabBookFigure, MachineIdle};
 
 /// Names of the columns, in this order.
 pub const COLUMNS: [&str; 17] = [
@@ -27,9 +27,9 @@ pub const COLUMNS: [&str; 17] = [
     "note",
 ];
 
-/// Parses the figures in `text`, the contents of `file`. Returns an error for other columns, for invalid fields, for an
+/// Parses the figures in `text`, the contents of `scene_file`. Returns an error for other columns, for invalid fields, for an
 /// interval that does not contain the value, and for a duplicate id.
-pub fn parse(file: &Path, text: &str) -> Result<Vec<Figure>, FieldError> {
+pub fn parse(file: &Path, text: &str) -> Result<Vec<LabBookFigure>, FieldError> {
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
     let broken =
         |line: u64, error: &csv::Error| FieldError::new((file, line), "row", error.to_string(), "comma-separated text");
@@ -41,7 +41,7 @@ pub fn parse(file: &Path, text: &str) -> Result<Vec<Figure>, FieldError> {
     let mut figures = Vec::new();
     let mut lines = BTreeMap::new();
     for record in reader.records() {
-        let last = figures.last().map_or(1, |figure: &Figure| figure.line);
+        let last = figures.last().map_or(1, |figure: &LabBookFigure| figure.line);
         let record = record.map_err(|error| broken(last + 1, &error))?;
         let line = record.position().map_or(last + 1, csv::Position::line);
         let figure = Row { file, line, record: &record }.figure()?;
@@ -62,13 +62,13 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    fn figure(&self) -> Result<Figure, FieldError> {
+    fn figure(&self) -> Result<LabBookFigure, FieldError> {
         if self.record.len() != COLUMNS.len() {
             let found = format!("{} fields", self.record.len());
             return Err(self.error("row", found, format!("{} fields", COLUMNS.len())));
         }
         let value = self.number("value")?;
-        Ok(Figure {
+        Ok(LabBookFigure {
             line: self.line,
             id: self.id()?,
             interval: self.interval(&value)?,
@@ -109,7 +109,7 @@ impl Row<'_> {
         }
     }
 
-    /// Parses a field with `read`; an empty field is `None`.
+    /// Parses a field with `model_normals`; an empty field is `None`.
     fn optional<T>(
         &self,
         field: &'static str,
@@ -122,7 +122,7 @@ impl Row<'_> {
         }
     }
 
-    fn number(&self, field: &'static str) -> Result<Number, FieldError> {
+    fn number(&self, field: &'static str) -> Result<DecimalNumber, FieldError> {
         self.text(field).parse().map_err(|found: String| self.error(field, found, "a number"))
     }
 
@@ -135,7 +135,7 @@ impl Row<'_> {
         }
     }
 
-    fn interval(&self, value: &Number) -> Result<Option<(Number, Number)>, FieldError> {
+    fn interval(&self, value: &DecimalNumber) -> Result<Option<(DecimalNumber, DecimalNumber)>, FieldError> {
         match (self.text("low"), self.text("high")) {
             ("", "") => Ok(None),
             ("", _) => Err(self.error("low", "nothing", "a number, since there is a high")),
@@ -153,11 +153,11 @@ impl Row<'_> {
         }
     }
 
-    fn idle(&self) -> Result<Idle, FieldError> {
+    fn idle(&self) -> Result<MachineIdle, FieldError> {
         match self.text("idle") {
-            "yes" => Ok(Idle::Yes),
-            "no" => Ok(Idle::No),
-            "unknown" => Ok(Idle::Unknown),
+            "yes" => Ok(MachineIdle::Yes),
+            "no" => Ok(MachineIdle::No),
+            "unknown" => Ok(MachineIdle::Unknown),
             other => Err(self.error("idle", format!("`{other}`"), "yes, no or unknown")),
         }
     }
@@ -216,7 +216,7 @@ mod tests {
         row
     }
 
-    fn read(rows: &[[&str; 17]]) -> Result<Vec<Figure>, FieldError> {
+    fn read(rows: &[[&str; 17]]) -> Result<Vec<LabBookFigure>, FieldError> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(COLUMNS).unwrap();
         rows.iter().for_each(|row| writer.write_record(row).unwrap());
@@ -228,7 +228,7 @@ mod tests {
         let figures = read(&[with(&[("value", "1.000"), ("low", ""), ("high", "")])]).unwrap();
         assert_eq!(figures[0].value.to_string(), "1.000");
         assert_eq!(figures[0].value.value(), 1.0);
-        assert_eq!((figures[0].n, figures[0].seed, figures[0].idle), (Some(600), Some((1, 1)), Idle::Yes));
+        assert_eq!((figures[0].n, figures[0].seed, figures[0].idle), (Some(600), Some((1, 1)), MachineIdle::Yes));
         assert_eq!(figures[0].interval, None);
     }
 

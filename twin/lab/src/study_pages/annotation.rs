@@ -1,7 +1,7 @@
 //! Annotation page: shows every grasp in turn, to be rotated and labelled first with a broad type, then with one of the
 //! 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`grasp_analysis::labels`] reads. Nothing on the page
+//! Labels stay in the browser until they are exported as the JSON that [`grasp_analysis::read_labels`] reads. Nothing on the page
 //! reveals the result of the rules: that would make the agreement between people and rules worthless.
 
 use dexterous_grasping::taxonomy::Taxonomy;
@@ -9,8 +9,8 @@ use grasp_analysis::labels::VERSION;
 use maud::html;
 use serde::Serialize;
 
-use super::html_page::{embedded, whole};
-use super::scene::Scene;
+use super::html_page::{embedded, whole_page};
+use super::scene::PageScene;
 
 const SCRIPT: &str = include_str!("../../data/study/annotate.js");
 const EXAMPLES: &str = include_str!("../../data/study/examples.json");
@@ -19,14 +19,14 @@ const EXAMPLES: &str = include_str!("../../data/study/examples.json");
 struct Data<'a> {
     version: u32,
     title: &'a str,
-    scene: &'a Scene,
+    scene: &'a PageScene,
     types: &'a [dexterous_grasping::taxonomy::GraspType],
     examples: serde_json::Value,
 }
 
 /// Returns the page for the grasps of `scene`. Labels are kept in the browser under `title`; pages of different
 /// repertoires need different titles.
-pub fn page(taxonomy: &Taxonomy, scene: &Scene, title: &str) -> Result<String, serde_json::Error> {
+pub fn page(taxonomy: &Taxonomy, scene: &PageScene, title: &str) -> Result<String, serde_json::Error> {
     let examples = serde_json::from_str(EXAMPLES)?;
     let data = embedded(&Data { version: VERSION, title, scene, types: &taxonomy.types, examples })?;
     let button = |id: &str, key: &str, words: &str| html! { button id=(id) { kbd { (key) } " " (words) } };
@@ -34,7 +34,7 @@ pub fn page(taxonomy: &Taxonomy, scene: &Scene, title: &str) -> Result<String, s
     let body = html! { main {
         h1 { "Which grasp is it?" }
         p.soft {
-            (title) ": " (scene.grasps()) " grasps. Drag to turn, wheel to zoom, double click to start over. First the broad type, then one of its \
+            (title) ": " (scene.grasp_count()) " grasps. Drag to turn, wheel to zoom, double click to start over. First the broad type, then one of its \
             types. Labels stay in this browser until you export them."
         }
         div.columns {
@@ -56,7 +56,7 @@ pub fn page(taxonomy: &Taxonomy, scene: &Scene, title: &str) -> Result<String, s
             div { div.row id="broad" {} p.soft id="what" {} div.types id="types" {} }
         }
     } };
-    Ok(whole("Grasp annotation", &body, &data, SCRIPT))
+    Ok(whole_page("Grasp annotation", &body, &data, SCRIPT))
 }
 
 #[cfg(test)]
@@ -73,7 +73,7 @@ mod tests {
             let bends = examples[&kind.name]["bends"].as_array().map(Vec::len);
             assert_eq!(bends, Some(5), "{}", kind.name);
         }
-        let text = page(&taxonomy, &Scene::new(&Hand::ftac(), Vec::new(), Vec::new()), "a test").expect("a page");
+        let text = page(&taxonomy, &PageScene::new(&Hand::ftac(), Vec::new(), Vec::new()), "a test").expect("a page");
         for outside in ["http:", "https:", "src=", "@import", "fetch("] {
             assert!(!text.contains(outside), "{outside}");
         }

@@ -3,19 +3,19 @@
 //! A row gives a reason only if it was measured or follows from how the figure is made; otherwise it says that the
 //! difference was not investigated.
 
-use grasp_analysis::sensors::Array;
+use grasp_analysis::sensors::TactileArray;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
 /// Text for an unknown reason.
-const OPEN: &str = "not investigated";
+const UNKNOWN_REASON: &str = "not investigated";
 /// Text for a figure that the paper does not print.
-const UNKNOWN: &str = "not given";
+const UNSTATED_FIGURE: &str = "not given";
 
 /// A row of the comparison.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Line {
+pub struct PaperComparisonRow {
     /// Name of the figure.
     pub what: &'static str,
     /// Figure in the paper.
@@ -31,7 +31,7 @@ pub struct Line {
 
 /// Results of the study's parts; `None` for a part that was not run.
 #[derive(Debug, Default)]
-pub struct Parts {
+pub struct StudyParts {
     /// Contents of `classes.json`.
     pub classes: Option<Value>,
     /// Contents of `map.json`.
@@ -44,9 +44,9 @@ pub struct Parts {
 
 /// Key figures of the hand's tactile sensors, from the model.
 #[derive(Debug)]
-pub struct Sensing {
+pub struct SensorFigures {
     /// Pads, taxels and areas.
-    pub array: Array,
+    pub array: TactileArray,
     /// Coverage of the palmar surface, in words: `77.6 % of 153 cm2`.
     pub coverage: String,
     /// Sensitivity below 50 kPa, 1/kPa.
@@ -62,7 +62,7 @@ fn signed(ours: &Value, theirs: f64, unit: &str, digits: usize) -> String {
 }
 
 /// Returns all rows.
-pub fn lines(parts: &Parts, sensing: &Sensing) -> Vec<Line> {
+pub fn comparison_rows(parts: &StudyParts, sensing: &SensorFigures) -> Vec<PaperComparisonRow> {
     let mut lines = Vec::new();
     if let Some(found) = &parts.classes {
         types(found, &mut lines);
@@ -77,16 +77,16 @@ pub fn lines(parts: &Parts, sensing: &Sensing) -> Vec<Line> {
     lines
 }
 
-fn types(found: &Value, lines: &mut Vec<Line>) {
+fn types(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
     let grasps = &found["grasps"];
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "verified grasps",
         theirs: "3450 of 23 objects",
         ours: format!("{grasps} of {} objects", found["objects"]),
         difference: signed(grasps, 3450.0, "", 0),
         why: "by method: each of ours was closed by its cables and held in physics; the objects are this project's own 23".into(),
     });
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "grasp types present, of 19",
         theirs: "19",
         ours: found["types_present"].to_string(),
@@ -98,27 +98,27 @@ fn types(found: &Value, lines: &mut Vec<Line>) {
         ),
     });
     let kinds = &found["categories"];
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "power / intermediate / precision",
-        theirs: UNKNOWN,
+        theirs: UNSTATED_FIGURE,
         ours: format!("{} / {} / {}", kinds["power"], kinds["intermediate"], kinds["precision"]),
         difference: "-".into(),
-        why: OPEN.into(),
+        why: UNKNOWN_REASON.into(),
     });
 }
 
-fn boundary(found: &Value, lines: &mut Vec<Line>) {
+fn boundary(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
     let first = &found["seeds"][0];
     let (low, high) = (&found["training_over_seeds"][0], &found["training_over_seeds"][1]);
     let training = &first["map"]["training"];
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "power/precision boundary, training accuracy",
         theirs: "81.54 %",
         ours: format!("{} (seeds: {} to {})", percent(training), percent(low), percent(high)),
         difference: training.as_f64().map_or("-".into(), |x| format!("{:+.2} points", 100.0 * x - 81.54)),
         why: format!(
             "by method: both classes weigh the same here, for {} grasps are power and {} precision; without it the boundary said \
-             power always (measured on 900 earlier grasps). Anything beyond: {OPEN}",
+             power always (measured on 900 earlier grasps). Anything beyond: {UNKNOWN_REASON}",
             found["power"], found["precision"]
         ),
     });
@@ -130,9 +130,9 @@ fn boundary(found: &Value, lines: &mut Vec<Line>) {
             Some([low, high]) => format!(" [{}, {}]", percent(low), percent(high)),
             _ => String::new(),
         };
-        lines.push(Line {
+        lines.push(PaperComparisonRow {
             what,
-            theirs: UNKNOWN,
+            theirs: UNSTATED_FIGURE,
             ours: format!("{}{interval}", percent(&out["accuracy"])),
             difference: "-".into(),
             why: format!(
@@ -144,7 +144,7 @@ fn boundary(found: &Value, lines: &mut Vec<Line>) {
     }
 }
 
-fn basins(found: &Value, lines: &mut Vec<Line>) {
+fn basins(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
     let number = |value: &Value| value.as_f64().map_or("-".into(), |x| format!("{x:.2}"));
     let mut why = format!(
         "by method: the count follows pull, temperature and grasps (ours: {} calibrated, {}, {}); the paper prints none of its own.",
@@ -168,32 +168,32 @@ fn basins(found: &Value, lines: &mut Vec<Line>) {
             found["sweep"]["minima"], found["sweep"]["over_seeds"]
         );
     }
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "basins over six objects",
         theirs: "79",
         ours: format!("{} of {} grasps", found["basins"], found["grasps"]),
         difference: signed(&found["basins"], 79.0, "", 0),
         why,
     });
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "basins by majority: power / interm. / precision",
-        theirs: UNKNOWN,
+        theirs: UNSTATED_FIGURE,
         ours: format!("{} / {} / {}", found["power"], found["intermediate"], found["precision"]),
         difference: "-".into(),
-        why: OPEN.into(),
+        why: UNKNOWN_REASON.into(),
     });
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "basins that hold several objects",
-        theirs: UNKNOWN,
+        theirs: UNSTATED_FIGURE,
         ours: found["basins_with_several_objects"].to_string(),
         difference: "-".into(),
         why: "by method: the distance is between postures, whatever the object".into(),
     });
 }
 
-fn sensors(sensing: &Sensing, lines: &mut Vec<Line>) {
-    let Sensing { array, coverage, response } = sensing;
-    lines.push(Line {
+fn sensors(sensing: &SensorFigures, lines: &mut Vec<PaperComparisonRow>) {
+    let SensorFigures { array, coverage, response } = sensing;
+    lines.push(PaperComparisonRow {
         what: "tactile resolution",
         theirs: "10000 taxels/cm2",
         ours: format!("{:.0} taxels/cm2", array.taxels_per_cm2),
@@ -203,7 +203,7 @@ fn sensors(sensing: &Sensing, lines: &mut Vec<Line>) {
             array.pitch_mm
         ),
     });
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "palmar coverage",
         theirs: "70 %",
         ours: coverage.clone(),
@@ -215,7 +215,7 @@ fn sensors(sensing: &Sensing, lines: &mut Vec<Line>) {
             .map_or("-".into(), |ours| format!("{:+.1} points", ours - 70.0)),
         why: "by method: the pads' sizes are the paper's, the covers around them are this project's".into(),
     });
-    lines.push(Line {
+    lines.push(PaperComparisonRow {
         what: "sensitivity below 50 kPa",
         theirs: "0.48 /kPa",
         ours: format!("{response:.2} /kPa"),

@@ -4,24 +4,24 @@
 use maud::{Markup, html};
 use serde::Serialize;
 
-use super::html_page::{embedded, whole};
-use super::scene::Scene;
+use super::html_page::{embedded, whole_page};
+use super::scene::PageScene;
 
 const SCRIPT: &str = include_str!("../../data/study/hover.js");
 
 #[derive(Serialize)]
 struct Data<'a> {
-    scene: &'a Scene,
+    scene: &'a PageScene,
 }
 
 /// Returns the page; `body` contains the picture.
-pub fn page(title: &str, introduction: &str, body: &Markup, scene: &Scene) -> Result<String, serde_json::Error> {
+pub fn page(title: &str, introduction: &str, body: &Markup, scene: &PageScene) -> Result<String, serde_json::Error> {
     let data = embedded(&Data { scene })?;
     let body = html! {
         main { h1 { (title) } p.soft { (introduction) } (body) }
         div.tip id="tip" { canvas width="246" height="246" {} div {} }
     };
-    Ok(whole(title, &body, &data, SCRIPT))
+    Ok(whole_page(title, &body, &data, SCRIPT))
 }
 
 /// Returns a row of grasps that can be rotated: (index in the scene, caption).

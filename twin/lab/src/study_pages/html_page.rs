@@ -16,7 +16,7 @@ pub fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
 }
 
 /// Returns a whole page with `body`, followed by the viewer and `script`.
-pub fn whole(title: &str, body: &Markup, data: &str, script: &str) -> String {
+pub fn whole_page(title: &str, body: &Markup, data: &str, script: &str) -> String {
     printable(html! {
         (DOCTYPE)
         html lang="en" {
@@ -39,7 +39,7 @@ mod tests {
     fn data_cannot_leave_its_script() {
         let text = embedded(&["</script><b>"]).expect("JSON");
         assert!(!text.contains("</script") && text.contains("<\\/script"));
-        let page = whole("a < b", &html! {}, "{}", "");
+        let page = whole_page("a < b", &html! {}, "{}", "");
         assert!(page.contains("<title>a &lt; b</title>") && !page.contains("http"));
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use grasp_analysis::classification::ClassifiedGrasp;
 use grasp_analysis::landscape::basins::MappedGrasps;
 use hand_model::Hand;
@@ -14,17 +14,17 @@ use report::plot::Plot;
 use world::objects::ObjectModel;
 
 use super::hover;
-use super::scene::Scene;
+use super::scene::PageScene;
 use super::tree::{self, Leaf};
 
 /// Number of basins that the page shows below the tree.
-const LARGEST: usize = 12;
+const SHOWN_BASINS: usize = 12;
 
 /// Text below the heading of the count.
-const COUNT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
+const COUNT_TEXT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
                      paper reports 79 basins over six objects and does not say of how many grasps.";
 /// Number of basins in the paper.
-const PAPER: f64 = 79.0;
+const PAPER_BASIN_COUNT: f64 = 79.0;
 
 /// Draws the number of basins against the number of sorted grasps, beside the paper's count.
 fn growth(counts: &[(usize, usize)]) -> RgbImage {
@@ -34,7 +34,10 @@ fn growth(counts: &[(usize, usize)]) -> RgbImage {
         title: "Basins found".into(),
         x: "grasps sorted".into(),
         y: "basins".into(),
-        lines: vec![("this study".into(), ours), ("paper: 79".into(), vec![[0.0, PAPER], [most, PAPER]])],
+        lines: vec![
+            ("this study".into(), ours),
+            ("paper: 79".into(), vec![[0.0, PAPER_BASIN_COUNT], [most, PAPER_BASIN_COUNT]]),
+        ],
     }
     .draw()
 }
@@ -59,11 +62,11 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
         .collect();
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
     let drawing = tree::svg(found.tree, &leaves, &title);
-    write_whole(&folder.join("landscape.svg"), drawing.0.as_bytes())?;
+    write_atomically(&folder.join("landscape.svg"), drawing.0.as_bytes())?;
     report::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
-    largest.truncate(LARGEST);
+    largest.truncate(SHOWN_BASINS);
     let gallery: Vec<(usize, String)> = largest.iter().map(|n| (*n, leaves[*n].text.clone())).collect();
     let introduction = "Circles are basins: as large as they have grasps, coloured by the broad type of most of them, at the height \
                         of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
@@ -71,11 +74,11 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     let body = html! {
         div style="overflow-x:auto" { (drawing) }
         h2 { "How many basins there are" }
-        p { (COUNT) }
+        p { (COUNT_TEXT) }
         img src="growth.png" alt="basins over grasps" style="max-width:100%";
         h2 { "The largest basins" }
         (hover::gallery(&gallery))
     };
-    let page = hover::page(&title, introduction, &body, &Scene::of(hand, objects, shown))?;
-    Ok(write_whole(&folder.join("landscape.html"), page.as_bytes())?)
+    let page = hover::page(&title, introduction, &body, &PageScene::from_grasps(hand, objects, shown))?;
+    Ok(write_atomically(&folder.join("landscape.html"), page.as_bytes())?)
 }

@@ -3,18 +3,18 @@
 
 use std::path::Path;
 
-use grasp_analysis::sensors::OTHERS;
+use grasp_analysis::sensors::OTHER_SYSTEMS;
 use maud::{Markup, PreEscaped, html};
-use report::html::{Column, Table, number, whole_page};
+use report::html::{ColumnAlignment, HtmlTable, format_number, whole_page};
 use serde_json::Value;
 
-use super::comparison::{Line, Sensing};
+use super::comparison::{PaperComparisonRow, SensorFigures};
 
 /// Returns the page. Pictures and the pages of the parts are taken from `folder` as far as they exist; `hands` is
 /// `hands.json`.
-pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sensing) -> String {
-    let words = Column::Words;
-    let mut table = Table::new(
+pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, sensing: &SensorFigures) -> String {
+    let words = ColumnAlignment::Words;
+    let mut table = HtmlTable::new(
         "The paper beside this project",
         &[("figure", words), ("paper", words), ("ours", words), ("difference", words), ("why", words)],
     );
@@ -80,9 +80,9 @@ fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
         found
     };
     let (names, objects) = (distinct("hand"), distinct("object"));
-    let mut head = vec![("object", Column::Words)];
-    head.extend(names.iter().map(|name| (*name, Column::Words)));
-    let mut table = Table::new("Grasps that pass all three checks, of chains, with Wilson 95 % intervals", &head);
+    let mut head = vec![("object", ColumnAlignment::Words)];
+    head.extend(names.iter().map(|name| (*name, ColumnAlignment::Words)));
+    let mut table = HtmlTable::new("Grasps that pass all three checks, of chains, with Wilson 95 % intervals", &head);
     let cell = |row: &Value| {
         let percent = |key: &str| row[key].as_f64().map_or("-".into(), |x| format!("{:.0}", 100.0 * x));
         format!("{} of {} [{}, {}] %", row["verified"], row["of"], percent("low"), percent("high"))
@@ -105,15 +105,15 @@ fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
     }
 }
 
-fn sensor_tables(sensing: &Sensing) -> Markup {
-    let Sensing { array: sensors, coverage, response } = sensing;
-    let words = Column::Words;
+fn sensor_tables(sensing: &SensorFigures) -> Markup {
+    let SensorFigures { array: sensors, coverage, response } = sensing;
+    let words = ColumnAlignment::Words;
     let heads = ["system", "sensing area", "resolution", "transduction", "wiring", "sensitivity, 1/kPa"];
-    let mut arrays = Table::new(
+    let mut arrays = HtmlTable::new(
         "Tactile arrays: the paper's table, our row computed from the model",
         &heads.map(|head| (head, words)),
     );
-    OTHERS.iter().for_each(|row| arrays.row(row));
+    OTHER_SYSTEMS.iter().for_each(|row| arrays.row(row));
     arrays.row(&[
         "this model".to_owned(),
         format!("{} pads, {:.0} cm2, {coverage}", sensors.pads, sensors.area_cm2),
@@ -122,8 +122,8 @@ fn sensor_tables(sensing: &Sensing) -> Markup {
         "per sensor".to_owned(),
         format!("{response:.2}"),
     ]);
-    let numbers = Column::Numbers;
-    let mut table = Table::new(
+    let numbers = ColumnAlignment::Numbers;
+    let mut table = HtmlTable::new(
         "The six configurations, from the model",
         &[
             ("configuration", words),
@@ -139,9 +139,9 @@ fn sensor_tables(sensing: &Sensing) -> Markup {
             own.letter.to_string(),
             own.pads.to_string(),
             own.cameras.to_string(),
-            number(own.size_mm[0], 0),
-            number(own.size_mm[1], 0),
-            number(own.taxels_per_cm2, 0),
+            format_number(own.size_mm[0], 0),
+            format_number(own.size_mm[1], 0),
+            format_number(own.taxels_per_cm2, 0),
         ]);
     }
     html! { (arrays) (table) }

@@ -12,14 +12,14 @@ use world::objects::ObjectModel;
 
 /// Triangle mesh in its own frame, in whole multiples of 0.1 mm to keep the file small.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Mesh {
+pub struct PageMesh {
     /// x, y, z of each vertex, 0.1 mm.
     pub v: Vec<i32>,
     /// Vertex indices, three per triangle.
     pub f: Vec<u32>,
 }
 
-impl Mesh {
+impl PageMesh {
     /// Creates a mesh from points in m.
     pub fn new(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         Self {
@@ -67,14 +67,14 @@ struct JointFrame {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DrawnObject {
+pub struct PageObject {
     pub name: String,
-    pub mesh: Mesh,
+    pub mesh: PageMesh,
 }
 
 /// A grasp on an object, with its contacts in the palm frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DrawnGrasp {
+pub struct PageGrasp {
     pub id: String,
     /// Index of the object.
     pub o: usize,
@@ -86,7 +86,7 @@ pub struct DrawnGrasp {
     pub c: Vec<[f64; 6]>,
 }
 
-impl DrawnGrasp {
+impl PageGrasp {
     /// Converts a held grasp of object number `object`. Contacts of one link within 3 mm of each other are merged.
     pub fn new(id: String, object: usize, grasp: &HeldGrasp) -> Self {
         let mut seen: Vec<(Option<usize>, [f64; 3])> = Vec::new();
@@ -105,15 +105,15 @@ impl DrawnGrasp {
 
 /// All data of a page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Scene {
+pub struct PageScene {
     joints: Vec<JointFrame>,
-    links: Vec<Mesh>,
-    objects: Vec<DrawnObject>,
-    grasps: Vec<DrawnGrasp>,
+    links: Vec<PageMesh>,
+    objects: Vec<PageObject>,
+    grasps: Vec<PageGrasp>,
 }
 
-impl Scene {
-    pub fn new(hand: &Hand, objects: Vec<DrawnObject>, grasps: Vec<DrawnGrasp>) -> Self {
+impl PageScene {
+    pub fn new(hand: &Hand, objects: Vec<PageObject>, grasps: Vec<PageGrasp>) -> Self {
         let frame = |parent: Option<usize>, origin: &Isometry3<f64>| JointFrame {
             p: parent.map_or(-1, |parent| parent as i32),
             r: std::array::from_fn(|n| (origin.rotation.to_rotation_matrix()[(n / 3, n % 3)] * 1e7).round() / 1e7),
@@ -121,28 +121,28 @@ impl Scene {
         };
         Self {
             joints: hand.tree.joints.iter().map(|joint| frame(joint.parent, &joint.origin)).collect(),
-            links: std::iter::once(&hand.palm_cover).chain(&hand.covers).map(Mesh::cover).collect(),
+            links: std::iter::once(&hand.palm_cover).chain(&hand.covers).map(PageMesh::cover).collect(),
             objects,
             grasps,
         }
     }
 
-    /// Creates the scene of `grasps` of `hand` on their `objects`, which are in the order of the classification.
-    pub fn of<'a>(
+    /// Creates the scene of `grasp_count` of `hand` on their `objects`, which are in the order of the classification.
+    pub fn from_grasps<'a>(
         hand: &Hand,
         objects: &[Arc<ObjectModel>],
         grasps: impl IntoIterator<Item = &'a ClassifiedGrasp>,
     ) -> Self {
         let objects = objects.iter().map(|object| {
             let (points, triangles, _) = object.shape.triangles();
-            DrawnObject { name: object.name.clone(), mesh: Mesh::new(&points, &triangles) }
+            PageObject { name: object.name.clone(), mesh: PageMesh::new(&points, &triangles) }
         });
-        let grasps = grasps.into_iter().map(|grasp| DrawnGrasp::new(grasp.id.clone(), grasp.object, &grasp.grasp));
+        let grasps = grasps.into_iter().map(|grasp| PageGrasp::new(grasp.id.clone(), grasp.object, &grasp.grasp));
         Self::new(hand, objects.collect(), grasps.collect())
     }
 
     /// Returns the number of grasps.
-    pub fn grasps(&self) -> usize {
+    pub fn grasp_count(&self) -> usize {
         self.grasps.len()
     }
 }
@@ -157,7 +157,7 @@ mod tests {
     fn covers_face_outwards() {
         let hand = Hand::ftac();
         for cover in &hand.covers {
-            let mesh = Mesh::cover(cover);
+            let mesh = PageMesh::cover(cover);
             let at = |n: u32| Vector3::from_fn(|k, _| f64::from(mesh.v[3 * n as usize + k]));
             let center = cover.link_from_cover.translation.vector * 1e4;
             let volume: f64 = mesh

@@ -2,7 +2,7 @@
 //! type.
 
 use dexterous_grasping::taxonomy::Category;
-use grasp_analysis::landscape::disconnectivity::Tree;
+use grasp_analysis::landscape::disconnectivity::DisconnectivityTree;
 use maud::{Markup, html};
 
 /// A leaf of the tree: one basin.
@@ -31,7 +31,7 @@ const BOTTOM: f64 = 560.0;
 const LEFT: f64 = 64.0;
 
 /// Draws the tree.
-pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> Markup {
+pub fn svg(tree: &DisconnectivityTree, leaves: &[Leaf], title: &str) -> Markup {
     let n = tree.energies.len();
     let pitch = (1100.0 / n.max(1) as f64).clamp(15.0, 60.0);
     let width = (LEFT + pitch * n as f64 + 30.0).round();
@@ -44,7 +44,7 @@ pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> Markup {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     let span = (high - low).max(1e-9);
     let y = |energy: f64| BOTTOM - (energy - low) / span * (BOTTOM - TOP - 40.0);
-    let places = tree.places();
+    let places = tree.horizontal_positions();
     let x = |branch: usize| LEFT + pitch * (places[branch] + 0.5);
     let mut lines = Vec::new();
     let mut parent = vec![None; n + tree.merges.len()];

@@ -49,7 +49,7 @@ pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dexterous_grasping::taxonomy::rules::Decision;
+    use dexterous_grasping::taxonomy::rules::RuleDecision;
 
     #[test]
     fn every_type_has_its_own_colour_and_every_object_its_bar() {
@@ -58,9 +58,9 @@ mod tests {
         colors.sort();
         colors.dedup();
         assert_eq!(colors.len(), 19);
-        let decision = |kind| Decision { kind, margin: 1.0, second: (0, 0.0), ambiguous: false };
+        let decision = |kind| RuleDecision { kind, margin: 1.0, second: (0, 0.0), ambiguous: false };
         let made = [("ball", decision(8)), ("vase", decision(3)), ("vase", decision(8))];
-        let found = Distribution::of(&taxonomy, made.iter().map(|(object, decision)| (*object, decision)));
+        let found = Distribution::from_decisions(&taxonomy, made.iter().map(|(object, decision)| (*object, decision)));
         let text = svg(&taxonomy, &found).into_string();
         assert!(text.contains(">ball (1)<") && text.contains(">vase (2)<") && text.contains("vase: Ring 1"));
     }

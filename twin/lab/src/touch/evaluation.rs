@@ -4,24 +4,24 @@
 pub mod figures;
 pub mod table;
 
-use crate::touch::networks::{IN_USE, Method, Networks};
+use crate::touch::networks::{METHOD_IN_USE, Networks, NormalMethod};
 use anyhow::Result;
-use bench::builtin::{HAND_UNIT, simulated_touch};
+use bench::builtin::{HAND_UNIT, simulated_touch_pipeline};
 use bench::trial::{Bench, HeldGrasp};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::images::{Change, Eyes};
-use super::normals::{Measured, RealRow, RealSource, Sampled, measure, unseen};
-use super::poses::{Class, FeltGrasp, PoseSource, Spread, feel, spread};
+use super::images::{CameraUnit, OpticsChange};
+use super::normals::{NormalErrors, RealRow, RealSource, SampledPress, evaluate_normals, press_unseen_shapes};
+use super::poses::{ErrorPercentiles, PoseEvaluation, PoseSource, SymmetryClass, error_percentiles, evaluate_poses};
 
 /// Acceptance limits on the position error of objects without symmetry: median and 95th percentile, mm.
-const GOOD: [f64; 2] = [0.5, 2.0];
+const ACCEPTANCE_LIMITS: [f64; 2] = [0.5, 2.0];
 
 /// Results of `ftac touch eval`.
 pub struct TouchEvaluation {
     /// Every grasp, as perceived by the pipeline that trials use.
-    pub felt: Vec<FeltGrasp>,
+    pub felt: Vec<PoseEvaluation>,
     /// Results as built, then under every change of the optics.
     pub changed: Vec<ChangedOptics>,
     /// Results on the real sensor, if its presses are available.
@@ -34,34 +34,34 @@ pub struct ChangedOptics {
     /// Name of the change.
     change: &'static str,
     /// Errors of normals on the unseen shapes, by method.
-    normals: Vec<(Method, Measured)>,
+    normals: Vec<(NormalMethod, NormalErrors)>,
     /// Errors of poses by method; under a change only for the method that trials use.
-    poses: Vec<(Method, Spread)>,
+    poses: Vec<(NormalMethod, ErrorPercentiles)>,
 }
 
 impl TouchEvaluation {
     /// Returns the reason why the poses fall short, if they do.
     pub fn shortfall(&self) -> Option<String> {
-        let found = spread(&self.felt, PoseSource::Touch, |felt| felt.class == Class::Irregular).mm;
+        let found = error_percentiles(&self.felt, PoseSource::Touch, |felt| felt.class == SymmetryClass::Irregular).mm;
         let (median, p95) = (found.median?, found.p95?);
-        (median > GOOD[0] || p95 > GOOD[1]).then(|| {
+        (median > ACCEPTANCE_LIMITS[0] || p95 > ACCEPTANCE_LIMITS[1]).then(|| {
             format!(
                 "objects without symmetry are {median:.2} mm off in the median and {p95:.2} mm in the 95th percentile, aim {} and {}",
-                GOOD[0], GOOD[1]
+                ACCEPTANCE_LIMITS[0], ACCEPTANCE_LIMITS[1]
             )
         })
     }
 
-    fn as_built(&self) -> &[(Method, Measured)] {
+    fn as_built(&self) -> &[(NormalMethod, NormalErrors)] {
         self.changed.first().map_or(&[], |row| &row.normals)
     }
 }
 
-fn of_method(rows: &[(Method, Measured)], method: Method) -> Option<Measured> {
+fn of_method(rows: &[(NormalMethod, NormalErrors)], method: NormalMethod) -> Option<NormalErrors> {
     rows.iter().find(|row| row.0 == method).map(|row| row.1)
 }
 
-/// Presses unseen shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
+/// Presses unseen shapes, and perceives `point_count` grasps, evenly spread over the list, as built and under every change.
 /// The background images are taken under the change too, as a hand takes them when it is switched on.
 pub fn under_changes(
     bench: &Bench,
@@ -73,24 +73,24 @@ pub fn under_changes(
         0 => Vec::new(),
         _ => grasps.iter().step_by(grasps.len().div_ceil(count).max(1)).cloned().collect(),
     };
-    let changes = if count == 0 { &[][..] } else { &Change::ALL };
-    std::iter::once(&Change::NONE)
+    let changes = if count == 0 { &[][..] } else { &OpticsChange::ALL };
+    std::iter::once(&OpticsChange::NONE)
         .chain(changes)
         .map(|change| {
             let hand = &bench.world.cell.robot.hand;
-            let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
-            let look_up = simulated_touch(&bench.world.cell.robot, eyes[0].backgrounds())?;
-            let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;
-            let normals = Method::ALL
-                .map(|method| Ok((method, measure(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
+            let eyes = [CameraUnit::new(hand, HAND_UNIT, change)?, CameraUnit::new(hand, HAND_UNIT + 1, change)?];
+            let look_up = simulated_touch_pipeline(&bench.world.cell.robot, eyes[0].backgrounds())?;
+            let sampled: Vec<SampledPress> = press_unseen_shapes(&eyes, bench.seed)?;
+            let normals = NormalMethod::ALL
+                .map(|method| Ok((method, evaluate_normals(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
                 .into_iter()
                 .collect::<Result<_>>()?;
-            let poses = Method::ALL
+            let poses = NormalMethod::ALL
                 .into_iter()
-                .filter(|method| !some.is_empty() && (*method == IN_USE || *change == Change::NONE))
+                .filter(|method| !some.is_empty() && (*method == METHOD_IN_USE || *change == OpticsChange::NONE))
                 .map(|method| {
-                    let felt = feel(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
-                    Ok((method, spread(&felt, PoseSource::Touch, |_| true)))
+                    let felt = evaluate_poses(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
+                    Ok((method, error_percentiles(&felt, PoseSource::Touch, |_| true)))
                 })
                 .collect::<Result<_>>()?;
             Ok(ChangedOptics { change: change.name, normals, poses })
@@ -98,9 +98,9 @@ pub fn under_changes(
         .collect()
 }
 
-/// Returns the steps from images to a pose with their latencies for each [`FeltGrasp`], ms.
-fn steps(felt: &[FeltGrasp]) -> [(&'static str, Vec<f64>); 3] {
-    let of = |pick: &dyn Fn(&FeltGrasp) -> f64| felt.iter().map(pick).collect();
+/// Returns the steps from images to a pose with their latencies for each [`PoseEvaluation`], ms.
+fn step_latencies(felt: &[PoseEvaluation]) -> [(&'static str, Vec<f64>); 3] {
+    let of = |pick: &dyn Fn(&PoseEvaluation) -> f64| felt.iter().map(pick).collect();
     [
         ("images", of(&|felt| felt.millis[0])),
         ("pose", of(&|felt| felt.millis[1])),

@@ -6,30 +6,30 @@ use std::sync::Mutex;
 use anyhow::{Context, Result, anyhow, bail};
 use bench::trial::{Bench, HeldGrasp};
 use bench::workers;
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use serde::{Deserialize, Serialize};
 
 /// Number and seed of the simulated grasps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Played {
+pub struct SimulatedGrasps {
     pub combos: usize,
     pub trials: usize,
     pub seed: u64,
 }
 
 #[derive(Serialize, Deserialize)]
-struct File {
-    played: Played,
+struct GraspCache {
+    played: SimulatedGrasps,
     grasps: Vec<HeldGrasp>,
 }
 
-/// Returns the grasps of `played` that hold, in order. They are read from `file` if it exists; otherwise they are
+/// Returns the grasps of `played` that hold, in order. They are read from `scene_file` if it exists; otherwise they are
 /// simulated and written there.
-pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
+pub fn grasps(bench: &Bench, played: SimulatedGrasps, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
     if let Some(path) = file.filter(|path| path.exists()) {
-        let text = ftac_platform::file::read_regular(path, ftac_platform::file::LARGEST)
+        let text = ftac_platform::file::read_regular(path, ftac_platform::file::MAX_TEXT_SIZE)
             .with_context(|| path.display().to_string())?;
-        let kept: File =
+        let kept: GraspCache =
             serde_json::from_slice(&text).with_context(|| format!("{}: not a file of grasps", path.display()))?;
         if kept.played != played {
             bail!("{}: found grasps of {:?}, expected {played:?}", path.display(), kept.played);
@@ -38,18 +38,18 @@ pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -
     }
     let grasps = play(bench, played, quiet)?;
     if let Some(path) = file {
-        write_whole(path, &serde_json::to_vec(&File { played, grasps: grasps.clone() })?)?;
+        write_atomically(path, &serde_json::to_vec(&GraspCache { played, grasps: grasps.clone() })?)?;
     }
     Ok(grasps)
 }
 
-fn play(bench: &Bench, played: Played, quiet: bool) -> Result<Vec<HeldGrasp>> {
+fn play(bench: &Bench, played: SimulatedGrasps, quiet: bool) -> Result<Vec<HeldGrasp>> {
     let count = played.combos * played.trials;
     let bar = progress::bar(count as u64, "grasps", quiet);
     let found = Mutex::new(Vec::with_capacity(count));
     let trials: Vec<usize> = (0..count).collect();
-    workers::for_each(workers::available(), &trials, |n, _| {
-        let held = bench.held(n / played.trials, n % played.trials)?;
+    workers::for_each(workers::available_threads(), &trials, |n, _| {
+        let held = bench.held_grasp(n / played.trials, n % played.trials)?;
         found.lock().map_err(|_| anyhow!("a worker panicked"))?.extend(held);
         bar.inc(1);
         Ok(())

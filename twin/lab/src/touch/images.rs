@@ -9,14 +9,14 @@ use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use scenarios::effects::{Effect, Pads};
-use sim::tactile::{Drift, TactileBoard};
+use scenarios::effects::{Effect, PadEffects};
+use sim::tactile::{BrightnessDrift, TactileBoard};
 use tactile_optics::{IndentationMap, SensorModel};
-use world::geometry::Shape;
+use world::geometry::ObjectShape;
 
 /// Difference of a hand from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Change {
+pub struct OpticsChange {
     pub name: &'static str,
     /// Factor on the lamps' brightness.
     pub lamps: f64,
@@ -28,10 +28,10 @@ pub struct Change {
     pub noise: f64,
 }
 
-impl Change {
+impl OpticsChange {
     /// No change: as built.
     pub const NONE: Self = Self { name: "as built", lamps: 1.0, shift: 0.0, stiffness: 1.0, noise: 1.0 };
-    /// Changes that are tested in addition to [`Self::NONE`].
+    /// Changes that are tested in addition to [`Self::NO_DIGITS`].
     pub const ALL: [Self; 6] = [
         Self { name: "lamps -15 %", lamps: 0.85, ..Self::NONE },
         Self { name: "lamps +15 %", lamps: 1.15, ..Self::NONE },
@@ -54,41 +54,44 @@ impl Change {
 }
 
 /// Cameras of a changed hand unit, with its changed gel.
-pub struct Eyes {
+pub struct CameraUnit {
     hand: Hand,
     board: TactileBoard,
     /// Drift model of the cameras, with its seed.
-    drift: Option<(Pads, u64)>,
+    drift: Option<(PadEffects, u64)>,
 }
 
 /// Time at which a first grasp is felt, s after the trial's start.
-const FELT_AT: f64 = 8.0;
+const TOUCH_TIME: f64 = 8.0;
 
-impl Eyes {
+impl CameraUnit {
     /// Creates the cameras of unit `serial` under `change`.
-    pub fn new(hand: &Hand, serial: u64, change: &Change) -> anyhow::Result<Self> {
+    pub fn new(hand: &Hand, serial: u64, change: &OpticsChange) -> anyhow::Result<Self> {
         let mut hand = hand.clone();
         hand.parameters.gel.stiffness *= change.stiffness;
-        let board = TactileBoard::changed(&hand, serial, |camera, model| change.apply(model, camera as u64))?;
+        let board = TactileBoard::with_models(&hand, serial, |camera, model| change.apply(model, camera as u64))?;
         Ok(Self { hand, board, drift: None })
     }
 
     /// Adds camera drift as in trials of this `seed`, if the scenario has any.
-    pub fn drifting(self, pads: Option<Pads>, seed: u64) -> Self {
+    pub fn with_drift(self, pads: Option<PadEffects>, seed: u64) -> Self {
         Self { drift: pads.map(|pads| (pads, seed)), ..self }
     }
 
     /// Returns the board for a grasp's trial; `seed` draws the noise.
-    fn board_of(&self, grasp: &HeldGrasp, seed: u64) -> TactileBoard {
+    fn board_for(&self, grasp: &HeldGrasp, seed: u64) -> TactileBoard {
         let board = self.board.with_noise(seed);
         let Some((pads, trials)) = &self.drift else { return board };
-        let mut rng = Effect::Pads.stream(*trials, grasp.combination, grasp.trial);
-        board.drifting(Drift::new(pads.draw_rates(self.hand.cameras.len(), &mut rng), pads.background_age))
+        let mut rng = Effect::Pads.draw_rng(*trials, grasp.combination, grasp.trial);
+        board.drifting(BrightnessDrift::new(
+            pads.draw_drift_rates(self.hand.cameras.len(), &mut rng),
+            pads.background_age,
+        ))
     }
 
     /// Returns frames of the untouched pads from before a grasp's trial, if cameras drift; `seed` draws the noise.
     pub fn background_frames(&self, grasp: &HeldGrasp, seed: u64) -> Option<Vec<Arc<TactileImage>>> {
-        self.drift.map(|_| self.board_of(grasp, seed).background_frames())
+        self.drift.map(|_| self.board_for(grasp, seed).background_frames())
     }
 
     /// Returns the hand with its changed gel.
@@ -106,10 +109,10 @@ impl Eyes {
     }
 
     /// Renders the cameras' images of a grasp; `seed` draws the noise.
-    pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<TactileFrame> {
-        let mut board = self.board_of(grasp, seed);
-        let objects: [(&Shape, Isometry3<f64>); 1] = [(shape, grasp.truth)];
-        let time = if self.drift.is_some() { FELT_AT } else { 0.0 };
+    pub fn render_images(&self, grasp: &HeldGrasp, shape: &ObjectShape, seed: u64) -> Vec<TactileFrame> {
+        let mut board = self.board_for(grasp, seed);
+        let objects: [(&ObjectShape, Isometry3<f64>); 1] = [(shape, grasp.truth)];
+        let time = if self.drift.is_some() { TOUCH_TIME } else { 0.0 };
         let frames = board.capture(&self.hand, time, &grasp.pads, &grasp.forces, &objects);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6964_6c65);
         frames

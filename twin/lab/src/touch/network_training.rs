@@ -10,13 +10,13 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use tactile_perception::network::{Kind, LayerShape};
+use tactile_perception::network::{LayerShape, NetworkKind};
 use tactile_perception::{Network, TouchError};
 
-use super::samples::{Batch, Sample};
+use super::samples::{Batch, TrainingSquare};
 
 /// Squared error of a normal (about 0.2 degrees) below which the loss is quadratic.
-const SOFT: f32 = 1e-5;
+const QUADRATIC_LOSS_LIMIT: f32 = 1e-5;
 
 /// An error during training.
 #[derive(Debug, thiserror::Error)]
@@ -35,8 +35,8 @@ pub enum TrainingError {
 /// Training schedule (hyperparameters).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Schedule {
-    pub kind: Kind,
+pub struct TrainingSchedule {
+    pub kind: NetworkKind,
     pub epochs: usize,
     /// Batch size: samples per step.
     pub batch: usize,
@@ -60,7 +60,7 @@ struct Parameter {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
-    pub schedule: Schedule,
+    pub schedule: TrainingSchedule,
     /// Mean loss of each epoch so far on the training samples and on the held-out ones: about the sine of the angular
     /// error.
     pub losses: Vec<[f64; 2]>,
@@ -72,7 +72,7 @@ pub struct Training {
 impl Training {
     /// Creates the initial state: weights drawn uniformly within +-sqrt(6 / inputs) (He et al. 2015), those of the last
     /// layer within a tenth of that; biases 0.
-    pub fn new(schedule: Schedule) -> Self {
+    pub fn new(schedule: TrainingSchedule) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(schedule.seed);
         let mut parameters = Vec::new();
         let layers = schedule.kind.layers();
@@ -91,8 +91,8 @@ impl Training {
 
     /// Returns an error if the schedule differs from `schedule` in anything but the number of epochs, or if the
     /// parameters are invalid.
-    pub fn check(&self, schedule: &Schedule) -> Result<(), TrainingError> {
-        let same = Schedule { epochs: schedule.epochs, ..self.schedule.clone() };
+    pub fn check(&self, schedule: &TrainingSchedule) -> Result<(), TrainingError> {
+        let same = TrainingSchedule { epochs: schedule.epochs, ..self.schedule.clone() };
         if same != *schedule {
             return Err(TrainingError::Schedule { found: format!("{same:?}"), expected: format!("{schedule:?}") });
         }
@@ -100,15 +100,15 @@ impl Training {
         Ok(())
     }
 
-    pub fn done(&self) -> bool {
+    pub fn is_finished(&self) -> bool {
         self.losses.len() >= self.schedule.epochs
     }
 
     /// Trains for one epoch over `samples`, and records the loss on `held_out`. `step` is called after every step.
     pub fn epoch(
         &mut self,
-        samples: &[Sample],
-        held_out: &[Sample],
+        samples: &[TrainingSquare],
+        held_out: &[TrainingSquare],
         mut step: impl FnMut(),
     ) -> Result<(), TrainingError> {
         let epoch = self.losses.len();
@@ -120,7 +120,7 @@ impl Training {
         let adam = AdamConfig::new().with_beta_1(0.9).with_beta_2(0.999).with_epsilon(1e-7).build();
         let (mut sum, mut count) = (0.0, 0);
         for chosen in order.chunks(self.schedule.batch) {
-            let chosen: Vec<&Sample> = chosen.iter().map(|&n| &samples[n]).collect();
+            let chosen: Vec<&TrainingSquare> = chosen.iter().map(|&n| &samples[n]).collect();
             let phase = [rng.random_range(0..64), rng.random_range(0..64)];
             sum += self.step(&adam, rate, &Batch::new(self.schedule.kind, &chosen, phase))? * chosen.len() as f64;
             count += chosen.len();
@@ -132,11 +132,11 @@ impl Training {
     }
 
     /// Computes the mean loss on samples.
-    pub fn loss(&self, samples: &[Sample]) -> Result<f64, TrainingError> {
+    pub fn loss(&self, samples: &[TrainingSquare]) -> Result<f64, TrainingError> {
         let device = Device::flex();
         let (mut sum, mut count) = (0.0, 0);
         for chosen in samples.chunks(self.schedule.batch) {
-            let chosen: Vec<&Sample> = chosen.iter().collect();
+            let chosen: Vec<&TrainingSquare> = chosen.iter().collect();
             let parameters: Vec<Tensor<1>> =
                 self.parameters.iter().map(|parameter| tensor(&parameter.values, &device)).collect();
             let loss = loss(&parameters, &Batch::new(self.schedule.kind, &chosen, [0, 0]), self.schedule.kind, &device);
@@ -190,7 +190,7 @@ fn scalar(loss: Tensor<1>) -> Result<f32, TrainingError> {
 }
 
 /// Computes the output of the layers for planes by sample, plane, row, column.
-fn output(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> {
+fn output(parameters: &[Tensor<1>], kind: NetworkKind, inputs: Tensor<4>) -> Tensor<4> {
     let run = |n: usize, x: Tensor<4>, stride: usize| {
         let (inputs, outputs, kernel): LayerShape = kind.layers()[n];
         let weights = parameters[2 * n].clone().reshape([outputs, inputs, kernel, kernel]);
@@ -199,13 +199,13 @@ fn output(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> 
         conv2d(x, weights, Some(parameters[2 * n + 1].clone()), options)
     };
     match kind {
-        Kind::EncoderDecoder => {
+        NetworkKind::EncoderDecoder => {
             let half = relu(run(0, inputs, 2));
             let quarter = relu(run(1, half.clone(), 2));
             let lifted = enlarged(run(3, relu(run(2, quarter, 1)), 1)) + half;
             run(5, relu(run(4, lifted, 1)), 1)
         }
-        Kind::PerPixel => {
+        NetworkKind::PerPixel => {
             let last = kind.layers().len() - 1;
             run(last, (0..last).fold(inputs, |x, n| relu(run(n, x, 1))), 1)
         }
@@ -220,16 +220,17 @@ fn enlarged(x: Tensor<4>) -> Tensor<4> {
 }
 
 /// Computes the loss: weighted mean length of the difference of normals (x and y components).
-fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: Kind, device: &Device) -> Tensor<1> {
+fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: NetworkKind, device: &Device) -> Tensor<1> {
     let [side, folded] = batch.sides;
-    let planes = kind.fold() * kind.fold();
+    let planes = kind.output_block_side() * kind.output_block_side();
     let tensor = |values: &[f32], planes: usize, side: usize| -> Tensor<4> {
         Tensor::from_data(TensorData::new(values.to_vec(), [batch.count, planes, side, side]), device)
     };
     let output = output(parameters, kind, tensor(&batch.inputs, kind.inputs(), side));
     let off = output - tensor(&batch.targets, 2 * planes, folded);
     let squared = off.clone() * off;
-    let length = (squared.clone().narrow(1, 0, planes) + squared.narrow(1, planes, planes) + SOFT).sqrt();
+    let length =
+        (squared.clone().narrow(1, 0, planes) + squared.narrow(1, planes, planes) + QUADRATIC_LOSS_LIMIT).sqrt();
     let total: f32 = batch.weights.iter().sum();
     (length * tensor(&batch.weights, planes, folded)).sum() / total.max(1.0)
 }
@@ -239,14 +240,14 @@ mod tests {
     use super::*;
     use tactile_perception::network::convolution::Planes;
 
-    fn schedule(kind: Kind) -> Schedule {
-        Schedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }
+    fn schedule(kind: NetworkKind) -> TrainingSchedule {
+        TrainingSchedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }
     }
 
     /// Our plain-CPU layers and burn's agree.
     #[test]
     fn inference_is_what_burn_computes() {
-        for kind in [Kind::EncoderDecoder, Kind::PerPixel] {
+        for kind in [NetworkKind::EncoderDecoder, NetworkKind::PerPixel] {
             let training = Training::new(schedule(kind));
             let (height, width) = (12, 20);
             let value = |plane: usize, row: usize, column: usize| {
@@ -271,36 +272,36 @@ mod tests {
         }
     }
 
-    fn riddles(seed: u64, count: usize) -> Vec<Sample> {
+    fn synthetic_squares(seed: u64, count: usize) -> Vec<TrainingSquare> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        (0..count).map(|_| Sample::riddle(&mut rng)).collect()
+        (0..count).map(|_| TrainingSquare::synthetic_square(&mut rng)).collect()
     }
 
     /// The network learns information from a pixel's surroundings, which it sees; the perceptron does not.
     #[test]
     fn surroundings_are_learnt_from() {
-        let (samples, held_out) = (riddles(1, 12), riddles(2, 4));
+        let (samples, held_out) = (synthetic_squares(1, 12), synthetic_squares(2, 4));
         let lost = |kind| {
-            let mut training = Training::new(Schedule { epochs: 14, batch: 3, ..schedule(kind) });
+            let mut training = Training::new(TrainingSchedule { epochs: 14, batch: 3, ..schedule(kind) });
             let before = training.loss(&held_out).unwrap();
-            while !training.done() {
+            while !training.is_finished() {
                 training.epoch(&samples, &held_out, || {}).unwrap();
             }
             training.losses[13][1] / before
         };
-        let (network, perceptron) = (lost(Kind::EncoderDecoder), lost(Kind::PerPixel));
+        let (network, perceptron) = (lost(NetworkKind::EncoderDecoder), lost(NetworkKind::PerPixel));
         assert!(network < 0.5 && network < 0.5 * perceptron, "{network} {perceptron}");
     }
 
     /// A training that is saved as text after an epoch and read again ends with the same weights.
     #[test]
     fn a_resumed_training_ends_the_same() {
-        let samples = riddles(1, 6);
-        let mut whole = Training::new(schedule(Kind::EncoderDecoder));
+        let samples = synthetic_squares(1, 6);
+        let mut whole = Training::new(schedule(NetworkKind::EncoderDecoder));
         whole.epoch(&samples, &samples[..1], || {}).unwrap();
         let mut resumed: Training = serde_json::from_str(&serde_json::to_string(&whole).unwrap()).unwrap();
-        resumed.check(&schedule(Kind::EncoderDecoder)).unwrap();
-        let other = Schedule { seed: 4, ..schedule(Kind::EncoderDecoder) };
+        resumed.check(&schedule(NetworkKind::EncoderDecoder)).unwrap();
+        let other = TrainingSchedule { seed: 4, ..schedule(NetworkKind::EncoderDecoder) };
         assert!(resumed.check(&other).unwrap_err().to_string().contains("seed: 4"));
         for training in [&mut whole, &mut resumed] {
             training.epoch(&samples, &samples[..1], || {}).unwrap();

@@ -10,7 +10,7 @@ use tactile_perception::{Network, TouchPipeline};
 /// Method to compute normals from colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Method {
+pub enum NormalMethod {
     /// Photometric model of each pixel's colour.
     LookUp,
     /// Per-pixel perceptron.
@@ -19,7 +19,7 @@ pub enum Method {
     Network,
 }
 
-impl Method {
+impl NormalMethod {
     /// All methods, in the order of tables.
     pub const ALL: [Self; 3] = [Self::LookUp, Self::PerPixel, Self::Network];
 
@@ -34,7 +34,7 @@ impl Method {
 }
 
 /// Method that trials use: the best on shapes and pads not trained on, within the available time.
-pub const IN_USE: Method = Method::LookUp;
+pub const METHOD_IN_USE: NormalMethod = NormalMethod::LookUp;
 
 /// Networks that are evaluated.
 pub struct Networks {
@@ -80,11 +80,11 @@ impl Networks {
     }
 
     /// Returns the pipeline with `method`; `look_up` is the pipeline of the calibration alone.
-    pub fn pipeline(&self, look_up: &TouchPipeline, method: Method) -> TouchPipeline {
+    pub fn pipeline(&self, look_up: &TouchPipeline, method: NormalMethod) -> TouchPipeline {
         match method {
-            Method::LookUp => look_up.clone(),
-            Method::PerPixel => look_up.with_network(&self.pads_per_pixel),
-            Method::Network => look_up.with_network(&self.pads),
+            NormalMethod::LookUp => look_up.clone(),
+            NormalMethod::PerPixel => look_up.with_network(&self.pads_per_pixel),
+            NormalMethod::Network => look_up.with_network(&self.pads),
         }
     }
 }

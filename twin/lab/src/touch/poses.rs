@@ -11,10 +11,10 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::percentile;
-use tactile_perception::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
+use tactile_perception::{ExpectedObject, PoseEstimate, PoseOptions, TouchPipeline};
 use world::objects::{ObjectModel, Symmetry};
 
-use super::images::Eyes;
+use super::images::CameraUnit;
 
 /// Source of a pose estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -29,9 +29,9 @@ pub enum PoseSource {
 }
 
 /// Evaluation of one perceived grasp.
-pub struct FeltGrasp {
+pub struct PoseEvaluation {
     pub object: String,
-    pub class: Class,
+    pub class: SymmetryClass,
     /// Errors of the plan, of felt points alone, and of touch: mm and degrees.
     pub errors: [[f64; 2]; 3],
     /// Ratio of position error to stated standard deviation.
@@ -40,23 +40,23 @@ pub struct FeltGrasp {
     pub covered: bool,
     /// True if a pose found by descending from the truth has a lower cost than the estimate: the search is at fault.
     pub missed: bool,
-    /// True if not `missed`, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
+    /// True if not `describe_missed`, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: bool,
     /// Latencies from raw images to touches, and from touches to the pose, ms.
     pub millis: [f64; 2],
 }
 
 /// Cost difference (log-likelihood) from which a pose is clearly worse.
-const CLEARLY: f64 = 3.0;
+const CLEAR_COST_DIFFERENCE: f64 = 3.0;
 /// Cost difference (log-likelihood) from which a pose is better.
-const BETTER: f64 = 0.3;
+const BETTER_COST_DIFFERENCE: f64 = 0.3;
 /// Gate on the squared normalized error of the position: 95 % quantile of chi-squared with three degrees of freedom.
-const COVERED: f64 = 7.815;
+const COVERAGE_GATE: f64 = 7.815;
 
 /// Classes of objects by their rotational symmetry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Class {
+pub enum SymmetryClass {
     /// Full rotational symmetry.
     Ball,
     /// Rotational symmetry about an axis.
@@ -67,7 +67,7 @@ pub enum Class {
     Irregular,
 }
 
-impl Class {
+impl SymmetryClass {
     /// All classes, in the order of tables.
     pub const ALL: [Self; 4] = [Self::Ball, Self::Round, Self::Box, Self::Irregular];
 
@@ -92,7 +92,7 @@ impl Class {
 }
 
 /// Returns distance (mm) and angle (degrees, given the object's symmetry) between two poses.
-pub fn apart(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>) -> [f64; 2] {
+pub fn pose_difference(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>) -> [f64; 2] {
     [
         1e3 * (pose.translation.vector - truth.translation.vector).norm(),
         object.symmetry.angle(&truth.rotation, &pose.rotation).to_degrees(),
@@ -101,65 +101,66 @@ pub fn apart(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>
 
 /// Returns, of all poses that look like the truth by the object's discrete symmetry, the one whose rotation is closest
 /// to `estimate`. This matters because the plan's prior contributes to a pose's cost.
-fn looking_alike(object: &ObjectModel, truth: &Isometry3<f64>, estimate: &Isometry3<f64>) -> Isometry3<f64> {
+fn nearest_symmetric_pose(object: &ObjectModel, truth: &Isometry3<f64>, estimate: &Isometry3<f64>) -> Isometry3<f64> {
     let turned = |turn: &UnitQuaternion<f64>| (truth.rotation * turn).angle_to(&estimate.rotation);
-    let best = object.symmetry.turns().into_iter().min_by(|a, b| turned(a).total_cmp(&turned(b)));
+    let best = object.symmetry.rotations().into_iter().min_by(|a, b| turned(a).total_cmp(&turned(b)));
     best.map_or(*truth, |turn| truth * turn)
 }
 
 /// Returns the squared position error in units of the stated covariance (squared Mahalanobis distance).
-fn squared(estimate: &PoseEstimate, truth: &Isometry3<f64>) -> Option<f64> {
+fn squared_mahalanobis(estimate: &PoseEstimate, truth: &Isometry3<f64>) -> Option<f64> {
     let error = estimate.palm_from_object.translation.vector - truth.translation.vector;
     let covariance: Matrix3<f64> = estimate.region().fixed_view::<3, 3>(0, 0).into_owned();
     Some(error.dot(&covariance.cholesky()?.solve(&error)))
 }
 
 /// Perceives every grasp once, and evaluates the estimates.
-pub fn feel(
+pub fn evaluate_poses(
     bench: &Bench,
-    eyes: &Eyes,
+    eyes: &CameraUnit,
     pipeline: &TouchPipeline,
     grasps: &[HeldGrasp],
     mut seen: impl FnMut(),
-) -> Result<Vec<FeltGrasp>> {
+) -> Result<Vec<PoseEvaluation>> {
     grasps
         .iter()
         .enumerate()
         .map(|(n, grasp)| {
-            let known: &KnownObject = &bench.known[&grasp.object];
+            let known: &KnownObject = &bench.known_objects[&grasp.object];
             // A trial does the same before it begins.
             known.prepare();
             let object = &known.model;
             let seed = bench.seed ^ (n as u64) << 20;
-            let frames = eyes.look(grasp, &object.shape, seed);
+            let frames = eyes.render_images(grasp, &object.shape, seed);
             let pipeline = match eyes.background_frames(grasp, seed) {
                 Some(frames) => Cow::Owned(pipeline.with_backgrounds(frames)?),
                 None => Cow::Borrowed(pipeline),
             };
             let mut points_only = pipeline.clone().into_owned();
-            points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+            points_only.pose = PoseOptions { use_contact_free: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
             let (prior, servos) = (grasp.prior, grasp.servos());
             let readings = grasp.readings(&servos);
             let begun = Instant::now();
             let mut touches = pipeline.perceive_frames(&frames, &[])?.touches;
-            pipeline.mark_own(&mut touches, readings, &[InHand { shape: known, prior }])?;
+            pipeline.mark_self_contacts(&mut touches, readings, &[ExpectedObject { shape: known, prior }])?;
             let perceived = begun.elapsed();
             let estimate = pipeline.estimate_pose(&touches, readings, &prior, known)?;
             let estimated = begun.elapsed() - perceived;
-            let truth = looking_alike(object, &grasp.truth, &estimate.palm_from_object);
+            let truth = nearest_symmetric_pose(object, &grasp.truth, &estimate.palm_from_object);
             let [there, below] = pipeline.costs_from_pose(&touches, readings, &prior, known, &truth)?;
             let points = points_only.estimate_pose(&touches, readings, &prior, known)?;
             seen();
             let poses = [prior.palm_from_object, points.palm_from_object, estimate.palm_from_object];
-            let errors = poses.map(|pose| apart(object, &pose, &grasp.truth));
-            Ok(FeltGrasp {
+            let errors = poses.map(|pose| pose_difference(object, &pose, &grasp.truth));
+            Ok(PoseEvaluation {
                 object: object.name.clone(),
-                class: Class::of(object),
+                class: SymmetryClass::of(object),
                 errors,
                 ratio: 1e-3 * errors[2][0] / (3f64.sqrt() * estimate.sigma().0),
-                covered: squared(&estimate, &grasp.truth).is_some_and(|squared| squared < COVERED),
-                missed: below < estimate.cost - BETTER,
-                misled: below >= estimate.cost - BETTER && there > estimate.cost + CLEARLY,
+                covered: squared_mahalanobis(&estimate, &grasp.truth).is_some_and(|squared| squared < COVERAGE_GATE),
+                missed: below < estimate.cost - BETTER_COST_DIFFERENCE,
+                misled: below >= estimate.cost - BETTER_COST_DIFFERENCE
+                    && there > estimate.cost + CLEAR_COST_DIFFERENCE,
                 millis: [perceived, estimated].map(|time| 1e3 * time.as_secs_f64()),
             })
         })
@@ -168,7 +169,7 @@ pub fn feel(
 
 /// Median and 95th percentile of position (mm) and rotation (degrees).
 #[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
-pub struct Spread {
+pub struct ErrorPercentiles {
     pub grasps: usize,
     /// Position error, mm.
     pub mm: MedianP95,
@@ -181,7 +182,7 @@ pub struct Spread {
 pub struct Causes {
     /// True positions within the stated 95 % ellipsoid.
     pub covered: f64,
-    /// Errors above [`FAR`].
+    /// Errors above [`LARGE_ERROR`].
     pub far: f64,
     /// Large errors for which the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: f64,
@@ -191,15 +192,15 @@ pub struct Causes {
 }
 
 /// Position error (mm) above which an error counts as large and its cause is determined.
-pub const FAR: f64 = 2.0;
+pub const LARGE_ERROR: f64 = 2.0;
 
 /// Computes the causes among the grasps selected by `pick`.
-pub fn causes(felt: &[FeltGrasp], pick: impl Fn(&FeltGrasp) -> bool) -> Causes {
-    let picked: Vec<&FeltGrasp> = felt.iter().filter(|felt| pick(felt)).collect();
-    let share = |of: &dyn Fn(&FeltGrasp) -> bool| {
+pub fn causes(felt: &[PoseEvaluation], pick: impl Fn(&PoseEvaluation) -> bool) -> Causes {
+    let picked: Vec<&PoseEvaluation> = felt.iter().filter(|felt| pick(felt)).collect();
+    let share = |of: &dyn Fn(&PoseEvaluation) -> bool| {
         picked.iter().filter(|felt| of(felt)).count() as f64 / picked.len().max(1) as f64
     };
-    let far = |felt: &FeltGrasp| felt.errors[PoseSource::Touch as usize][0] > FAR;
+    let far = |felt: &PoseEvaluation| felt.errors[PoseSource::Touch as usize][0] > LARGE_ERROR;
     Causes {
         covered: share(&|felt| felt.covered),
         far: share(&far),
@@ -223,9 +224,13 @@ impl MedianP95 {
 }
 
 /// Computes the spread of the errors of `source` among the grasps selected by `pick`.
-pub fn spread(felt: &[FeltGrasp], source: PoseSource, pick: impl Fn(&FeltGrasp) -> bool) -> Spread {
+pub fn error_percentiles(
+    felt: &[PoseEvaluation],
+    source: PoseSource,
+    pick: impl Fn(&PoseEvaluation) -> bool,
+) -> ErrorPercentiles {
     let picked: Vec<[f64; 2]> =
         felt.iter().filter(|felt| pick(felt)).map(|felt| felt.errors[source as usize]).collect();
     let part = |axis: usize| MedianP95::of(&picked.iter().map(|error| error[axis]).collect::<Vec<_>>());
-    Spread { grasps: picked.len(), mm: part(0), deg: part(1) }
+    ErrorPercentiles { grasps: picked.len(), mm: part(0), deg: part(1) }
 }

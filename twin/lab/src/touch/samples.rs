@@ -4,19 +4,19 @@ use hand_model::pads::IMAGE_SIZE as N;
 use rand::{Rng, RngExt};
 use tactile_perception::calibration::slope;
 use tactile_perception::colour_change::{Region, whole_change};
-use tactile_perception::network::{Kind, Sight, model_normals};
+use tactile_perception::network::{NetworkInput, NetworkKind, model_normals};
 use tactile_perception::{CalibrationPress, PhotometricModel};
 
 /// Side of a square, pixels.
-pub const SIDE: usize = 48;
+pub const SQUARE_SIDE: usize = 48;
 /// Weight of a pixel without contact relative to one in contact.
 const LEVEL_WEIGHT: f32 = 0.15;
 /// Subsampling of the perceptron: it uses every n-th pixel of a row and of a column.
-const SPARSE: usize = 4;
+const PERCEPTRON_STRIDE: usize = 4;
 
 /// A labelled square of an image.
 #[derive(Debug, Clone)]
-pub struct Sample {
+pub struct TrainingSquare {
     configuration: char,
     row: usize,
     column: usize,
@@ -34,47 +34,51 @@ struct Pixel {
     weight: f32,
 }
 
-/// Cuts `count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
-pub fn cut(
+/// Cuts `point_count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
+pub fn cut_squares(
     press: &CalibrationPress,
     (configuration, model): (char, &PhotometricModel),
     pixel: (f64, f64),
     count: usize,
     rng: &mut impl Rng,
-) -> Vec<Sample> {
+) -> Vec<TrainingSquare> {
     let touched: Vec<usize> = (0..press.indentation.len()).filter(|&i| press.indentation[i] > 0.0).collect();
     if touched.is_empty() {
         return Vec::new();
     }
     let change = whole_change(&press.image, &press.background);
-    let begin = |at: usize| at.saturating_sub(SIDE / 2).clamp(1, N - 1 - SIDE);
+    let begin = |at: usize| at.saturating_sub(SQUARE_SIDE / 2).clamp(1, N - 1 - SQUARE_SIDE);
     (0..count)
         .map(|_| {
             let middle = touched[rng.random_range(0..touched.len())];
             let (row, column) = (begin(middle / N), begin(middle % N));
-            let region =
-                Region { row_begin: row, row_end: row + SIDE, column_begin: column, column_end: column + SIDE };
+            let region = Region {
+                row_begin: row,
+                row_end: row + SQUARE_SIDE,
+                column_begin: column,
+                column_end: column + SQUARE_SIDE,
+            };
             let read = model_normals(&change, model, region);
             let pixels = read.into_iter().enumerate().map(|(k, read)| {
-                let i = (row + k / SIDE) * N + column + k % SIDE;
+                let i = (row + k / SQUARE_SIDE) * N + column + k % SQUARE_SIDE;
                 let (gx, gy) = slope(&press.indentation, i, pixel);
                 let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
                 let weight = if press.indentation[i] > 0.0 { 1.0 } else { LEVEL_WEIGHT };
                 Pixel { change: change[i], read, truth: [(gx * nz) as f32, (gy * nz) as f32], weight }
             });
-            Sample { configuration, row, column, pixels: pixels.collect() }
+            TrainingSquare { configuration, row, column, pixels: pixels.collect() }
         })
         .collect()
 }
 
 #[cfg(test)]
-impl Sample {
+impl TrainingSquare {
     /// Returns a square whose true normals are a quarter of the red change of the pixel to the right, so that a single
     /// pixel carries no information on its own normal.
-    pub(super) fn riddle(rng: &mut impl Rng) -> Self {
-        let red: Vec<f32> = (0..SIDE * SIDE).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let pixels = (0..SIDE * SIDE).map(|k| {
-            let right = if (k + 1) % SIDE == 0 { 0.0 } else { 0.25 * red[k + 1] };
+    pub(super) fn synthetic_square(rng: &mut impl Rng) -> Self {
+        let red: Vec<f32> = (0..SQUARE_SIDE * SQUARE_SIDE).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let pixels = (0..SQUARE_SIDE * SQUARE_SIDE).map(|k| {
+            let right = if (k + 1) % SQUARE_SIDE == 0 { 0.0 } else { 0.25 * red[k + 1] };
             Pixel { change: [red[k], 0.0, 0.0], read: [0.0; 2], truth: [right, 0.0], weight: 1.0 }
         });
         Self { configuration: 'a', row: 96, column: 96, pixels: pixels.collect() }
@@ -95,9 +99,9 @@ pub(super) struct Batch {
 
 impl Batch {
     /// Lays out `samples` for `kind`; the perceptron's grid of pixels is offset by `phase`.
-    pub fn new(kind: Kind, samples: &[&Sample], phase: [usize; 2]) -> Self {
-        let stride = if kind == Kind::PerPixel { SPARSE } else { 1 };
-        let (side, fold) = (SIDE / stride, kind.fold());
+    pub fn new(kind: NetworkKind, samples: &[&TrainingSquare], phase: [usize; 2]) -> Self {
+        let stride = if kind == NetworkKind::PerPixel { PERCEPTRON_STRIDE } else { 1 };
+        let (side, fold) = (SQUARE_SIDE / stride, kind.output_block_side());
         let folded = side / fold;
         let mut batch = Self {
             count: samples.len(),
@@ -110,7 +114,7 @@ impl Batch {
         for sample in samples {
             let change: Vec<[f32; 3]> = sample.pixels.iter().map(|pixel| pixel.change).collect();
             let read: Vec<[f32; 2]> = sample.pixels.iter().map(|pixel| pixel.read).collect();
-            let sight = SampleSight { sample, change: &change, read: &read };
+            let sight = SampleInput { sample, change: &change, read: &read };
             for plane in 0..kind.inputs() {
                 for k in 0..side * side {
                     let (row, column) = (pixel(k / side) + phase[0] % stride, pixel(k % side) + phase[1] % stride);
@@ -119,13 +123,13 @@ impl Batch {
             }
             let at = |cell: usize, within: usize| {
                 let (row, column) = (cell / folded * fold + within / fold, cell % folded * fold + within % fold);
-                (pixel(row) + phase[0] % stride) * SIDE + pixel(column) + phase[1] % stride
+                (pixel(row) + phase[0] % stride) * SQUARE_SIDE + pixel(column) + phase[1] % stride
             };
             for plane in 0..2 * fold * fold {
                 let (axis, within) = (plane / (fold * fold), plane % (fold * fold));
                 for cell in 0..folded * folded {
                     let Pixel { read, truth, weight, .. } = sample.pixels[at(cell, within)];
-                    let start = if kind == Kind::EncoderDecoder { read[axis] } else { 0.0 };
+                    let start = if kind == NetworkKind::EncoderDecoder { read[axis] } else { 0.0 };
                     batch.targets.push(truth[axis] - start);
                     if axis == 0 {
                         batch.weights.push(weight);
@@ -137,20 +141,21 @@ impl Batch {
     }
 }
 
-/// Network inputs of a sample, as [`Sight`] provides them for the image it was cut from.
-struct SampleSight<'a> {
-    sample: &'a Sample,
+/// Network inputs of a sample, as [`NetworkInput`] provides them for the image it was cut from.
+struct SampleInput<'a> {
+    sample: &'a TrainingSquare,
     change: &'a [[f32; 3]],
     read: &'a [[f32; 2]],
 }
 
-impl SampleSight<'_> {
-    fn input(&self, kind: Kind, plane: usize, row: usize, column: usize) -> f32 {
+impl SampleInput<'_> {
+    fn input(&self, kind: NetworkKind, plane: usize, row: usize, column: usize) -> f32 {
         if plane < 3 {
-            return self.change[row * SIDE + column][plane];
+            return self.change[row * SQUARE_SIDE + column][plane];
         }
-        let Sample { row: top, column: left, configuration, .. } = *self.sample;
-        let region = Region { row_begin: top, row_end: top + SIDE, column_begin: left, column_end: left + SIDE };
-        Sight { change: &[], read: self.read, configuration, region }.input(kind, plane, row, column)
+        let TrainingSquare { row: top, column: left, configuration, .. } = *self.sample;
+        let region =
+            Region { row_begin: top, row_end: top + SQUARE_SIDE, column_begin: left, column_end: left + SQUARE_SIDE };
+        NetworkInput { change: &[], model_normals: self.read, configuration, region }.input(kind, plane, row, column)
     }
 }

@@ -4,25 +4,25 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use bench::builtin::calibration_of;
+use bench::builtin::robot_calibration;
 use hand_model::RobotModel;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use report::plot::Plot;
-use sensor_calibration::pressed_shapes::{drawn_press, each, seen};
-use sensor_calibration::real_presses::{CONFIGURATION, Likeness, RealPresses};
+use sensor_calibration::pressed_shapes::{make_each, random_press, training_reliefs};
+use sensor_calibration::real_presses::{CONFIGURATION, RealPresses, SimulatedSensor};
 use sim::tactile::TactileBoard;
 use tactile_perception::{CalibrationPress, PhotometricModel};
 
-use super::network_training::{Schedule, Training};
-use super::samples::{Sample, cut};
+use super::network_training::{Training, TrainingSchedule};
+use super::samples::{TrainingSquare, cut_squares};
 
 /// First of the hand units used for training, and their number.
-const UNITS: (u64, u64) = (100, 6);
+const TRAINING_UNITS: (u64, u64) = (100, 6);
 /// White noise of the training images: 0.01 of full scale, grey levels.
-const NOISE: f64 = 2.55;
+const IMAGE_NOISE: f64 = 2.55;
 /// Interval of held-out presses.
-const HELD_OUT: usize = 10;
+const HELD_OUT_INTERVAL: usize = 10;
 
 /// Source of training images.
 #[derive(Debug, Clone, Copy)]
@@ -37,9 +37,9 @@ pub enum TrainingSource<'a> {
 
 /// Training squares with held-out ones.
 pub struct TrainingSet {
-    pub samples: Vec<Sample>,
+    pub samples: Vec<TrainingSquare>,
     /// Squares of held-out presses.
-    pub held_out: Vec<Sample>,
+    pub held_out: Vec<TrainingSquare>,
     /// Photometric model of a sensor other than the hand's pads.
     pub conditioning: Option<PhotometricModel>,
 }
@@ -60,11 +60,11 @@ impl TrainingSet {
                 Self::of_sensor(even, size, crops, seed)
             }
             TrainingSource::Sensor { file, presses } => {
-                let reliefs = seen();
-                let likeness = Likeness::read(file)?;
-                let presses = each(presses, |n| {
+                let reliefs = training_reliefs();
+                let likeness = SimulatedSensor::read(file)?;
+                let presses = make_each(presses, |n| {
                     rendered();
-                    likeness.press(&reliefs, n, NOISE, seed)
+                    likeness.press(&reliefs, n, IMAGE_NOISE, seed)
                 })?;
                 Self::of_sensor(presses, likeness.pixel, crops, seed)
             }
@@ -79,20 +79,20 @@ impl TrainingSet {
         seed: u64,
         rendered: impl Fn() + Send + Sync,
     ) -> Result<Self> {
-        let reliefs = seen();
+        let reliefs = training_reliefs();
         let hand = &robot.hand;
-        let calibration = calibration_of(robot)?;
-        let boards: Vec<TactileBoard> = (UNITS.0..UNITS.0 + UNITS.1)
-            .map(|serial| TactileBoard::changed(hand, serial, |_, model| model.noise = NOISE))
+        let calibration = robot_calibration(robot)?;
+        let boards: Vec<TactileBoard> = (TRAINING_UNITS.0..TRAINING_UNITS.0 + TRAINING_UNITS.1)
+            .map(|serial| TactileBoard::with_models(hand, serial, |_, model| model.noise = IMAGE_NOISE))
             .collect::<Result<_, _>>()?;
-        let cuts = each(presses, |n| {
-            let press = drawn_press(hand, &boards, &reliefs, n, seed)?;
+        let cuts = make_each(presses, |n| {
+            let press = random_press(hand, &boards, &reliefs, n, seed)?;
             let camera = &hand.cameras[press.camera];
             let configuration = hand.pads[camera.pad].configuration;
             let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473 ^ (n as u64) << 32);
             rendered();
             let model = calibration.model(configuration)?;
-            Ok(cut(&press, (configuration, model), camera.pixel_size(), crops, &mut rng))
+            Ok(cut_squares(&press, (configuration, model), camera.pixel_size(), crops, &mut rng))
         })?;
         Ok(Self::split(cuts, None))
     }
@@ -102,21 +102,22 @@ impl TrainingSet {
         let labelled: Vec<(&CalibrationPress, (f64, f64))> = presses.iter().map(|press| (press, pixel)).collect();
         let model = PhotometricModel::fit(CONFIGURATION, &labelled)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473);
-        let cuts = presses.iter().map(|press| cut(press, (CONFIGURATION, &model), pixel, crops, &mut rng)).collect();
+        let cuts =
+            presses.iter().map(|press| cut_squares(press, (CONFIGURATION, &model), pixel, crops, &mut rng)).collect();
         Ok(Self::split(cuts, Some(model)))
     }
 
-    fn split(cuts: Vec<Vec<Sample>>, conditioning: Option<PhotometricModel>) -> Self {
+    fn split(cuts: Vec<Vec<TrainingSquare>>, conditioning: Option<PhotometricModel>) -> Self {
         let (mut samples, mut held_out) = (Vec::new(), Vec::new());
         for (n, cuts) in cuts.into_iter().enumerate() {
-            if n % HELD_OUT == HELD_OUT - 1 { held_out.extend(cuts) } else { samples.extend(cuts) }
+            if n % HELD_OUT_INTERVAL == HELD_OUT_INTERVAL - 1 { held_out.extend(cuts) } else { samples.extend(cuts) }
         }
         Self { samples, held_out, conditioning }
     }
 }
 
 /// Reads the state of a training to resume.
-pub fn resume(state: &Path, schedule: &Schedule) -> Result<Training> {
+pub fn resume(state: &Path, schedule: &TrainingSchedule) -> Result<Training> {
     let text = std::fs::read(state).with_context(|| format!("--resume: {}", state.display()))?;
     let training: Training =
         serde_json::from_slice(&text).with_context(|| format!("--resume: {}: not a training", state.display()))?;

@@ -7,14 +7,14 @@ use control::Twist;
 use scenarios::Scenario;
 
 use super::*;
-use bench::builtin::make_scenes;
+use bench::builtin::make_scene_bench;
 use control::action::{Action, ActionError, ArmAction, HandAction};
 
 static BENCH: LazyLock<Bench> =
-    LazyLock::new(|| make_scenes(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, EPISODES, true).unwrap());
+    LazyLock::new(|| make_scene_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, EPISODE_SEED, true).unwrap());
 
-fn options(task: Task) -> Options {
-    Options { task, images: None, combination: None }
+fn options(task: EpisodeTask) -> EpisodeOptions {
+    EpisodeOptions { task, images: None, combination: None }
 }
 
 fn action(twist: [f64; 6], tension: f64) -> Action {
@@ -23,8 +23,8 @@ fn action(twist: [f64; 6], tension: f64) -> Action {
 }
 
 /// Returns the bits of all measurements and object poses after some steps.
-fn played(task: Task, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
-    let mut episode = Episode::begin(&BENCH, Options { images, ..options(task) }, seed).unwrap();
+fn played(task: EpisodeTask, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
+    let mut episode = Episode::begin(&BENCH, EpisodeOptions { images, ..options(task) }, seed).unwrap();
     for n in 0..8 {
         let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
         episode.scene.step(&action([0.1 * sign, 0.2, -0.1, 0.0, 0.3 * sign, 0.0], f64::from(n))).unwrap();
@@ -44,17 +44,17 @@ fn played(task: Task, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
 
 #[test]
 fn a_seed_gives_the_same_bits_and_another_one_others() {
-    let one = played(Task::PickOne, Some(32), 5);
-    assert_eq!(one, played(Task::PickOne, Some(32), 5));
-    let other = played(Task::PickOne, Some(32), 6);
+    let one = played(EpisodeTask::PickOne, Some(32), 5);
+    assert_eq!(one, played(EpisodeTask::PickOne, Some(32), 5));
+    let other = played(EpisodeTask::PickOne, Some(32), 6);
     assert!(one.0 != other.0 && one.1 != other.1);
-    assert_eq!(one.0, played(Task::PickOne, None, 5).0, "whether there are images changes nothing else");
+    assert_eq!(one.0, played(EpisodeTask::PickOne, None, 5).0, "whether there are images changes nothing else");
 }
 
 #[test]
 fn the_palm_moves_as_told_and_nothing_is_held_by_an_open_hand() {
-    let mut episode = Episode::begin(&BENCH, options(Task::PickTwo), 1).unwrap();
-    assert_eq!((episode.seen().len(), episode.objects().count()), (2, 2));
+    let mut episode = Episode::begin(&BENCH, options(EpisodeTask::PickTwo), 1).unwrap();
+    assert_eq!((episode.detections().len(), episode.objects().count()), (2, 2));
     let before = episode.scene.palm();
     for _ in 0..20 {
         episode.scene.step(&action([0.0, 0.0, 0.05, 0.0, 0.0, 0.0], 0.0)).unwrap();
@@ -68,7 +68,7 @@ fn the_palm_moves_as_told_and_nothing_is_held_by_an_open_hand() {
 
 #[test]
 fn what_is_no_action_is_refused_and_changes_nothing() {
-    let mut episode = Episode::begin(&BENCH, options(Task::PickOne), 2).unwrap();
+    let mut episode = Episode::begin(&BENCH, options(EpisodeTask::PickOne), 2).unwrap();
     let refused = |episode: &mut Episode, action: &Action| match episode.scene.step(action) {
         Err(error @ ActionError::Range { .. }) => error.to_string(),
         other => panic!("{other:?}"),
@@ -83,7 +83,7 @@ fn what_is_no_action_is_refused_and_changes_nothing() {
 
 #[test]
 fn the_second_pick_begins_with_the_first_object_in_the_hand() {
-    let mut episode = Episode::begin(&BENCH, options(Task::PickSecond), 3).unwrap();
+    let mut episode = Episode::begin(&BENCH, options(EpisodeTask::PickSecond), 3).unwrap();
     let judgement = episode.judge();
     assert_eq!(judgement.held, [true, false]);
     assert!(judgement.progress > 0.3, "{judgement:?}");
@@ -91,7 +91,7 @@ fn the_second_pick_begins_with_the_first_object_in_the_hand() {
 
 #[test]
 fn another_combination_than_there_are_is_refused() {
-    let asked = Options { combination: Some(3), ..options(Task::PickOne) };
+    let asked = EpisodeOptions { combination: Some(3), ..options(EpisodeTask::PickOne) };
     let error = Episode::begin(&BENCH, asked, 1).map(|_| ()).unwrap_err().to_string();
     assert_eq!(error, "combination: found 3, expected 0 to 2");
 }

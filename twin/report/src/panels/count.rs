@@ -7,7 +7,7 @@ use statistics::MeanSd;
 
 /// Criterion by which collisions are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Count {
+pub enum CollisionCount {
     /// Unwanted contact in the trial.
     Contact,
     /// Predicted overlap: the object in the hand, at its estimated pose, overlaps the second one in its place at the
@@ -15,7 +15,7 @@ pub enum Count {
     Predicted,
 }
 
-impl Count {
+impl CollisionCount {
     pub const ALL: [Self; 2] = [Self::Contact, Self::Predicted];
 
     pub fn name(self) -> &'static str {
@@ -56,21 +56,21 @@ pub struct CombinationRate {
 }
 
 /// Rates under one condition by one count.
-pub struct Sample {
-    pub count: Count,
+pub struct RateSample {
+    pub count: CollisionCount,
     /// Rates by rising number of the combination; never empty.
     pub rates: Vec<CombinationRate>,
     /// Number of counted trials.
     pub trials: usize,
 }
 
-impl Sample {
+impl RateSample {
     /// Gathers the rates; `None` if the count applies to no trial.
-    pub fn of(
+    pub fn from_records(
         records: &[TrialRecord],
         condition: Condition,
-        count: Count,
-        counted: fn(Count, &TrialRecord) -> Option<bool>,
+        count: CollisionCount,
+        counted: fn(CollisionCount, &TrialRecord) -> Option<bool>,
     ) -> Option<Self> {
         let mut groups: BTreeMap<usize, (String, Vec<bool>)> = BTreeMap::new();
         for record in records.iter().filter(|record| record.condition == condition) {
@@ -89,7 +89,7 @@ impl Sample {
 
     /// Returns mean and standard deviation over combinations. The standard deviation of a single one is NaN.
     pub fn mean_sd(&self) -> (f64, f64) {
-        let MeanSd { mean, sd } = MeanSd::of(&self.rates.iter().map(|one| one.rate).collect::<Vec<_>>());
+        let MeanSd { mean, sd } = MeanSd::from_values(&self.rates.iter().map(|one| one.rate).collect::<Vec<_>>());
         (mean.unwrap_or(f64::NAN), sd.unwrap_or(f64::NAN))
     }
 
@@ -103,10 +103,11 @@ impl Sample {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::made_up;
+    use crate::tests::synthetic_records;
 
     fn record(condition: Condition, plan: Option<f64>, chosen: Option<f64>) -> TrialRecord {
-        let record = made_up(1, 1).into_iter().find(|record| record.condition == condition).expect("a record");
+        let record =
+            synthetic_records(1, 1).into_iter().find(|record| record.condition == condition).expect("a record");
         TrialRecord { plan_separation_mm: plan, chosen_separation_mm: chosen, ..record }
     }
 
@@ -124,7 +125,7 @@ mod tests {
             (touch, None, None, (None, None)),
         ] {
             let record = record(condition, plan, chosen);
-            let found = (Count::Predicted.collided(&record), Count::Predicted.succeeded(&record));
+            let found = (CollisionCount::Predicted.collided(&record), CollisionCount::Predicted.succeeded(&record));
             assert_eq!(found, expected, "{condition} {plan:?} {chosen:?}");
         }
     }
@@ -133,10 +134,18 @@ mod tests {
     #[test]
     fn rates_are_of_trials_with_a_prediction() {
         let records: Vec<_> = [Some(1.0), Some(-1.0), None].map(|plan| record(Condition::Blind, plan, None)).into();
-        let sample = |count| Sample::of(&records, Condition::Blind, count, Count::collided).expect("trials");
-        assert_eq!((sample(Count::Predicted).trials, sample(Count::Predicted).rates[0].rate), (2, 0.5));
-        assert_eq!(sample(Count::Contact).trials, 3);
+        let sample = |count| {
+            RateSample::from_records(&records, Condition::Blind, count, CollisionCount::collided).expect("trials")
+        };
+        assert_eq!(
+            (sample(CollisionCount::Predicted).trials, sample(CollisionCount::Predicted).rates[0].rate),
+            (2, 0.5)
+        );
+        assert_eq!(sample(CollisionCount::Contact).trials, 3);
         let unfelt = [record(Condition::Blind, None, None)];
-        assert!(Sample::of(&unfelt, Condition::Blind, Count::Predicted, Count::collided).is_none());
+        assert!(
+            RateSample::from_records(&unfelt, Condition::Blind, CollisionCount::Predicted, CollisionCount::collided)
+                .is_none()
+        );
     }
 }

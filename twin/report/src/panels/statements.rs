@@ -6,15 +6,15 @@ use std::collections::HashMap;
 use maud::{Markup, html};
 use scenarios::summary::Summary;
 use scenarios::{Condition, TrialRecord};
-use statistics::{Difference, Rate};
+use statistics::{PairedDifference, SuccessRate};
 
-use super::Count;
-use crate::comparisons::with_interval;
-use crate::html::{Column, Table, number};
+use super::CollisionCount;
+use crate::comparisons::format_with_interval;
+use crate::html::{ColumnAlignment, HtmlTable, format_number};
 use crate::paper;
 
 /// Events that the paper shows without figures, each with the command that plays it.
-const SHOWN: [(&str, &str); 5] = [
+const SHOWN_EVENTS: [(&str, &str); 5] = [
     (
         "Four balls, one of them pushed while it is grasped (its illustration of the methods)",
         "ftac transport --scenario scenarios/data/transport/four_balls.toml --out DIR",
@@ -33,34 +33,38 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
             "What the paper shows without figures is played by these commands, from the repository’s root; BENCHMARKS.md there begins with \
             every figure that the paper states and this project measures. Recordings in DIR are shown by " code { "ftac view DIR" } "."
         }
-        dl.terms { @for (shown, command) in SHOWN { dt { (shown) } dd { code { (command) } } } }
+        dl.terms { @for (shown, command) in SHOWN_EVENTS { dt { (shown) } dd { code { (command) } } } }
     }
 }
 
-fn table(summary: &Summary, records: &[TrialRecord]) -> Table {
-    let head = [("statement of the paper", Column::Words), ("paper", Column::Words), ("ours", Column::Words)];
-    let mut table = Table::new("What the paper’s text states beside its figure", &head);
+fn table(summary: &Summary, records: &[TrialRecord]) -> HtmlTable {
+    let head = [
+        ("statement of the paper", ColumnAlignment::Words),
+        ("paper", ColumnAlignment::Words),
+        ("ours", ColumnAlignment::Words),
+    ];
+    let mut table = HtmlTable::new("What the paper’s text states beside its figure", &head);
     let mut row = |statement: &str, paper: String, ours: String| table.row(&[statement, &paper, &ours]);
     row(
         "combinations, and trials of each",
-        format!("{} × {}", paper::COMBINATIONS, paper::TRIALS),
+        format!("{} × {}", paper::COMBINATION_COUNT, paper::TRIALS_PER_COMBINATION),
         format!("{} × {}", summary.combos, summary.trials_per_combo),
     );
     let touch = || records.iter().filter(|record| record.condition == Condition::Touch);
     let collided: Vec<&TrialRecord> =
-        touch().filter(|record| Count::Predicted.collided(record) == Some(true)).collect();
+        touch().filter(|record| CollisionCount::Predicted.collided(record) == Some(true)).collect();
     if !collided.is_empty() {
-        let clear = collided.iter().filter(|record| Count::Predicted.succeeded(record) == Some(true)).count();
-        let rate = Rate::new(clear as u64, collided.len() as u64);
+        let clear = collided.iter().filter(|record| CollisionCount::Predicted.succeeded(record) == Some(true)).count();
+        let rate = SuccessRate::new(clear as u64, collided.len() as u64);
         row(
             "where a collision is predicted, touch switches to a strategy without one",
             "always".to_owned(),
             format!(
                 "{clear} of {} trials: {} [{}, {}]",
                 collided.len(),
-                number(rate.rate.unwrap_or(f64::NAN), 3),
-                number(rate.low, 3),
-                number(rate.high, 3)
+                format_number(rate.rate.unwrap_or(f64::NAN), 3),
+                format_number(rate.low, 3),
+                format_number(rate.high, 3)
             ),
         );
     }
@@ -70,19 +74,19 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> Table {
             format!("about {:.0} ms", paper::DECISION_MS),
             format!(
                 "slowest decision of a trial: median {} ms, 99th percentile {} ms",
-                number(median, 1),
-                number(last, 1)
+                format_number(median, 1),
+                format_number(last, 1)
             ),
         );
     }
-    let longer = longer(records);
+    let longer = paired_times(records);
     if !longer.is_empty() {
         row(
             "time that feeling adds to a trial without a collision",
-            format!("about {:.0} s", paper::FEELING_S),
+            format!("about {:.0} s", paper::TOUCH_TIME_S),
             format!(
                 "{} s, {} trials that are clean blind, and with touch at the first try",
-                with_interval(&Difference::of(&longer).difference, 1),
+                format_with_interval(&PairedDifference::from_pairs(&longer).difference, 1),
                 longer.len()
             ),
         );
@@ -91,7 +95,7 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> Table {
 }
 
 /// Returns times of trials with touch and blind, s, for which both are clean and touch needed no further try.
-fn longer(records: &[TrialRecord]) -> Vec<(f64, f64)> {
+fn paired_times(records: &[TrialRecord]) -> Vec<(f64, f64)> {
     let clean = |condition: Condition| {
         records
             .iter()
@@ -108,13 +112,13 @@ mod tests {
     use scenarios::summary::{RunInfo, summarise};
 
     use super::*;
-    use crate::tests::made_up;
+    use crate::tests::synthetic_records;
 
     /// In six trials with a predicted collision touch finds a collision-free way in four; its clean trials take 3 s
     /// longer.
     #[test]
     fn switches_and_times_are_counted() {
-        let mut records = made_up(6, 1);
+        let mut records = synthetic_records(6, 1);
         for record in records.iter_mut().filter(|record| record.condition == Condition::Touch) {
             record.plan_separation_mm = Some(-1.0);
             record.chosen_separation_mm = (record.combination > 0).then_some(record.combination as f64 - 1.5);

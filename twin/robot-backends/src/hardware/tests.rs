@@ -1,13 +1,13 @@
 //! Questions of the real robot to its operator, on emulated devices in real time.
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::fs::File;
 use std::io::{PipeWriter, Write as _};
 use std::os::fd::OwnedFd;
 use std::time::Instant;
 
 use hand_model::RobotModel;
-use hand_model::robot::{Command, Readings, RobotBackend as _, ServoGoal};
+use hand_model::robot::{Readings, RobotBackend as _, RobotCommand, ServoGoal};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::spring_hand::SpringHand;
@@ -18,13 +18,13 @@ use kortex::emulator::{Emulator, Injection, Pace, Settings};
 use kortex::{Arm, Timeouts};
 
 use super::*;
-use crate::Stopped;
+use crate::TrialStopped;
 
 const TRAVEL: f64 = 4.0;
 
 /// The devices, and a robot that runs on them.
 struct Bench {
-    hardware: Hardware,
+    hardware: HardwareBackend,
     answers: PipeWriter,
     arm: Emulator,
     _hand: EmulatedHand,
@@ -51,13 +51,13 @@ fn bench() -> Bench {
     (config.limits.staleness, config.limits.arm_watchdog) = (30.0, 30.0);
     let servo = |n: usize| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::MODEL,
+        model: xc330::XC330_MODEL,
         firmware: 46,
         homing_offset: -(zeros[n].rem_euclid(4096) as i32),
         travel: TRAVEL,
     };
     let calibration = HandCalibration::new("ftac", std::array::from_fn(servo));
-    hand.home(&calibration);
+    hand.write_homing_offsets(&calibration);
     calibration.write(&config.calibration).expect("written");
 
     let settings = Settings { cyclic_deadline: 120_000, ..Settings::default() };
@@ -72,17 +72,18 @@ fn bench() -> Bench {
     until("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     let (input, answers) = std::io::pipe().expect("a pipe");
-    let operator = Operator::at(File::from(OwnedFd::from(input)));
+    let operator = Operator::from_file(File::from(OwnedFd::from(input)));
     let interrupt = Interrupt::catch().expect("caught");
     let places = vec![Isometry3::identity(); 2];
     let names = vec!["pear".to_owned(), "lemon".to_owned()];
-    let mut hardware = Hardware { robot, places, names, pause: 60.0, interrupt, eyes: None, operator };
+    let mut hardware =
+        HardwareBackend { robot, nominal_poses: places, names, max_pause: 60.0, interrupt, vision: None, operator };
     until("it runs", || {
-        let seen = hardware.robot.observe().and_then(Readings::complete).expect("observed");
+        let seen = hardware.robot.observe().and_then(Readings::into_observation).expect("observed");
         let servos = [ServoGoal::Current(0.0); SERVOS];
         // A command that a busy machine does not send in time is sent in the next round.
-        let _ = hardware.robot.send(&Command { arm: seen.arm.position, servos: servos.into(), capture: false });
-        hardware.robot.state() == State::Running
+        let _ = hardware.robot.send(&RobotCommand { arm: seen.arm.position, servos: servos.into(), capture: false });
+        hardware.robot.state() == SupervisorState::Running
     });
     Bench { hardware, answers, arm, _hand: hand, _folder: folder }
 }
@@ -110,7 +111,7 @@ fn an_arm_that_is_lost_at_the_verdict_question_gives_no_verdict() {
         hardware.judge()
     });
     let error = judged.expect_err("no verdict");
-    assert!(error.downcast_ref::<Stopped>().is_some(), "{error:#}");
+    assert!(error.downcast_ref::<TrialStopped>().is_some(), "{error:#}");
     let words = error.to_string();
     assert!(words.contains("emergency stop") && words.contains("while the verdict was asked for"), "{words}");
 }

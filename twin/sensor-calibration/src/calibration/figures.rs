@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 use tactile_optics::SensorModel;
-use tactile_optics::calibration::{Lens, Parameter, SensorCalibration, Similarity, Views};
+use tactile_optics::calibration::{FittedParameter, Lens, SensorCalibration, Similarity, ViewSimilarity};
 
 use super::CalibrationRun;
 use super::scale::PixelSource;
-use crate::reconstruction::{Accuracy, Method};
+use crate::reconstruction::{Accuracy, SlopeMethod};
 
 /// Numbers of presses.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -36,7 +36,7 @@ struct AblationFigures {
     /// RMS residual of the fit, grey levels.
     residual_grey: f64,
     /// Similarity of renders to the held-out presses.
-    held_out: Option<Views>,
+    held_out: Option<ViewSimilarity>,
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
@@ -49,21 +49,21 @@ struct Checkerboards {
 
 /// Results of a calibration.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Figures<'a> {
+pub struct CalibrationFigures<'a> {
     presses: PressCounts,
     single_lamp_images: usize,
     /// Similarity of renders to the held-out presses.
-    held_out: Option<Views>,
+    held_out: Option<ViewSimilarity>,
     /// Similarity of the untouched image to the held-out presses: the baseline without a model.
-    floor: Option<Views>,
+    floor: Option<ViewSimilarity>,
     /// As `held_out`, rendered on the image's grid.
-    held_out_on_grid: Option<Views>,
+    held_out_on_grid: Option<ViewSimilarity>,
     /// As `held_out`, rendered on one frame of the untouched gel.
-    held_out_on_single_background: Option<Views>,
+    held_out_on_single_background: Option<ViewSimilarity>,
     /// Best similarity that camera noise and drift allow.
-    ceiling: Option<Views>,
+    ceiling: Option<ViewSimilarity>,
     /// As `ceiling`, for one frame of the untouched gel.
-    ceiling_of_single_frames: Option<Views>,
+    ceiling_of_single_frames: Option<ViewSimilarity>,
     /// Errors of reconstructed surfaces of held-out presses.
     reconstruction: Surfaces<'a>,
     /// RMS residual of the fit, grey levels.
@@ -76,7 +76,7 @@ pub struct Figures<'a> {
     pixel_measured: bool,
     /// Rejected images, with the reasons.
     left_out: &'a [(String, String)],
-    parameters: &'a [Parameter],
+    parameters: &'a [FittedParameter],
     /// The camera's lens, if images are rectified first.
     lens: Option<Lens>,
     /// The fitted sensor.
@@ -90,7 +90,7 @@ pub struct Figures<'a> {
 
 impl CalibrationRun {
     /// Returns all results except the run time.
-    pub fn figures(&self) -> Figures<'_> {
+    pub fn figures(&self) -> CalibrationFigures<'_> {
         let held = self.held_out.as_ref();
         let (grid, single) = (self.on_grid.as_ref(), self.on_single_background.as_ref());
         let ablation = self.ablations.iter().map(|row| AblationFigures {
@@ -101,7 +101,7 @@ impl CalibrationRun {
         let [fitted, held_out, unlabelled] = self.presses;
         let file = SensorCalibration::new(&self.fit, String::new());
         let boards = self.checkerboards.as_ref();
-        Figures {
+        CalibrationFigures {
             presses: PressCounts { fitted, held_out, found_without_label: unlabelled },
             single_lamp_images: self.single_lamp_images,
             held_out: held.map(|held| held.rendered),
@@ -111,8 +111,8 @@ impl CalibrationRun {
             ceiling: held.map(|held| held.ceiling),
             ceiling_of_single_frames: single.map(|held| held.ceiling),
             reconstruction: Surfaces {
-                look_up: self.photometry.accuracy(Method::LookUp),
-                network: self.photometry.accuracy(Method::Network),
+                look_up: self.photometry.accuracy(SlopeMethod::LookUp),
+                network: self.photometry.accuracy(SlopeMethod::Network),
                 learned_from: self.photometry.presses,
             },
             residual_grey: self.fit.residual,
@@ -167,7 +167,7 @@ impl CalibrationRun {
             }
         }
         text.push('\n');
-        text += &accuracy_table(&Method::ALL.map(|method| self.photometry.accuracy(method)));
+        text += &accuracy_table(&SlopeMethod::ALL.map(|method| self.photometry.accuracy(method)));
         text
     }
 }
@@ -178,7 +178,7 @@ pub fn accuracy_table(accuracy: &[&Accuracy; 2]) -> String {
         "{:12} {:>11} {:>9} {:>12} {:>14} {:>12} {:>12} {:>8}\n",
         "held out", "normals deg", "level deg", "found/slope", "found/depth", "depth rms", "height rms", "presses"
     );
-    for (method, found) in Method::ALL.iter().zip(accuracy) {
+    for (method, found) in SlopeMethod::ALL.iter().zip(accuracy) {
         text += &format!(
             "{:12} {:>11.2} {:>9.1} {:>12.3} {:>14.3} {:>10.1} % {:>9.3} mm {:>8}\n",
             method.name(),

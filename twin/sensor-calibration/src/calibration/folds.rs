@@ -3,18 +3,18 @@
 use anyhow::{Result, bail};
 use rayon::prelude::*;
 use tactile_optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, Effort, HeldOut, PressFolder, SensorCalibration,
+    Assumptions, BallFit, CalibratedSensor, FitEffort, HeldOutSimilarity, PressFolder, SensorCalibration,
 };
-use tactile_optics::calibration::{Similarity, Views};
+use tactile_optics::calibration::{Similarity, ViewSimilarity};
 
 use crate::reconstruction::Photometry;
 use crate::reconstruction::accuracy::Accuracy;
-use crate::reconstruction::errors::Errors;
+use crate::reconstruction::errors::ReconstructionErrors;
 
 /// Choice of the held-out presses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Split {
-    /// Each press once, in cross-validation with four parts (two from [`MANY`] presses on).
+pub enum HoldOutSplit {
+    /// Each press once, in cross-validation with four parts (two from [`MANY_PRESSES`] presses on).
     Folds,
     /// Presses 1, 3, 5, ... by file name.
     EvenOdd,
@@ -23,7 +23,7 @@ pub enum Split {
 }
 
 /// Number of presses from which they are split into two parts instead of four.
-const MANY: usize = 24;
+const MANY_PRESSES: usize = 24;
 
 /// Presses to learn from, and held-out ones to evaluate on.
 pub struct Fold {
@@ -31,14 +31,14 @@ pub struct Fold {
     pub held_out: PressFolder,
 }
 
-impl Split {
+impl HoldOutSplit {
     /// Returns the folds of presses. Returns an error if a fold has nothing to hold out.
     pub fn folds(self, presses: &PressFolder) -> Result<Vec<Fold>> {
         let smallest = presses.presses.iter().map(|press| press.diameter).fold(f64::INFINITY, f64::min);
         let fold = |(fitted, held_out)| Fold { fitted, held_out };
         let folds: Vec<Fold> = match self {
             Self::Folds => {
-                let parts = if presses.presses.len() < MANY { 4 } else { 2 };
+                let parts = if presses.presses.len() < MANY_PRESSES { 4 } else { 2 };
                 (0..parts).map(|part| fold(presses.split(|index, _| index % parts != part))).collect()
             }
             Self::EvenOdd => vec![fold(presses.even_odd())],
@@ -52,24 +52,30 @@ impl Split {
 }
 
 /// Evaluation of one fold.
-pub struct Judged {
+pub struct EvaluatedFold {
     /// Similarity of renders to the held-out presses.
-    pub rendered: HeldOut,
+    pub rendered: HeldOutSimilarity,
     /// Errors of reconstructed surfaces, by look-up and by the network.
-    errors: [Errors; 2],
+    errors: [ReconstructionErrors; 2],
     presses: usize,
     pub fit: BallFit,
 }
 
 impl Fold {
     /// Fits and learns without the held-out presses, and evaluates on them.
-    fn judge(&self, assumptions: Assumptions, effort: &Effort, seed: u64, step: &(dyn Fn() + Sync)) -> Result<Judged> {
+    fn evaluate(
+        &self,
+        assumptions: Assumptions,
+        effort: &FitEffort,
+        seed: u64,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<EvaluatedFold> {
         let fit = BallFit::new(&self.fitted, assumptions, effort, seed)?;
         let sensor = sensor_of(&fit)?;
         let photometry = Photometry::learn(&self.fitted, &sensor, seed, step)?;
         let errors = photometry.errors(&self.held_out, &sensor);
         let Some(rendered) = fit.evaluate(&self.held_out) else { bail!("no press was held out") };
-        Ok(Judged { rendered, errors, presses: self.held_out.presses.len(), fit })
+        Ok(EvaluatedFold { rendered, errors, presses: self.held_out.presses.len(), fit })
     }
 }
 
@@ -79,20 +85,20 @@ pub fn sensor_of(fit: &BallFit) -> Result<CalibratedSensor> {
 }
 
 /// Evaluates all folds in parallel.
-pub fn judge(
+pub fn evaluate_folds(
     folds: &[Fold],
     assumptions: Assumptions,
-    effort: &Effort,
+    effort: &FitEffort,
     seed: u64,
     step: &(dyn Fn() + Sync),
-) -> Result<Vec<Judged>> {
-    folds.par_iter().map(|fold| fold.judge(assumptions, effort, seed, step)).collect()
+) -> Result<Vec<EvaluatedFold>> {
+    folds.par_iter().map(|fold| fold.evaluate(assumptions, effort, seed, step)).collect()
 }
 
 /// Combines the folds to results over all held-out presses: of renders, and of surfaces by look-up and by the network.
-pub fn figures(judged: Vec<Judged>) -> (Option<HeldOut>, [Accuracy; 2]) {
+pub fn combine_folds(judged: Vec<EvaluatedFold>) -> (Option<HeldOutSimilarity>, [Accuracy; 2]) {
     let rendered = mean(&judged);
-    let mut all: [Errors; 2] = Default::default();
+    let mut all: [ReconstructionErrors; 2] = Default::default();
     for of_fold in judged {
         all.iter_mut().zip(of_fold.errors).for_each(|(all, errors)| all.merge(errors));
     }
@@ -100,15 +106,15 @@ pub fn figures(judged: Vec<Judged>) -> (Option<HeldOut>, [Accuracy; 2]) {
 }
 
 /// Averages over the held-out presses.
-fn mean(judged: &[Judged]) -> Option<HeldOut> {
-    let views = |pick: fn(&HeldOut) -> Views| {
-        let part = |part: fn(&Views) -> Similarity| {
+fn mean(judged: &[EvaluatedFold]) -> Option<HeldOutSimilarity> {
+    let views = |pick: fn(&HeldOutSimilarity) -> ViewSimilarity| {
+        let part = |part: fn(&ViewSimilarity) -> Similarity| {
             let each = judged.iter().flat_map(|of| std::iter::repeat_n(part(&pick(&of.rendered)), of.presses));
             Similarity::mean(&each.collect::<Vec<_>>())
         };
-        Some(Views { full: part(|views| views.full)?, crop: part(|views| views.crop)? })
+        Some(ViewSimilarity { full: part(|views| views.full)?, crop: part(|views| views.crop)? })
     };
-    Some(HeldOut {
+    Some(HeldOutSimilarity {
         rendered: views(|held| held.rendered)?,
         floor: views(|held| held.floor)?,
         ceiling: views(|held| held.ceiling)?,

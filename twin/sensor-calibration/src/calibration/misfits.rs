@@ -4,7 +4,7 @@ use tactile_optics::calibration::{BallFit, PressFolder};
 
 /// Outlier thresholds: the error of a misfit exceeds this multiple of the median error, and the median by this many
 /// grey levels.
-const MISFIT: (f64, f64) = (2.5, 4.0);
+const MISFIT_THRESHOLDS: (f64, f64) = (2.5, 4.0);
 
 /// Returns for each press the reason why it is a misfit; `None` if it is not.
 pub fn misfits(fit: &BallFit, folder: &PressFolder) -> Vec<Option<String>> {
@@ -12,7 +12,7 @@ pub fn misfits(fit: &BallFit, folder: &PressFolder) -> Vec<Option<String>> {
     let mut sorted = errors.clone();
     sorted.sort_by(f64::total_cmp);
     let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let is_misfit = |error: f64| error > MISFIT.0 * typical && error > typical + MISFIT.1;
+    let is_misfit = |error: f64| error > MISFIT_THRESHOLDS.0 * typical && error > typical + MISFIT_THRESHOLDS.1;
     let reason = |(error, labelled): (f64, bool)| {
         let expected = if labelled { "a ball where the label says" } else { "a ball" };
         format!(

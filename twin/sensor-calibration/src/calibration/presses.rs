@@ -4,18 +4,18 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use tactile_optics::calibration::zhang::{self, LensFit};
-use tactile_optics::calibration::{Lens, PressFolder, ReadOptions, press_checks};
+use tactile_optics::calibration::{Lens, PressFolder, PressReadOptions, press_checks};
 
 use super::scale::{self, PixelSize, PixelSource};
 use super::sheet::Tile;
 use crate::video;
 
 /// Folder of pictures of a checkerboard inside a folder of presses.
-pub const CHECKERBOARDS: &str = "checkerboards";
+pub const CHECKERBOARD_FOLDER: &str = "checkerboards";
 /// Minimum number of presses to learn from and to evaluate on.
-const FEWEST: usize = 4;
+const MIN_PRESSES: usize = 4;
 /// Minimum share of usable images. Below it, more is wrong than single presses.
-const MOST: f64 = 0.5;
+const MIN_USABLE_SHARE: f64 = 0.5;
 
 /// Checked presses, with the source of the pixel size.
 pub struct CheckedPresses {
@@ -52,7 +52,7 @@ pub fn read(path: &Path, diameter: f64, ignore_labels: bool, background: Option<
     if path.is_file() && video::is_video(path) {
         return video::read_presses(path, diameter, background);
     }
-    Ok(PressFolder::read_with(path, &ReadOptions { diameter, ignore_labels, background })?)
+    Ok(PressFolder::read_with(path, &PressReadOptions { diameter, ignore_labels, background })?)
 }
 
 impl CheckedPresses {
@@ -62,9 +62,9 @@ impl CheckedPresses {
     pub fn read(source: &PressSource<'_>, show: impl Fn(&[Tile]) -> Result<()>) -> Result<Self> {
         let mut folder = read(source.path, source.diameter, source.ignore_labels, source.background)?;
         let lens = source.lens.map(Lens::read).transpose().context("--lens")?;
-        let boards = source.path.join(CHECKERBOARDS);
+        let boards = source.path.join(CHECKERBOARD_FOLDER);
         let checkerboards = if boards.exists() {
-            Some(zhang::read(&boards, [folder.background.width, folder.background.height])?)
+            Some(zhang::fit_folder(&boards, [folder.background.width, folder.background.height])?)
         } else {
             None
         };
@@ -73,12 +73,12 @@ impl CheckedPresses {
         if let Some(lens) = &lens {
             folder = folder.rectified(lens).context("the camera's lens")?;
             if let PixelSource::Ruler { ends, .. } = &mut pixel {
-                *ends = ends.map(|end| lens.rectified(end));
+                *ends = ends.map(|end| lens.rectify_point(end));
             }
         }
         let measured = pixel.measured(folder.background.width)?;
-        let reasons = press_checks::out_of_line(&folder);
-        folder.leave_out(reasons);
+        let reasons = press_checks::inconsistent_presses(&folder);
+        folder.skip_presses(reasons);
         let impossible = measured.map_or(Ok(()), |PixelSize { size, .. }| {
             scale::leave_out_impossible(&mut folder, size, false)
                 .and_then(|()| scale::check_depth(&folder, size, source.shallow))
@@ -86,13 +86,13 @@ impl CheckedPresses {
         let checked = Self { folder, lens, checkerboards, source: pixel, measured, shallow: source.shallow };
         show(&checked.tiles())?;
         impossible?;
-        checked.enough()?;
+        checked.check_count()?;
         Ok(checked)
     }
 
     /// Returns the names of the rejected images, with the reasons.
     pub fn left_out(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.folder.left_out.iter().map(|image| (image.name.as_str(), image.reason.as_str()))
+        self.folder.skipped.iter().map(|image| (image.name.as_str(), image.reason.as_str()))
     }
 
     /// Counts the accepted presses.
@@ -106,17 +106,17 @@ impl CheckedPresses {
     }
 
     /// Returns an error if too few presses remain. Rows of the label file without an image are not counted.
-    pub(super) fn enough(&self) -> Result<()> {
+    pub(super) fn check_count(&self) -> Result<()> {
         let kept = self.folder.presses.len();
-        let left = self.folder.left_out.iter().filter(|left| !left.missing).count();
+        let left = self.folder.skipped.iter().filter(|left| !left.missing).count();
         let total = kept + left;
-        if kept >= FEWEST && kept as f64 >= MOST * total as f64 {
+        if kept >= MIN_PRESSES && kept as f64 >= MIN_USABLE_SHARE * total as f64 {
             return Ok(());
         }
-        let reasons = self.folder.left_out.iter().take(6).map(|image| format!("\n{}: {}", image.name, image.reason));
+        let reasons = self.folder.skipped.iter().take(6).map(|image| format!("\n{}: {}", image.name, image.reason));
         let reasons: String = reasons.collect();
-        if kept < FEWEST {
-            bail!("found {kept} presses that can be used, of {total}; expected at least {FEWEST}{reasons}");
+        if kept < MIN_PRESSES {
+            bail!("found {kept} presses that can be used, of {total}; expected at least {MIN_PRESSES}{reasons}");
         }
         bail!(
             "found {left} of {total} presses out of line; expected less than half: more is wrong than they are{reasons}"
@@ -127,7 +127,7 @@ impl CheckedPresses {
     fn tiles(&self) -> Vec<Tile> {
         let used =
             self.folder.presses.iter().map(|press| Tile::press(press, format!("r {:.0} px", press.radius), true));
-        let mut tiles: Vec<Tile> = used.chain(self.folder.left_out.iter().flat_map(Tile::left_out)).collect();
+        let mut tiles: Vec<Tile> = used.chain(self.folder.skipped.iter().flat_map(Tile::left_out)).collect();
         tiles.sort_by(|a, b| a.name.cmp(&b.name));
         tiles
     }

@@ -5,7 +5,7 @@
 //! with two points a known distance apart, or by the width of the camera's field of view.
 
 use anyhow::{Result, bail};
-use tactile_optics::calibration::{Assumptions, BallFit, BallPress, Effort, PressFolder};
+use tactile_optics::calibration::{Assumptions, BallFit, BallPress, FitEffort, PressFolder};
 
 /// Source of the pixel size; lengths in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,21 +28,21 @@ pub struct PixelSize {
 }
 
 /// Standard deviation of a coordinate read off an image by a person, pixels.
-const READ: f64 = 0.5;
+const READING_SIGMA: f64 = 0.5;
 /// Minimum distance between a ruler's ends, pixels.
-const SHORTEST: f64 = 20.0;
+const MIN_RULER_LENGTH: f64 = 20.0;
 /// Largest plausible radius of a contact, and of a visible circle around it, as a multiple of the ball's.
-const LARGEST: [f64; 2] = [1.05, 1.3];
+const MAX_RADIUS_RATIOS: [f64; 2] = [1.05, 1.3];
 /// Threshold of shallow presses: median radius of the circles over the ball's, below which they are too shallow for a
 /// calibration.
-const SHALLOWEST: f64 = 0.35;
+const SHALLOW_RATIO: f64 = 0.35;
 /// Candidate pixel sizes if nothing else determines it, as shares of the largest possible one.
-const SHARES: [f64; 6] = [0.3, 0.4, 0.52, 0.68, 0.84, 1.0];
+const PIXEL_SIZE_SHARES: [f64; 6] = [0.3, 0.4, 0.52, 0.68, 0.84, 1.0];
 /// Tolerance for a candidate size: its fit's residual is at most this multiple of the best one's.
-const AS_GOOD: f64 = 1.15;
+const RESIDUAL_TOLERANCE: f64 = 1.15;
 /// Number of presses and effort of those fits.
-const FEW: usize = 12;
-const QUICK: Effort = Effort { per_press: 150, starts: 1, steps: [8, 12], split: true };
+const TRIAL_FIT_PRESSES: usize = 12;
+const TRIAL_FIT_EFFORT: FitEffort = FitEffort { per_press: 150, starts: 1, steps: [8, 12], split: true };
 
 impl PixelSource {
     /// Returns the pixel size by this source; `columns` is the images' width. `None` if only the presses can determine
@@ -59,11 +59,11 @@ impl PixelSource {
             Self::Field(width) => PixelSize { size: positive("--field-mm", width)? / columns as f64, interval: None },
             Self::Ruler { ends: [a, b], length } => {
                 let pixels = (a[0] - b[0]).hypot(a[1] - b[1]);
-                if !pixels.is_finite() || pixels < SHORTEST {
-                    bail!("--ruler: found points {pixels:.1} pixels apart, expected at least {SHORTEST}");
+                if !pixels.is_finite() || pixels < MIN_RULER_LENGTH {
+                    bail!("--ruler: found points {pixels:.1} pixels apart, expected at least {MIN_RULER_LENGTH}");
                 }
                 let size = positive("--ruler", length)? / pixels;
-                let deviation = size * READ * f64::sqrt(2.0) / pixels;
+                let deviation = size * READING_SIGMA * f64::sqrt(2.0) / pixels;
                 PixelSize { size, interval: Some([size - 1.96 * deviation, size + 1.96 * deviation]) }
             }
             Self::Presses => return Ok(None),
@@ -72,13 +72,13 @@ impl PixelSource {
 }
 
 /// Returns the radius of a press's circle over its ball's, for this pixel size (m).
-fn share(press: &BallPress, pixel: f64) -> f64 {
+fn radius_ratio(press: &BallPress, pixel: f64) -> f64 {
     press.radius * pixel / (0.5 * press.diameter)
 }
 
 /// Returns the reason why a press's circle cannot be that of its ball, for this pixel size (m).
-fn impossible(press: &BallPress, pixel: f64) -> Option<String> {
-    let (found, most) = (share(press, pixel), LARGEST[usize::from(!press.contact_labelled)]);
+fn impossibility(press: &BallPress, pixel: f64) -> Option<String> {
+    let (found, most) = (radius_ratio(press, pixel), MAX_RADIUS_RATIOS[usize::from(!press.contact_labelled)]);
     (found > most).then(|| {
         format!(
             "found a circle of {:.2} mm radius, {found:.2} of the radius of a ball of {} mm; expected at most {most}",
@@ -97,25 +97,25 @@ pub fn leave_out_impossible(folder: &mut PressFolder, pixel: f64, corrected: boo
     let reasons: Vec<Option<String>> = folder
         .presses
         .iter()
-        .map(|press| Some(press).filter(judged).and_then(|press| impossible(press, pixel)))
+        .map(|press| Some(press).filter(judged).and_then(|press| impossibility(press, pixel)))
         .collect();
     let first = folder.presses.iter().zip(&reasons).find_map(|(press, reason)| Some((&press.name, reason.as_ref()?)));
     let Some((name, reason)) = first else { return Ok(()) };
     if 2 * reasons.iter().flatten().count() >= folder.presses.len() {
         bail!("{name}: {reason}: the ball's diameter or the size of a pixel ({} mm) is wrong", 1e3 * pixel);
     }
-    folder.leave_out(reasons);
+    folder.skip_presses(reasons);
     Ok(())
 }
 
 /// Returns an error if the circles are far smaller than their balls, unless `shallow`.
 pub fn check_depth(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()> {
-    let mut shares: Vec<f64> = folder.presses.iter().map(|press| share(press, pixel)).collect();
+    let mut shares: Vec<f64> = folder.presses.iter().map(|press| radius_ratio(press, pixel)).collect();
     shares.sort_by(f64::total_cmp);
     let Some(median) = shares.get(shares.len() / 2) else { return Ok(()) };
-    if *median < SHALLOWEST && !shallow {
+    if *median < SHALLOW_RATIO && !shallow {
         bail!(
-            "found circles of {median:.2} of their ball's radius (median); expected at least {SHALLOWEST}: the ball's diameter \
+            "found circles of {median:.2} of their ball's radius (median); expected at least {SHALLOW_RATIO}: the ball's diameter \
              ({} mm) or the size of a pixel ({} mm) is wrong, or `--shallow` says that the presses are",
             1e3 * folder.presses[0].diameter,
             1e3 * pixel
@@ -128,20 +128,20 @@ pub fn check_depth(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()
 /// geometric mean. The largest candidate puts the largest circle at its limit, about the size of its ball; the smallest
 /// one is three tenths of that.
 pub fn from_presses(folder: &PressFolder, seed: u64) -> Result<PixelSize> {
-    let (some, _) = folder.split(|n, _| n % folder.presses.len().div_ceil(FEW).max(1) == 0);
+    let (some, _) = folder.split(|n, _| n % folder.presses.len().div_ceil(TRIAL_FIT_PRESSES).max(1) == 0);
     let most = folder.presses.iter().map(|press| {
-        let visible = LARGEST[usize::from(!press.contact_labelled)];
+        let visible = MAX_RADIUS_RATIOS[usize::from(!press.contact_labelled)];
         visible * 0.5 * press.diameter / press.radius
     });
     let most = most.fold(f64::INFINITY, f64::min);
     let mut tried = Vec::new();
-    for share in SHARES {
+    for share in PIXEL_SIZE_SHARES {
         let size = share * most;
-        let fit = BallFit::new(&some, Assumptions::full(Some(size)), &QUICK, seed)?;
+        let fit = BallFit::new(&some, Assumptions::full(Some(size)), &TRIAL_FIT_EFFORT, seed)?;
         tried.push((size, fit.residual));
     }
     let best = tried.iter().map(|(_, residual)| *residual).fold(f64::INFINITY, f64::min);
-    let good = |n: usize| tried[n].1 <= AS_GOOD * best;
+    let good = |n: usize| tried[n].1 <= RESIDUAL_TOLERANCE * best;
     let possible: Vec<usize> = (0..tried.len()).filter(|&n| good(n)).collect();
     let (Some(first), Some(last)) = (possible.first(), possible.last()) else {
         bail!("found no size of a pixel with which the presses can be explained");

@@ -3,16 +3,16 @@
 use anyhow::{Context, Result};
 use image::{Rgb, RgbImage};
 use report::picture::{text, tile};
-use tactile_optics::calibration::{BallPress, LeftOut, Photo};
+use tactile_optics::calibration::{BallPress, Photo, SkippedImage};
 
-const USED: [u8; 3] = [255, 255, 255];
-const LEFT_OUT: [u8; 3] = [255, 40, 40];
+const USED_COLOR: [u8; 3] = [255, 255, 255];
+const REJECTED_COLOR: [u8; 3] = [255, 40, 40];
 /// Tiles per row.
 const COLUMNS: usize = 6;
 
 /// Width of a letter and height of a line, pixels.
-const LETTER: usize = 8;
-const LINE: i64 = 14;
+const LETTER_WIDTH: usize = 8;
+const LINE_HEIGHT: i64 = 14;
 
 /// A press, or an image without one, with a note.
 pub struct Tile {
@@ -31,7 +31,7 @@ impl Tile {
     }
 
     /// Returns the tile of a rejected image; `None` if there is no image of the background's size.
-    pub fn left_out(image: &LeftOut) -> Option<Self> {
+    pub fn left_out(image: &SkippedImage) -> Option<Self> {
         let photo = image.photo.clone()?;
         let note = format!("left out: {}", image.reason);
         Some(Self { name: image.name.clone(), photo, circle: image.circle, note, used: false })
@@ -47,7 +47,7 @@ pub fn draw(tiles: &[Tile]) -> Result<RgbImage> {
 fn picture(tile: &Tile) -> Result<RgbImage> {
     let (width, height) = (tile.photo.width as u32, tile.photo.height as u32);
     let mut image = RgbImage::from_raw(width, height, tile.photo.rgb.clone()).context("an image's size")?;
-    let color = if tile.used { USED } else { LEFT_OUT };
+    let color = if tile.used { USED_COLOR } else { REJECTED_COLOR };
     if let Some((center, radius)) = tile.circle {
         let steps = (8.0 * radius).ceil().max(16.0) as usize;
         for k in 0..steps {
@@ -59,8 +59,8 @@ fn picture(tile: &Tile) -> Result<RgbImage> {
         }
     }
     text(&mut image, 4, 4, &tile.name, color);
-    for (line, part) in lines(&tile.note, (width as usize / LETTER).max(8)).iter().rev().enumerate() {
-        text(&mut image, 4, i64::from(height) - LINE * (line as i64 + 1), part, color);
+    for (line, part) in lines(&tile.note, (width as usize / LETTER_WIDTH).max(8)).iter().rev().enumerate() {
+        text(&mut image, 4, i64::from(height) - LINE_HEIGHT * (line as i64 + 1), part, color);
     }
     Ok(image)
 }

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use tactile_perception::AngularError;
 
 /// Width of a slope class, degrees. Errors of normals are grouped by such classes.
-const CLASS_DEG: f64 = 10.0;
+const SLOPE_CLASS_DEG: f64 = 10.0;
 /// Number of slope classes.
-pub(super) const CLASSES: usize = 8;
+pub(super) const SLOPE_CLASS_COUNT: usize = 8;
 
 /// Errors on held-out presses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -37,13 +37,13 @@ pub struct Accuracy {
     pub beyond: f64,
     /// Root-mean-square error (degrees) of normals estimated at slopes of 0 to 10, 10 to 20, ... degrees. A class
     /// without samples has the value of the steepest class below it that has some.
-    pub by_slope_deg: [f64; CLASSES],
+    pub by_slope_deg: [f64; SLOPE_CLASS_COUNT],
 }
 
 impl Accuracy {
     /// Returns the expected error of a normal with these estimated slopes, degrees.
     pub fn normal_error(&self, [gx, gy]: [f32; 2]) -> f32 {
-        self.by_slope_deg[class(f64::from(gx.hypot(gy)))] as f32
+        self.by_slope_deg[slope_class(f64::from(gx.hypot(gy)))] as f32
     }
 
     /// Returns the expected error of a depth, m.
@@ -53,6 +53,6 @@ impl Accuracy {
 }
 
 /// Returns the class of a slope.
-pub(super) fn class(slope: f64) -> usize {
-    ((slope.atan().to_degrees() / CLASS_DEG) as usize).min(CLASSES - 1)
+pub(super) fn slope_class(slope: f64) -> usize {
+    ((slope.atan().to_degrees() / SLOPE_CLASS_DEG) as usize).min(SLOPE_CLASS_COUNT - 1)
 }

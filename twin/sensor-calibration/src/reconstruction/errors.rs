@@ -1,22 +1,22 @@
 //! Errors of reconstructed surfaces of balls with known size and contact.
 //!
 //! The circle of a ball determines the gel's shape well inside it. Towards the rim the gel leaves the ball smoothly,
-//! and the depth to which the surrounding gel sinks is unknown. Heights are therefore compared over the inner [`INNER`]
+//! and the depth to which the surrounding gel sinks is unknown. Heights are therefore compared over the inner [`INNER_SHARE`]
 //! of the contact's radius, relative to their mean at that radius; normals are compared over the whole contact, as
 //! usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use tactile_perception::AngularError;
 
-use super::accuracy::{Accuracy, CLASSES, class};
+use super::accuracy::{Accuracy, SLOPE_CLASS_COUNT, slope_class};
 use super::known_ball::{KnownBall, KnownPresses};
 use super::surface::{GridSurface, Reconstructor};
-use crate::grid::Grid;
+use crate::grid::PadGrid;
 
 /// Share of the contact's radius within which the gel surely lies on the ball.
-pub const INNER: f64 = 0.7;
+pub const INNER_SHARE: f64 = 0.7;
 /// Share of the contact's radius within which the central height is averaged.
-const MIDDLE: f64 = 0.15;
+const MIDDLE_SHARE: f64 = 0.15;
 
 /// Estimated and true surface of one press.
 pub struct BallError {
@@ -32,7 +32,7 @@ pub struct BallError {
 
 /// Accumulated errors of single presses and pixels.
 #[derive(Default)]
-pub struct Errors {
+pub struct ReconstructionErrors {
     pub rows: Vec<BallError>,
     /// Angular errors of normals inside the contact, degrees, and the sum of those of level normals.
     angles: Vec<f64>,
@@ -40,7 +40,7 @@ pub struct Errors {
     /// Sums of estimated times true slopes, and of squared true slopes.
     slopes: [f64; 2],
     /// Sum of squared angular errors, and count, by class of the estimated slope.
-    classes: [[f64; 2]; CLASSES],
+    classes: [[f64; 2]; SLOPE_CLASS_COUNT],
     overlap: f64,
     /// Sum of squared errors of the height over the inner part, and count.
     heights: [f64; 2],
@@ -48,7 +48,7 @@ pub struct Errors {
 
 /// Returns the contact threshold, a share of the peak height above which the gel counts as lying on a ball, for which
 /// estimated and true contacts overlap best.
-pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: Grid, pixel: f64) -> f32 {
+pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: PadGrid, pixel: f64) -> f32 {
     let surfaces: Vec<Option<GridSurface>> = known.presses.iter().map(|press| reader.on_grid(&press.image)).collect();
     let overlap = |share: f32| {
         let each = surfaces.iter().zip(&known.balls).flat_map(|(found, ball)| Some((found.as_ref()?, ball)));
@@ -60,19 +60,19 @@ pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: Grid, p
 }
 
 /// Averages the height along the edge of a ball's inner part, m.
-fn edge_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
+fn edge_height(found: &GridSurface, ball: &KnownBall, grid: PadGrid, pixel: f64) -> f64 {
     let (dx, dy) = grid.pixel(pixel);
     mean_height(found, |i| {
         let [x, y] = ball.offset(grid, pixel, i);
-        (x.hypot(y) - INNER * ball.contact).abs() < 0.5 * dx.max(dy)
+        (x.hypot(y) - INNER_SHARE * ball.contact).abs() < 0.5 * dx.max(dy)
     })
 }
 
 /// Averages the height around a ball's centre, m.
-fn middle_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
+fn middle_height(found: &GridSurface, ball: &KnownBall, grid: PadGrid, pixel: f64) -> f64 {
     mean_height(found, |i| {
         let [x, y] = ball.offset(grid, pixel, i);
-        x.hypot(y) < MIDDLE * ball.contact
+        x.hypot(y) < MIDDLE_SHARE * ball.contact
     })
 }
 
@@ -93,20 +93,20 @@ fn shared_area(found: &GridSurface, share: f32, inside: impl Fn(usize) -> bool) 
     both as f64 / either.max(1) as f64
 }
 
-impl Errors {
+impl ReconstructionErrors {
     /// Compares the reconstructed surfaces of presses with the balls. A press that shows nothing counts as level.
-    pub fn add(&mut self, reader: &Reconstructor, known: &KnownPresses, (grid, pixel): (Grid, f64), share: f32) {
+    pub fn add(&mut self, reader: &Reconstructor, known: &KnownPresses, (grid, pixel): (PadGrid, f64), share: f32) {
         for (press, ball) in known.presses.iter().zip(&known.balls) {
             let found = reader.on_grid(&press.image);
             self.add_press(found.as_ref(), ball, (grid, pixel), share);
         }
     }
 
-    fn add_press(&mut self, found: Option<&GridSurface>, ball: &KnownBall, (grid, pixel): (Grid, f64), share: f32) {
+    fn add_press(&mut self, found: Option<&GridSurface>, ball: &KnownBall, (grid, pixel): (PadGrid, f64), share: f32) {
         let edge = found.map_or(0.0, |found| edge_height(found, ball, grid, pixel));
-        let inner = INNER * ball.contact;
+        let inner = INNER_SHARE * ball.contact;
         // The mean square radius of a disc is half of its radius squared.
-        let middle = MIDDLE * ball.contact * f64::sqrt(0.5);
+        let middle = MIDDLE_SHARE * ball.contact * f64::sqrt(0.5);
         let (Some((true_middle, _)), Some((true_edge, _))) = (ball.at([middle, 0.0]), ball.at([inner, 0.0])) else {
             return;
         };
@@ -130,7 +130,7 @@ impl Errors {
                 self.heights[0] += (depth - (height - true_edge)).powi(2);
                 inside += 1.0;
             }
-            let class = &mut self.classes[class(gx.hypot(gy))];
+            let class = &mut self.classes[slope_class(gx.hypot(gy))];
             class[0] += angle * angle;
             class[1] += 1.0;
         }
@@ -171,7 +171,7 @@ impl Errors {
     pub fn accuracy(&self) -> Accuracy {
         let presses = self.rows.len();
         let mean = |value: &dyn Fn(&BallError) -> f64| self.rows.iter().map(value).sum::<f64>() / presses.max(1) as f64;
-        let mut by_slope_deg = [0.0; CLASSES];
+        let mut by_slope_deg = [0.0; SLOPE_CLASS_COUNT];
         let mut known = 0.0;
         for (error, [sum, count]) in by_slope_deg.iter_mut().zip(self.classes) {
             if count > 0.0 {
@@ -182,7 +182,7 @@ impl Errors {
         let wrong = |row: &&BallError| row.depth[0] <= 0.0 || row.slope_ratio <= 0.0;
         Accuracy {
             presses,
-            normals_deg: AngularError::of(self.angles.clone()),
+            normals_deg: AngularError::from_angles(self.angles.clone()),
             level_deg: self.level / (self.angles.len().max(1)) as f64,
             slope_ratio: self.slopes[0] / self.slopes[1].max(f64::MIN_POSITIVE),
             depth_ratio: mean(&|row| row.depth[0] / row.depth[1]),

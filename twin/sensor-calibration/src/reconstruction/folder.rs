@@ -35,7 +35,7 @@ impl Inputs {
 pub fn check_names(files: &[PathBuf]) -> Result<()> {
     let mut known: BTreeMap<String, &PathBuf> = BTreeMap::new();
     for file in files {
-        if let Some(other) = known.insert(name(file), file) {
+        if let Some(other) = known.insert(image_name(file), file) {
             bail!(
                 "{} and {}: found two images of one name; expected names that differ",
                 other.display(),
@@ -47,7 +47,7 @@ pub fn check_names(files: &[PathBuf]) -> Result<()> {
 }
 
 /// Returns an image's file name without its extension.
-pub fn name(file: &Path) -> String {
+pub fn image_name(file: &Path) -> String {
     file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
@@ -56,22 +56,22 @@ type Stamp = (u64, Option<SystemTime>);
 
 /// Watcher of a folder into which a camera writes.
 #[derive(Debug, Default)]
-pub struct Arrivals {
-    seen: BTreeMap<PathBuf, Stamp>,
-    done: BTreeMap<PathBuf, Stamp>,
+pub struct FolderWatcher {
+    last_stamps: BTreeMap<PathBuf, Stamp>,
+    processed: BTreeMap<PathBuf, Stamp>,
 }
 
-impl Arrivals {
+impl FolderWatcher {
     /// Returns the new or changed images whose size and modification time are the same as at the last call: a file that
     /// is still being written has to wait.
-    pub fn next(&mut self, folder: &Path, background: Option<&Path>) -> Result<Vec<PathBuf>> {
+    pub fn new_files(&mut self, folder: &Path, background: Option<&Path>) -> Result<Vec<PathBuf>> {
         let mut ready = Vec::new();
         for file in Inputs::find(folder, background)?.files {
             let Ok(found) = file.metadata() else { continue };
             let stamp = (found.len(), found.modified().ok());
-            let settled = self.seen.insert(file.clone(), stamp) == Some(stamp);
-            if settled && self.done.get(&file) != Some(&stamp) {
-                self.done.insert(file.clone(), stamp);
+            let settled = self.last_stamps.insert(file.clone(), stamp) == Some(stamp);
+            if settled && self.processed.get(&file) != Some(&stamp) {
+                self.processed.insert(file.clone(), stamp);
                 ready.push(file);
             }
         }
@@ -86,14 +86,14 @@ mod tests {
     #[test]
     fn an_image_arrives_once_it_is_written() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (file, mut arrivals) = (folder.path().join("a.png"), Arrivals::default());
+        let (file, mut arrivals) = (folder.path().join("a.png"), FolderWatcher::default());
         std::fs::write(folder.path().join("background.png"), b"not one of them").expect("written");
         std::fs::write(&file, b"half").expect("written");
-        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "it may still grow");
+        assert!(arrivals.new_files(folder.path(), None).expect("read").is_empty(), "it may still grow");
         std::fs::write(&file, b"half and half").expect("written");
-        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "it has grown");
-        assert_eq!(arrivals.next(folder.path(), None).expect("read"), [file]);
-        assert!(arrivals.next(folder.path(), None).expect("read").is_empty(), "once");
+        assert!(arrivals.new_files(folder.path(), None).expect("read").is_empty(), "it has grown");
+        assert_eq!(arrivals.new_files(folder.path(), None).expect("read"), [file]);
+        assert!(arrivals.new_files(folder.path(), None).expect("read").is_empty(), "once");
     }
 
     #[test]

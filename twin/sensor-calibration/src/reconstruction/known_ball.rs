@@ -8,7 +8,7 @@ use hand_model::robot::TactileImage;
 use tactile_optics::calibration::{BallPress, CalibratedSensor, PressFolder};
 use tactile_perception::CalibrationPress;
 
-use crate::grid::Grid;
+use crate::grid::PadGrid;
 
 /// Spherical cap of a ball that lies in the gel.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,7 @@ pub struct KnownBall {
 impl KnownBall {
     /// Computes the cap of a press. The contact radius is the label's if it gives one. If only the visible circle is
     /// known, the radius follows from the depth that the sensor's fit assigns to such a circle.
-    pub fn of(press: &BallPress, sensor: &CalibratedSensor) -> Self {
+    pub fn from_press(press: &BallPress, sensor: &CalibratedSensor) -> Self {
         let radius = 0.5 * press.diameter;
         let contact = if press.contact_labelled {
             press.radius * 1e-3 * sensor.calibration().pixel_mm
@@ -36,12 +36,12 @@ impl KnownBall {
     }
 
     /// Computes the indentation at each pixel of the pads' grid, m, over a photo with pixels of size `pixel` (m).
-    pub fn on_grid(&self, grid: Grid, pixel: f64) -> Vec<f32> {
+    pub fn on_grid(&self, grid: PadGrid, pixel: f64) -> Vec<f32> {
         (0..N * N).map(|i| self.at(self.offset(grid, pixel, i)).map_or(0.0, |(depth, _)| depth as f32)).collect()
     }
 
     /// Returns the offset (m; x right, y up) of a grid pixel from the centre.
-    pub fn offset(&self, grid: Grid, pixel: f64, i: usize) -> [f64; 2] {
+    pub fn offset(&self, grid: PadGrid, pixel: f64, i: usize) -> [f64; 2] {
         let (column, row) = grid.center(i);
         [(column - self.center[0]) * pixel, (self.center[1] - row) * pixel]
     }
@@ -68,8 +68,8 @@ pub struct KnownPresses {
 impl KnownPresses {
     pub fn new(folder: &PressFolder, sensor: &CalibratedSensor, background: &Arc<TactileImage>) -> Self {
         let (width, height) = sensor.size();
-        let grid = Grid { width, height };
-        let balls: Vec<KnownBall> = folder.presses.iter().map(|press| KnownBall::of(press, sensor)).collect();
+        let grid = PadGrid { width, height };
+        let balls: Vec<KnownBall> = folder.presses.iter().map(|press| KnownBall::from_press(press, sensor)).collect();
         let pixel = 1e-3 * sensor.calibration().pixel_mm;
         let presses = folder.presses.iter().zip(&balls).map(|(press, ball)| CalibrationPress {
             camera: 0,

@@ -1,6 +1,6 @@
 //! Training of the per-pixel network on labelled pixels, by plain back-propagation and Adam.
 //!
-//! The network is a perceptron with three hidden layers of [`WIDTH`] rectified units (ReLU). Its inputs are a pixel's
+//! The network is a perceptron with three hidden layers of [`HIDDEN_UNITS`] rectified units (ReLU). Its inputs are a pixel's
 //! relative colour change and position, its outputs the x and y components of the normal. A few hundred thousand pixels
 //! and a network this small need no tensor library.
 
@@ -8,29 +8,29 @@ use hand_model::pads::IMAGE_SIZE as N;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tactile_perception::network::Kind;
+use tactile_perception::network::NetworkKind;
 use tactile_perception::{Network, TouchError};
 
 /// Units per hidden layer.
-const WIDTH: usize = 32;
+const HIDDEN_UNITS: usize = 32;
 /// Inputs that differ between pixels: three colours and the position.
-const INPUTS: usize = 5;
+const INPUT_COUNT: usize = 5;
 /// Number of hidden layers.
-const HIDDEN: usize = 3;
+const HIDDEN_LAYERS: usize = 3;
 /// Batch size in pixels, number of epochs, and initial learning rate, which falls to zero along half a cosine.
-const BATCH: usize = 256;
-pub const PASSES: usize = 24;
-const RATE: f32 = 4e-3;
+const BATCH_SIZE: usize = 256;
+pub const EPOCHS: usize = 24;
+const LEARNING_RATE: f32 = 4e-3;
 /// Squared error of a normal (about 0.2 degrees) below which the loss is quadratic.
-const SOFT: f32 = 1e-5;
+const QUADRATIC_LOSS_LIMIT: f32 = 1e-5;
 /// Decay rates of Adam's moments, and the smallest divisor (its epsilon).
-const DECAYS: [f32; 2] = [0.9, 0.999];
-const LEAST: f32 = 1e-8;
+const ADAM_DECAYS: [f32; 2] = [0.9, 0.999];
+const ADAM_EPSILON: f32 = 1e-8;
 
 /// A pixel with a known normal: one training sample.
 #[derive(Debug, Clone, Copy)]
 pub struct LabelledPixel {
-    input: [f32; INPUTS],
+    input: [f32; INPUT_COUNT],
     /// x and y components of the unit normal.
     normal: [f32; 2],
     weight: f32,
@@ -47,28 +47,28 @@ impl LabelledPixel {
 }
 
 /// Weights from one input to the units of a layer.
-type Row = [f32; WIDTH];
+type WeightRow = [f32; HIDDEN_UNITS];
 
 /// Weights by layer, input, then unit; the last row of a layer is the bias. The last layer uses two units.
 #[derive(Clone)]
 struct Weights {
-    layers: Vec<Vec<Row>>,
+    layers: Vec<Vec<WeightRow>>,
 }
 
 impl Weights {
     fn zeros() -> Self {
-        let rows = |layer: usize| if layer == 0 { INPUTS + 1 } else { WIDTH + 1 };
-        Self { layers: (0..=HIDDEN).map(|layer| vec![[0.0; WIDTH]; rows(layer)]).collect() }
+        let rows = |layer: usize| if layer == 0 { INPUT_COUNT + 1 } else { HIDDEN_UNITS + 1 };
+        Self { layers: (0..=HIDDEN_LAYERS).map(|layer| vec![[0.0; HIDDEN_UNITS]; rows(layer)]).collect() }
     }
 
     /// Draws weights uniformly within +-sqrt(6 / inputs) (He et al. 2015), those of the last layer within a tenth of
     /// that; biases are 0.
-    fn drawn(rng: &mut ChaCha8Rng) -> Self {
+    fn random(rng: &mut ChaCha8Rng) -> Self {
         let mut weights = Self::zeros();
         for (layer, rows) in weights.layers.iter_mut().enumerate() {
-            let (inputs, last) = (rows.len() - 1, layer == HIDDEN);
+            let (inputs, last) = (rows.len() - 1, layer == HIDDEN_LAYERS);
             let bound = (6.0 / inputs as f32).sqrt() * if last { 0.1 } else { 1.0 };
-            let units = if last { 2 } else { WIDTH };
+            let units = if last { 2 } else { HIDDEN_UNITS };
             for row in &mut rows[..inputs] {
                 row[..units].iter_mut().for_each(|weight| *weight = rng.random_range(-bound..bound));
             }
@@ -77,12 +77,12 @@ impl Weights {
     }
 
     /// Computes the values of each layer's units, rectified except for the last layer.
-    fn forward(&self, input: &[f32; INPUTS]) -> [Row; HIDDEN + 1] {
-        let mut values = [[0.0; WIDTH]; HIDDEN + 1];
+    fn forward(&self, input: &[f32; INPUT_COUNT]) -> [WeightRow; HIDDEN_LAYERS + 1] {
+        let mut values = [[0.0; HIDDEN_UNITS]; HIDDEN_LAYERS + 1];
         for (layer, rows) in self.layers.iter().enumerate() {
             let mut sums = rows[rows.len() - 1];
             let mut add =
-                |value: f32, row: &Row| sums.iter_mut().zip(row).for_each(|(sum, weight)| *sum += value * weight);
+                |value: f32, row: &WeightRow| sums.iter_mut().zip(row).for_each(|(sum, weight)| *sum += value * weight);
             if layer == 0 {
                 input.iter().zip(rows).for_each(|(value, row)| add(*value, row));
             } else {
@@ -92,7 +92,7 @@ impl Weights {
                     .filter(|(value, _)| **value != 0.0)
                     .for_each(|(value, row)| add(*value, row));
             }
-            if layer < HIDDEN {
+            if layer < HIDDEN_LAYERS {
                 sums.iter_mut().for_each(|sum| *sum = sum.max(0.0));
             }
             values[layer] = sums;
@@ -103,16 +103,16 @@ impl Weights {
     /// Adds a pixel's part of the loss's gradient, and returns its part of the loss.
     fn add_gradient(&self, pixel: &LabelledPixel, share: f32, gradient: &mut Self) -> f32 {
         let values = self.forward(&pixel.input);
-        let off = [values[HIDDEN][0] - pixel.normal[0], values[HIDDEN][1] - pixel.normal[1]];
-        let length = (off[0] * off[0] + off[1] * off[1] + SOFT).sqrt();
-        let mut back = [0.0; WIDTH];
+        let off = [values[HIDDEN_LAYERS][0] - pixel.normal[0], values[HIDDEN_LAYERS][1] - pixel.normal[1]];
+        let length = (off[0] * off[0] + off[1] * off[1] + QUADRATIC_LOSS_LIMIT).sqrt();
+        let mut back = [0.0; HIDDEN_UNITS];
         for (back, off) in back.iter_mut().zip(off) {
             *back = share * pixel.weight * off / length;
         }
-        for layer in (0..=HIDDEN).rev() {
+        for layer in (0..=HIDDEN_LAYERS).rev() {
             let (rows, sums) = (&self.layers[layer], &mut gradient.layers[layer]);
             let inputs = rows.len() - 1;
-            let add = |sum: &mut Row, value: f32, back: &Row| {
+            let add = |sum: &mut WeightRow, value: f32, back: &WeightRow| {
                 sum.iter_mut().zip(back).for_each(|(sum, back)| *sum += value * back);
             };
             add(&mut sums[inputs], 1.0, &back);
@@ -120,7 +120,7 @@ impl Weights {
                 pixel.input.iter().zip(sums).for_each(|(value, sum)| add(sum, *value, &back));
                 break;
             }
-            let mut before = [0.0; WIDTH];
+            let mut before = [0.0; HIDDEN_UNITS];
             for (i, value) in values[layer - 1].iter().enumerate().filter(|(_, value)| **value > 0.0) {
                 add(&mut sums[i], *value, &back);
                 before[i] = dot(&rows[i], &back);
@@ -136,7 +136,7 @@ impl Weights {
 }
 
 /// Computes a dot product in eight partial sums, for which a processor has vector instructions.
-fn dot(a: &Row, b: &Row) -> f32 {
+fn dot(a: &WeightRow, b: &WeightRow) -> f32 {
     let mut sums = [0.0f32; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
         for k in 0..8 {
@@ -146,31 +146,31 @@ fn dot(a: &Row, b: &Row) -> f32 {
     sums.iter().sum()
 }
 
-/// Trains on pixels; the result is the same for the same seed. `pass` is called after each of [`PASSES`] epochs.
+/// Trains on pixels; the result is the same for the same seed. `pass` is called after each of [`EPOCHS`] epochs.
 pub fn train(pixels: &[LabelledPixel], seed: u64, recipe: String, pass: impl Fn()) -> Result<Network, TouchError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut weights = Weights::drawn(&mut rng);
+    let mut weights = Weights::random(&mut rng);
     let (mut first, mut second) = (Weights::zeros(), Weights::zeros());
     let mut order: Vec<usize> = (0..pixels.len()).collect();
-    let steps = (PASSES * pixels.len().div_ceil(BATCH)).max(1);
+    let steps = (EPOCHS * pixels.len().div_ceil(BATCH_SIZE)).max(1);
     let (mut step, mut decayed) = (0, [1.0f32; 2]);
-    for _ in 0..PASSES {
+    for _ in 0..EPOCHS {
         order.shuffle(&mut rng);
-        for chosen in order.chunks(BATCH) {
+        for chosen in order.chunks(BATCH_SIZE) {
             let total: f32 = chosen.iter().map(|&n| pixels[n].weight).sum();
             let mut gradient = Weights::zeros();
             let share = 1.0 / total.max(f32::MIN_POSITIVE);
             for &n in chosen {
                 weights.add_gradient(&pixels[n], share, &mut gradient);
             }
-            let rate = 0.5 * RATE * (1.0 + (std::f32::consts::PI * step as f32 / steps as f32).cos());
+            let rate = 0.5 * LEARNING_RATE * (1.0 + (std::f32::consts::PI * step as f32 / steps as f32).cos());
             step += 1;
-            decayed.iter_mut().zip(DECAYS).for_each(|(decayed, decay)| *decayed *= decay);
+            decayed.iter_mut().zip(ADAM_DECAYS).for_each(|(decayed, decay)| *decayed *= decay);
             let moments = first.each().zip(second.each());
             for ((weight, gradient), (first, second)) in weights.each().zip(gradient.each()).zip(moments) {
-                *first = DECAYS[0] * *first + (1.0 - DECAYS[0]) * *gradient;
-                *second = DECAYS[1] * *second + (1.0 - DECAYS[1]) * *gradient * *gradient;
-                let divisor = (*second / (1.0 - decayed[1])).sqrt() + LEAST;
+                *first = ADAM_DECAYS[0] * *first + (1.0 - ADAM_DECAYS[0]) * *gradient;
+                *second = ADAM_DECAYS[1] * *second + (1.0 - ADAM_DECAYS[1]) * *gradient * *gradient;
+                let divisor = (*second / (1.0 - decayed[1])).sqrt() + ADAM_EPSILON;
                 *weight -= rate * *first / (1.0 - decayed[0]) / divisor;
             }
         }
@@ -181,15 +181,15 @@ pub fn train(pixels: &[LabelledPixel], seed: u64, recipe: String, pass: impl Fn(
 
 /// Returns the network with these weights, by output, then input. Inputs for the hand's other sensors get zero weights.
 fn network(weights: &Weights, recipe: String) -> Result<Network, TouchError> {
-    let layers = Kind::PerPixel.layers();
-    let table = |(rows, (inputs, units, _)): (&Vec<Row>, &(usize, usize, usize))| -> Vec<f32> {
+    let layers = NetworkKind::PerPixel.layers();
+    let table = |(rows, (inputs, units, _)): (&Vec<WeightRow>, &(usize, usize, usize))| -> Vec<f32> {
         let known = rows.len() - 1;
         let weight = |unit: usize, input: usize| if input < known { rows[input][unit] } else { 0.0 };
         (0..*units).flat_map(|unit| (0..*inputs).map(move |input| weight(unit, input))).collect()
     };
     let tables = weights.layers.iter().zip(layers).map(table).collect();
     let biases = weights.layers.iter().zip(layers).map(|(rows, (_, units, _))| rows[rows.len() - 1][..*units].to_vec());
-    Network::new(Kind::PerPixel, recipe, tables, biases.collect())
+    Network::new(NetworkKind::PerPixel, recipe, tables, biases.collect())
 }
 
 #[cfg(test)]
@@ -214,10 +214,12 @@ mod tests {
 
     #[test]
     fn the_gradient_is_that_of_the_loss() {
-        let (pixels, mut weights) = (pixels(), Weights::drawn(&mut ChaCha8Rng::seed_from_u64(1)));
+        let (pixels, mut weights) = (pixels(), Weights::random(&mut ChaCha8Rng::seed_from_u64(1)));
         let mut gradient = Weights::zeros();
         weights.add_gradient(&pixels[0], 0.7, &mut gradient);
-        for (layer, row, unit) in [(0, 3, 5), (0, INPUTS, 7), (1, 11, 2), (2, 30, 30), (3, 9, 1), (3, WIDTH, 0)] {
+        for (layer, row, unit) in
+            [(0, 3, 5), (0, INPUT_COUNT, 7), (1, 11, 2), (2, 30, 30), (3, 9, 1), (3, HIDDEN_UNITS, 0)]
+        {
             let mut at = |by: f32| {
                 weights.layers[layer][row][unit] += by;
                 let loss = weights.add_gradient(&pixels[0], 0.7, &mut Weights::zeros());
@@ -235,20 +237,20 @@ mod tests {
         let pixels = pixels();
         let off = |weights: &Weights| {
             let each = pixels.iter().map(|pixel| {
-                let found = weights.forward(&pixel.input)[HIDDEN];
+                let found = weights.forward(&pixel.input)[HIDDEN_LAYERS];
                 (found[0] - pixel.normal[0]).hypot(found[1] - pixel.normal[1])
             });
             each.sum::<f32>() / pixels.len() as f32
         };
         let found = train(&pixels, 3, String::new(), || {}).expect("trained");
         assert_eq!(found, train(&pixels, 3, String::new(), || {}).expect("trained"));
-        let before = off(&Weights::drawn(&mut ChaCha8Rng::seed_from_u64(3)));
+        let before = off(&Weights::random(&mut ChaCha8Rng::seed_from_u64(3)));
         // The network's own file holds the trained weights.
         let text = serde_json::to_string(&found).expect("text");
         let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         let mut after = Weights::zeros();
         for (layer, rows) in after.layers.iter_mut().enumerate() {
-            let (inputs, units, _) = Kind::PerPixel.layers()[layer];
+            let (inputs, units, _) = NetworkKind::PerPixel.layers()[layer];
             let known = rows.len() - 1;
             for unit in 0..units {
                 for (input, row) in rows[..known].iter_mut().enumerate() {

@@ -4,15 +4,15 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tactile_optics::calibration::{CalibratedSensor, Photo};
-use tactile_perception::network::Kind;
+use tactile_perception::network::NetworkKind;
 use tactile_perception::{Network, PhotometricModel};
 
 use super::accuracy::Accuracy;
-use super::range::Range;
+use super::range::CalibrationRange;
 
 /// Placeholder for "the only sensor there is" where a pad's configuration is expected.
 pub const CONFIGURATION: char = 'a';
@@ -22,14 +22,14 @@ pub(super) const VERSION: u32 = 2;
 /// Method to estimate slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Method {
+pub enum SlopeMethod {
     /// Regression from the colour change at a position to the slope.
     LookUp,
     /// Perceptron with the same inputs.
     Network,
 }
 
-impl Method {
+impl SlopeMethod {
     pub const ALL: [Self; 2] = [Self::LookUp, Self::Network];
 
     /// Returns the name of the method.
@@ -55,7 +55,7 @@ pub struct Photometry {
     pub(super) look_up: PhotometricModel,
     pub(super) network: Network,
     /// Range of colours and slopes of the presses.
-    pub(super) range: Range,
+    pub(super) range: CalibrationRange,
     /// Contact threshold: share of the largest indentation above which the gel counts as lying on the pressed object.
     pub(super) contact_share: f32,
     /// Gains on heights, by look-up and by the network, that correct the mean depth of the training presses: a
@@ -72,27 +72,27 @@ impl Photometry {
         calibration.with_extension("normals.json")
     }
 
-    pub fn accuracy(&self, method: Method) -> &Accuracy {
+    pub fn accuracy(&self, method: SlopeMethod) -> &Accuracy {
         &self.accuracy[method as usize]
     }
 
-    pub(super) fn gain(&self, method: Method) -> f32 {
+    pub(super) fn gain(&self, method: SlopeMethod) -> f32 {
         self.gains[method as usize]
     }
 
-    pub fn range(&self) -> &Range {
+    pub fn range(&self) -> &CalibrationRange {
         &self.range
     }
 
     /// Returns the method whose normals have the smaller mean error on held-out presses; if only one method is of use,
     /// returns that one.
-    pub fn better(&self) -> Method {
-        let [look_up, network] = Method::ALL.map(|method| self.accuracy(method));
+    pub fn better_method(&self) -> SlopeMethod {
+        let [look_up, network] = SlopeMethod::ALL.map(|method| self.accuracy(method));
         match (look_up.fault().is_some(), network.fault().is_some()) {
-            (false, true) => Method::LookUp,
-            (true, false) => Method::Network,
-            _ if network.normals_deg.mean < look_up.normals_deg.mean => Method::Network,
-            _ => Method::LookUp,
+            (false, true) => SlopeMethod::LookUp,
+            (true, false) => SlopeMethod::Network,
+            _ if network.normals_deg.mean < look_up.normals_deg.mean => SlopeMethod::Network,
+            _ => SlopeMethod::LookUp,
         }
     }
 
@@ -104,7 +104,7 @@ impl Photometry {
     /// Writes the file beside a calibration.
     pub fn write(&self, calibration: &Path) -> Result<()> {
         let path = Self::path(calibration);
-        write_whole(&path, &serde_json::to_vec(self)?).with_context(|| path.display().to_string())
+        write_atomically(&path, &serde_json::to_vec(self)?).with_context(|| path.display().to_string())
     }
 
     /// Reads the file beside a calibration, and checks that it belongs to it.
@@ -132,7 +132,7 @@ impl Photometry {
         found.look_up.check().with_context(name)?;
         let network = serde_json::to_string(&found.network)?;
         Network::parse(&network, &path)?;
-        if found.network.kind != Kind::PerPixel {
+        if found.network.kind != NetworkKind::PerPixel {
             bail!("{}: network: found an encoder-decoder, expected a per-pixel network", name());
         }
         if !(found.contact_share > 0.0 && found.gains.iter().all(|gain| *gain > 0.0 && gain.is_finite())) {
@@ -159,7 +159,7 @@ impl Photometry {
 }
 
 /// Returns the image of the untouched gel as a photo.
-pub fn untouched(sensor: &CalibratedSensor) -> Photo {
+pub fn untouched_photo(sensor: &CalibratedSensor) -> Photo {
     let (width, height) = sensor.size();
     Photo { width, height, rgb: sensor.background().iter().map(|grey| grey.round().clamp(0.0, 255.0) as u8).collect() }
 }

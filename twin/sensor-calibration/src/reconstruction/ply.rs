@@ -1,17 +1,17 @@
 //! Point clouds as PLY (binary, little endian).
 
-use super::surface::Surface;
+use super::surface::ReconstructedSurface;
 
-/// Returns the points of the gel in contact, m, with unit normals out of the gel. The frame is that of [`Surface`], so
+/// Returns the points of the gel in contact, m, with unit normals out of the gel. The frame is that of [`ReconstructedSurface`], so
 /// that pressed gel lies at negative z.
-pub fn contact_points(surface: &Surface) -> Vec<u8> {
+pub fn contact_points(surface: &ReconstructedSurface) -> Vec<u8> {
     let inside: Vec<usize> = (0..surface.depth.len()).filter(|&i| surface.contact[i]).collect();
     let properties: String = ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property float {name}\n")).concat();
     let mut bytes =
         format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n{properties}end_header\n", inside.len())
             .into_bytes();
     for i in inside {
-        let ([x, y], normal) = (surface.place(i), surface.normal(i));
+        let ([x, y], normal) = (surface.position(i), surface.normal(i));
         let values = [x as f32, y as f32, -surface.depth[i], normal[0], normal[1], normal[2]];
         bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     }
@@ -24,7 +24,7 @@ mod tests {
 
     #[test]
     fn one_point_where_one_pixel_is_in_contact() {
-        let mut surface = Surface {
+        let mut surface = ReconstructedSurface {
             width: 3,
             height: 2,
             pixel: 1e-3,

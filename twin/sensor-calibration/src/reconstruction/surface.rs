@@ -12,27 +12,27 @@ use tactile_perception::photometric_stereo::gradients;
 use tactile_perception::poisson::{PoissonSolver, rest_level};
 use tactile_perception::{Gradients, StereoOptions};
 
-use super::photometry::{CONFIGURATION, Method, Photometry};
-use super::touched::{border_share, touched};
-use crate::grid::Grid;
+use super::photometry::{CONFIGURATION, Photometry, SlopeMethod};
+use super::touched::{border_share, touched_pixels};
+use crate::grid::PadGrid;
 
 /// Largest drift of a channel's brightness between background and image that is compensated, as a share.
-const MOST_DRIFT: f32 = 0.15;
+const MAX_DRIFT: f32 = 0.15;
 
 /// Threshold for the network's slopes, as a share of the largest indentation: they are used where the look-up finds
 /// more than this.
 const NETWORK_SHARE: f32 = 0.15;
 
 /// Largest touched share of the image's border. With more, nothing shows the level of the untouched gel.
-const BORDER: f64 = 0.5;
+const MAX_TOUCHED_BORDER: f64 = 0.5;
 /// Share of a contact outside the calibration's range from which no error of the depth is stated.
-const WITHDRAWN: f64 = 0.15;
+const ERROR_WITHDRAWAL_SHARE: f64 = 0.15;
 /// Threshold of inconsistent slopes: multiple of their share in the worst held-out press, and smallest share that is
 /// reported.
-const MISFIT: f64 = 2.0;
-const LEAST_MISFIT: f64 = 0.2;
+const MISFIT_FACTOR: f64 = 2.0;
+const MIN_MISFIT: f64 = 0.2;
 /// Steepest slope that gel can take, degrees.
-const STEEPEST_DEG: f32 = 75.0;
+const MAX_SLOPE_DEG: f32 = 75.0;
 
 /// Surface reconstructed from an image, on the pads' grid.
 #[derive(Debug, Clone)]
@@ -64,7 +64,7 @@ impl GridSurface {
 /// Surface reconstructed from an image, at the photo's pixels. Frame: x right, y up, z out of the gel; origin at the
 /// image's centre.
 #[derive(Debug, Clone)]
-pub struct Surface {
+pub struct ReconstructedSurface {
     pub width: usize,
     pub height: usize,
     /// Size of a pixel, m.
@@ -87,9 +87,9 @@ pub struct Surface {
     pub notes: Vec<String>,
 }
 
-impl Surface {
+impl ReconstructedSurface {
     /// Returns the position of a pixel's centre on the untouched gel, m.
-    pub fn place(&self, i: usize) -> [f64; 2] {
+    pub fn position(&self, i: usize) -> [f64; 2] {
         let (column, row) = ((i % self.width) as f64, (i / self.width) as f64);
         [(column - 0.5 * (self.width as f64 - 1.0)) * self.pixel, (0.5 * (self.height as f64 - 1.0) - row) * self.pixel]
     }
@@ -117,7 +117,7 @@ impl Surface {
 
 /// Reconstruction pipeline: turns images of one sensor into surfaces.
 pub struct Reconstructor {
-    grid: Grid,
+    grid: PadGrid,
     /// Size of a photo's pixel, m.
     pixel: f64,
     /// Relative standard deviation of the pixel size. Heights have the same relative uncertainty.
@@ -126,16 +126,16 @@ pub struct Reconstructor {
     grey: bool,
     photometry: Photometry,
     network: PreparedNetwork,
-    method: Method,
+    method: SlopeMethod,
     options: StereoOptions,
     poisson: PoissonSolver,
 }
 
 impl Reconstructor {
     /// Creates the pipeline for images against this background, by `method`.
-    pub fn new(sensor: &CalibratedSensor, photometry: &Photometry, background: &Photo, method: Method) -> Self {
+    pub fn new(sensor: &CalibratedSensor, photometry: &Photometry, background: &Photo, method: SlopeMethod) -> Self {
         let (width, height) = sensor.size();
-        let grid = Grid { width, height };
+        let grid = PadGrid { width, height };
         Self {
             grid,
             pixel: 1e-3 * sensor.calibration().pixel_mm,
@@ -148,7 +148,7 @@ impl Reconstructor {
             photometry: photometry.clone(),
             network: photometry.network.prepare(),
             method,
-            options: StereoOptions { most_drift: MOST_DRIFT, ..StereoOptions::default() },
+            options: StereoOptions { max_drift: MAX_DRIFT, ..StereoOptions::default() },
             poisson: PoissonSolver::new(),
         }
     }
@@ -157,7 +157,7 @@ impl Reconstructor {
     pub fn on_grid(&self, image: &TactileImage) -> Option<GridSurface> {
         let (model, range) = (&self.photometry.look_up, &self.photometry.range);
         let (_, change) = relative_change(image, &self.background, &self.options)?;
-        let touched = touched(&change, range.noise);
+        let touched = touched_pixels(&change, range.noise);
         if !touched.contains(&true) {
             return None;
         }
@@ -169,7 +169,7 @@ impl Reconstructor {
         };
         let looked_up = level(gradients(image, &self.background, model, &self.options)?);
         let (mut found, mut height) = self.integrated(looked_up);
-        if self.method == Method::Network
+        if self.method == SlopeMethod::Network
             && let Some(learned) =
                 self.network.gradients(image, &self.background, (CONFIGURATION, model), &self.options)
         {
@@ -213,8 +213,8 @@ impl Reconstructor {
     }
 
     /// Reconstructs the surface from a photo; `None` if it shows an untouched gel.
-    pub fn surface(&self, photo: &Photo) -> Result<Option<Surface>> {
-        let Grid { width, height } = self.grid;
+    pub fn surface(&self, photo: &Photo) -> Result<Option<ReconstructedSurface>> {
+        let PadGrid { width, height } = self.grid;
         if (photo.width, photo.height) != (width, height) {
             bail!("found {} x {} pixels; expected {width} x {height}, by the calibration", photo.width, photo.height);
         }
@@ -224,10 +224,10 @@ impl Reconstructor {
         let Some(found) = self.on_grid(&self.grid.image(&photo.rgb)) else { return Ok(None) };
         let accuracy = self.photometry.accuracy(self.method);
         let peak = found.peak();
-        let depth = self.grid.spread(&found.height);
-        let (gx, gy) = (self.grid.spread(&found.gradients.gx), self.grid.spread(&found.gradients.gy));
+        let depth = self.grid.interpolated(&found.height);
+        let (gx, gy) = (self.grid.interpolated(&found.gradients.gx), self.grid.interpolated(&found.gradients.gy));
         let slopes: Vec<[f32; 2]> = gx.into_iter().zip(gy).map(|(gx, gy)| [gx, gy]).collect();
-        let (touched, beyond) = (self.spread_flags(&found.touched), self.spread_flags(&found.beyond));
+        let (touched, beyond) = (self.photo_flags(&found.touched), self.photo_flags(&found.beyond));
         let limit = self.photometry.contact_share * peak as f32;
         let contact: Vec<bool> =
             depth.iter().zip(&touched).map(|(depth, touched)| *touched && *depth > limit).collect();
@@ -235,7 +235,7 @@ impl Reconstructor {
             let known = accuracy.normal_error(*slope);
             if *beyond { known.max(unknown_error(*slope)) } else { known }
         });
-        let mut surface = Surface {
+        let mut surface = ReconstructedSurface {
             width,
             height,
             pixel: self.pixel,
@@ -248,15 +248,15 @@ impl Reconstructor {
             depth_error: None,
             notes: Vec::new(),
         };
-        self.judge(&found, &mut surface);
+        self.qualify_depth(&found, &mut surface);
         Ok(Some(surface))
     }
 
     /// Judges the depth: removes or qualifies figures that the image does not support, and adds notes.
-    fn judge(&self, found: &GridSurface, surface: &mut Surface) {
+    fn qualify_depth(&self, found: &GridSurface, surface: &mut ReconstructedSurface) {
         let accuracy = self.photometry.accuracy(self.method);
         let peak = found.peak();
-        if border_share(&found.touched) > BORDER {
+        if border_share(&found.touched) > MAX_TOUCHED_BORDER {
             surface.deepest = None;
             surface.notes.push(
                 "no depth: the contact reaches most of the border, and no untouched gel tells its level".to_owned(),
@@ -266,7 +266,7 @@ impl Reconstructor {
         if bump.map(|(height, _)| f64::from(*height)).sum::<f64>() <= 0.0 {
             surface.notes.push("comes out as a bump; expected a dent: mirrored, or of another sensor".to_owned());
         }
-        if found.misfit > (MISFIT * accuracy.misfit).max(LEAST_MISFIT) {
+        if found.misfit > (MISFIT_FACTOR * accuracy.misfit).max(MIN_MISFIT) {
             surface.notes.push(format!(
                 "{:.0} % of the slopes fit no surface, of the calibration's presses {:.0} % at most: mirrored, of another sensor, or \
                  with shadows",
@@ -275,7 +275,7 @@ impl Reconstructor {
             ));
         }
         let beyond = surface.beyond_share();
-        if beyond > WITHDRAWN {
+        if beyond > ERROR_WITHDRAWAL_SHARE {
             surface.notes.push(format!(
                 "{:.0} % of the contact has colours or slopes that no press of the calibration had (they end at {:.0} degrees)",
                 100.0 * beyond,
@@ -283,7 +283,7 @@ impl Reconstructor {
             ));
         }
         if surface.notes.is_empty() {
-            let steeper = self.with_steeper(found) - peak;
+            let steeper = self.depth_with_steeper_slopes(found) - peak;
             surface.depth_error =
                 Some(accuracy.depth_error(peak).hypot(self.pixel_uncertainty * peak).hypot(steeper.max(0.0)));
         }
@@ -291,7 +291,7 @@ impl Reconstructor {
 
     /// Computes the largest indentation, m, that would result if all out-of-range slopes were steeper by their expected
     /// error.
-    fn with_steeper(&self, found: &GridSurface) -> f64 {
+    fn depth_with_steeper_slopes(&self, found: &GridSurface) -> f64 {
         if !found.beyond.contains(&true) {
             return found.peak();
         }
@@ -299,7 +299,7 @@ impl Reconstructor {
         for i in (0..N * N).filter(|&i| found.beyond[i]) {
             let slope = [gradients.gx[i], gradients.gy[i]];
             let tangent = slope[0].hypot(slope[1]);
-            let steeper = (tangent.atan().to_degrees() + unknown_error(slope)).min(STEEPEST_DEG).to_radians().tan();
+            let steeper = (tangent.atan().to_degrees() + unknown_error(slope)).min(MAX_SLOPE_DEG).to_radians().tan();
             let factor = if tangent > 0.0 { steeper / tangent } else { 1.0 };
             (gradients.gx[i], gradients.gy[i]) = (slope[0] * factor, slope[1] * factor);
         }
@@ -310,14 +310,14 @@ impl Reconstructor {
     }
 
     /// Maps flags on the pads' grid to the photo's pixels.
-    fn spread_flags(&self, flags: &[bool]) -> Vec<bool> {
-        let Grid { width, height } = self.grid;
+    fn photo_flags(&self, flags: &[bool]) -> Vec<bool> {
+        let PadGrid { width, height } = self.grid;
         (0..width * height).map(|at| flags[at / width * N / height * N + at % width * N / width]).collect()
     }
 }
 
 /// Returns the expected error (root mean square, degrees) of an out-of-range normal: all that is known is that the true
-/// slope is anywhere from the estimated one up to [`STEEPEST_DEG`].
+/// slope is anywhere from the estimated one up to [`MAX_SLOPE_DEG`].
 fn unknown_error([gx, gy]: [f32; 2]) -> f32 {
-    (STEEPEST_DEG - gx.hypot(gy).atan().to_degrees()).max(0.0) / f32::sqrt(3.0)
+    (MAX_SLOPE_DEG - gx.hypot(gy).atan().to_degrees()).max(0.0) / f32::sqrt(3.0)
 }

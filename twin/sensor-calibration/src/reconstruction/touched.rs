@@ -7,21 +7,21 @@
 use hand_model::pads::IMAGE_SIZE as N;
 
 /// Half-width of the averaging window, pixels.
-const AROUND: usize = 2;
+const WINDOW_HALF_WIDTH: usize = 2;
 /// Thresholds on the mean change, in standard deviations of the noise: a pixel may be touched (faint), or surely is
 /// (plain).
-const FAINT: f32 = 2.5;
-const PLAIN: f32 = 7.0;
+const FAINT_THRESHOLD: f32 = 2.5;
+const SURE_THRESHOLD: f32 = 7.0;
 /// Minimum number of connected pixels.
-const FEWEST: usize = 40;
+const MIN_CONNECTED_PIXELS: usize = 40;
 
 /// Returns the touched pixels, from relative colour changes and the standard deviation of their noise.
-pub fn touched(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
+pub fn touched_pixels(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
     let mean = averaged(change);
     let mut touched = vec![false; N * N];
     let mut seen = vec![false; N * N];
     for start in 0..N * N {
-        if seen[start] || mean[start] < PLAIN * noise {
+        if seen[start] || mean[start] < SURE_THRESHOLD * noise {
             continue;
         }
         seen[start] = true;
@@ -30,13 +30,13 @@ pub fn touched(change: &[[f32; 3]], noise: f32) -> Vec<bool> {
         while let Some(&at) = patch.get(next) {
             next += 1;
             for beside in neighbours(at) {
-                if !seen[beside] && mean[beside] > FAINT * noise {
+                if !seen[beside] && mean[beside] > FAINT_THRESHOLD * noise {
                     seen[beside] = true;
                     patch.push(beside);
                 }
             }
         }
-        if patch.len() >= FEWEST {
+        if patch.len() >= MIN_CONNECTED_PIXELS {
             patch.into_iter().for_each(|at| touched[at] = true);
         }
     }
@@ -82,9 +82,9 @@ fn averaged(change: &[[f32; 3]]) -> Vec<f32> {
         }
         let at = |row: usize, column: usize| sums[row * (N + 1) + column];
         for row in 0..N {
-            let (top, bottom) = (row.saturating_sub(AROUND), (row + AROUND + 1).min(N));
+            let (top, bottom) = (row.saturating_sub(WINDOW_HALF_WIDTH), (row + WINDOW_HALF_WIDTH + 1).min(N));
             for column in 0..N {
-                let (left, right) = (column.saturating_sub(AROUND), (column + AROUND + 1).min(N));
+                let (left, right) = (column.saturating_sub(WINDOW_HALF_WIDTH), (column + WINDOW_HALF_WIDTH + 1).min(N));
                 let sum = at(bottom, right) - at(top, right) - at(bottom, left) + at(top, left);
                 let mean = (sum / ((bottom - top) * (right - left)) as f64) as f32;
                 largest[row * N + column] = largest[row * N + column].max(mean);
@@ -107,14 +107,14 @@ mod tests {
         };
         // Uniform noise of standard deviation 0.01.
         let mut change: Vec<[f32; 3]> = (0..N * N).map(|_| [(); 3].map(|()| 0.0346 * draw())).collect();
-        assert!(touched(&change, 0.01).iter().all(|touched| !touched));
+        assert!(touched_pixels(&change, 0.01).iter().all(|touched| !touched));
         for (i, change) in change.iter_mut().enumerate() {
             let r = (i as f32 % N as f32 - 60.0).hypot((i / N) as f32 - 70.0);
             if r < 25.0 {
                 change[1] += 0.3 * (r / 25.0);
             }
         }
-        let found = touched(&change, 0.01);
+        let found = touched_pixels(&change, 0.01);
         let count = found.iter().filter(|touched| **touched).count();
         assert!((1800..2400).contains(&count), "{count}");
         assert!(found[70 * N + 80] && !found[200 * N + 200]);

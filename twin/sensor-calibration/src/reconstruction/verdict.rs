@@ -59,7 +59,7 @@ impl Accuracy {
 
 #[cfg(test)]
 mod tests {
-    use super::super::errors::Errors;
+    use super::super::errors::ReconstructionErrors;
     use super::*;
 
     fn good() -> Accuracy {
@@ -70,7 +70,7 @@ mod tests {
             depth_ratio: 1.02,
             depth_relative: 0.08,
             normals_deg: tactile_perception::AngularError { mean: 5.0, median: 4.0, p95: 12.0, pixels: 9000 },
-            ..Errors::default().accuracy()
+            ..ReconstructionErrors::default().accuracy()
         }
     }
 
@@ -84,7 +84,7 @@ mod tests {
             Accuracy { normals_deg: normals(17.0), ..good() },
             Accuracy { normals_deg: normals(f64::NAN), ..good() },
             Accuracy { wrong_sign: 3, ..good() },
-            Errors::default().accuracy(),
+            ReconstructionErrors::default().accuracy(),
         ];
         for accuracy in faults {
             assert!(accuracy.fault().is_some(), "{accuracy:?}");

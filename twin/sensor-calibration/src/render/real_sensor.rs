@@ -76,7 +76,7 @@ pub fn render(
     let started = Instant::now();
     let image = sensor.render_raw(&penetration)?;
     let render_ms = 1e3 * started.elapsed().as_secs_f64();
-    let gel = sensor.gel(&penetration)?;
+    let gel = sensor.gel_depth(&penetration)?;
     let deepest = gel.iter().copied().fold(0.0, f32::max);
     let pixel = 1e-3 * sensor.calibration().pixel_mm;
     let normals = normals(&gel, [width, height], (pixel, pixel));

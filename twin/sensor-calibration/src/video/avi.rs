@@ -13,23 +13,23 @@ use std::path::Path;
 use anyhow::{Context, Error, Result, bail};
 use image::ImageFormat;
 use tactile_optics::calibration::Photo;
-use tactile_optics::calibration::bitmap::Layout;
+use tactile_optics::calibration::bitmap::BitmapLayout;
 
-use super::Take;
+use super::FrameCallback;
 
 /// Largest frame, bytes.
-const MOST_BYTES: u32 = 256 << 20;
+const MAX_FRAME_BYTES: u32 = 256 << 20;
 /// Maximum nesting of lists: a file, its header or frames, a stream, and one to spare.
-const MOST_LISTS: usize = 5;
+const MAX_LIST_NESTING: usize = 5;
 
 #[derive(Debug, Clone, Copy)]
-struct Stream {
+struct AviStream {
     number: usize,
-    layout: Option<Layout>,
+    layout: Option<BitmapLayout>,
 }
 
 /// Passes the frames on; returns `false` if the file is no AVI file or its frames have another coding.
-pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<bool> {
+pub(super) fn frames(path: &Path, take: FrameCallback<'_>) -> Result<bool> {
     let name = || path.display().to_string();
     let mut file = BufReader::new(File::open(path).with_context(name)?);
     let end = file.get_ref().metadata().with_context(name)?.len();
@@ -48,13 +48,13 @@ pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<bool> {
 }
 
 /// Coding of Motion-JPEG.
-const JPEG: &[u8; 4] = b"MJPG";
+const MOTION_JPEG: &[u8; 4] = b"MJPG";
 
 struct Reader<'a> {
     file: &'a mut BufReader<File>,
     /// Number of streams whose headers have been read.
     streams: usize,
-    video: Option<Stream>,
+    video: Option<AviStream>,
     /// True if the video stream has a coding that is not supported here.
     unknown: bool,
     frame: usize,
@@ -70,7 +70,7 @@ impl Reader<'_> {
 
     /// Reads the chunks of a part of the file, nested in `lists` lists; returns `false` if the callback has ended the
     /// reading.
-    fn chunks(&mut self, part: Range<u64>, lists: usize, take: Take<'_>) -> Result<bool> {
+    fn chunks(&mut self, part: Range<u64>, lists: usize, take: FrameCallback<'_>) -> Result<bool> {
         let Range { start: mut at, end } = part;
         while at + 8 <= end {
             self.file.seek(SeekFrom::Start(at))?;
@@ -82,7 +82,7 @@ impl Reader<'_> {
             let next = begin + u64::from(size) + u64::from(size % 2);
             let inside = next.min(end);
             let go_on = match &kind {
-                b"RIFF" | b"LIST" if size >= 4 && lists < MOST_LISTS => {
+                b"RIFF" | b"LIST" if size >= 4 && lists < MAX_LIST_NESTING => {
                     self.chunks(begin + 4..inside, lists + 1, take)?
                 }
                 _ if begin + u64::from(size) > end => true,
@@ -105,8 +105,8 @@ impl Reader<'_> {
     }
 
     fn read(&mut self, size: u32) -> Result<Vec<u8>> {
-        if size > MOST_BYTES {
-            bail!("found a chunk of {size} bytes; expected at most {MOST_BYTES}");
+        if size > MAX_FRAME_BYTES {
+            bail!("found a chunk of {size} bytes; expected at most {MAX_FRAME_BYTES}");
         }
         let mut bytes = vec![0; size as usize];
         self.file.read_exact(&mut bytes)?;
@@ -118,7 +118,7 @@ impl Reader<'_> {
         self.streams += 1;
         if bytes.starts_with(b"vids") && self.video.is_none() {
             // The stream's format follows in the next chunk.
-            self.video = Some(Stream { number: self.streams - 1, layout: None });
+            self.video = Some(AviStream { number: self.streams - 1, layout: None });
         }
         Ok(())
     }
@@ -129,14 +129,14 @@ impl Reader<'_> {
         let Some(stream) = self.video.as_mut().filter(|stream| stream.number + 1 == self.streams) else {
             return Ok(());
         };
-        let layout = Layout::of(&bytes).map_err(Error::msg)?;
-        self.unknown = layout.coding != *JPEG && !layout.is_raw();
+        let layout = BitmapLayout::from_header(&bytes).map_err(Error::msg)?;
+        self.unknown = layout.coding != *MOTION_JPEG && !layout.is_raw();
         stream.layout = Some(layout);
         Ok(())
     }
 
-    fn data(&mut self, kind: [u8; 4], size: u32, take: Take<'_>) -> Result<bool> {
-        let Some(Stream { number: video, layout: Some(layout) }) = self.video else { return Ok(true) };
+    fn data(&mut self, kind: [u8; 4], size: u32, take: FrameCallback<'_>) -> Result<bool> {
+        let Some(AviStream { number: video, layout: Some(layout) }) = self.video else { return Ok(true) };
         let number = std::str::from_utf8(&kind[..2]).ok().and_then(|digits| digits.parse::<usize>().ok());
         // An empty chunk repeats the previous frame.
         if number != Some(video) || !matches!(&kind[2..], b"dc" | b"db") || size == 0 {
@@ -149,8 +149,8 @@ impl Reader<'_> {
     }
 }
 
-fn decode(bytes: &[u8], layout: &Layout) -> Result<Photo> {
-    if layout.coding != *JPEG {
+fn decode(bytes: &[u8], layout: &BitmapLayout) -> Result<Photo> {
+    if layout.coding != *MOTION_JPEG {
         return layout.frame(bytes).map_err(Error::msg);
     }
     let image = image::load_from_memory_with_format(bytes, ImageFormat::Jpeg)?.to_rgb8();

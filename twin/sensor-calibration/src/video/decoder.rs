@@ -7,20 +7,20 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail};
 use tactile_optics::calibration::Photo;
 
-use super::Take;
+use super::FrameCallback;
 
 /// Name of the program.
-const PROGRAM: &str = "ffmpeg";
+const FFMPEG: &str = "ffmpeg";
 /// Largest side of a frame, pixels.
-const MOST_SIDE: usize = 16_384;
+const MAX_FRAME_SIDE: usize = 16_384;
 
 /// Passes the frames on. If the program is missing, the error says how to proceed.
-pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
+pub(super) fn frames(path: &Path, take: FrameCallback<'_>) -> Result<()> {
     let name = || path.display().to_string();
     std::fs::File::open(path).with_context(name)?;
     let mut input = std::ffi::OsString::from("file:");
     input.push(path);
-    let started = Command::new(PROGRAM)
+    let started = Command::new(FFMPEG)
         .args(["-v", "error", "-nostdin", "-i"])
         .arg(input)
         .args(["-map", "0:v:0", "-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"])
@@ -30,11 +30,11 @@ pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
         .spawn();
     let mut child = match started {
         Err(error) if error.kind() == ErrorKind::NotFound => bail!(
-            "{}: found no program `{PROGRAM}` on this computer, which decodes such videos; install it (`apt install ffmpeg`, \
+            "{}: found no program `{FFMPEG}` on this computer, which decodes such videos; install it (`apt install ffmpeg`, \
              `brew install ffmpeg`, `winget install ffmpeg`), or save the video as a Motion-JPEG AVI file or as images",
             name()
         ),
-        started => started.with_context(|| format!("{}: {PROGRAM}", name()))?,
+        started => started.with_context(|| format!("{}: {FFMPEG}", name()))?,
     };
     let (output, mut told) = (child.stdout.take().context("no output")?, child.stderr.take().context("no errors")?);
     let teller = std::thread::spawn(move || {
@@ -46,17 +46,17 @@ pub(super) fn frames(path: &Path, take: Take<'_>) -> Result<()> {
         // Nobody reads the remaining output.
         let _ = child.kill();
     }
-    let status = child.wait().with_context(|| format!("{}: {PROGRAM}", name()))?;
+    let status = child.wait().with_context(|| format!("{}: {FFMPEG}", name()))?;
     let told = teller.join().unwrap_or_default();
     if read.with_context(name)? && !status.success() {
         let first = told.lines().next().unwrap_or("no reason given").escape_debug().to_string();
-        bail!("{}: {PROGRAM} cannot decode it: {first}", name());
+        bail!("{}: {FFMPEG} cannot decode it: {first}", name());
     }
     Ok(())
 }
 
 /// Passes PPM images (P6, 255 levels) on until they end; returns `false` if the callback has ended the reading.
-fn pictures(mut from: impl BufRead, take: Take<'_>) -> Result<bool> {
+fn pictures(mut from: impl BufRead, take: FrameCallback<'_>) -> Result<bool> {
     for n in 0.. {
         if from.fill_buf()?.is_empty() {
             break;
@@ -64,7 +64,7 @@ fn pictures(mut from: impl BufRead, take: Take<'_>) -> Result<bool> {
         let mut magic = [0; 2];
         from.read_exact(&mut magic)?;
         let [width, height, levels] = [number(&mut from)?, number(&mut from)?, number(&mut from)?];
-        let possible = (1..=MOST_SIDE).contains(&width) && (1..=MOST_SIDE).contains(&height);
+        let possible = (1..=MAX_FRAME_SIDE).contains(&width) && (1..=MAX_FRAME_SIDE).contains(&height);
         if magic != *b"P6" || levels != 255 || !possible {
             bail!("frame {n}: found {width} x {height} pixels of {levels} levels; expected a PPM image of 255");
         }

@@ -9,11 +9,11 @@ use super::{frame_name, frames};
 
 /// Thresholds of a touch on the change, grey levels: it begins above the first, and ends below this share of it
 /// (hysteresis).
-const BEGINS: f64 = 8.0;
-const ENDS: f64 = 0.5;
+const TOUCH_START_CHANGE: f64 = 8.0;
+const TOUCH_END_SHARE: f64 = 0.5;
 /// Side of the blocks over which the change is averaged, pixels, and share of the blocks that change most in a touch.
-const BLOCK: usize = 8;
-const TOUCHED: f64 = 0.01;
+const BLOCK_SIDE: usize = 8;
+const TOUCHED_BLOCK_SHARE: f64 = 0.01;
 
 /// Reads the presses of a video. The untouched gel is the image `background`, or the video's first frame.
 pub fn read_presses(path: &Path, diameter: f64, background: Option<&Path>) -> Result<PressFolder> {
@@ -36,9 +36,9 @@ pub fn read_presses(path: &Path, diameter: f64, background: Option<&Path>) -> Re
         }
         let change = change(&photo, before);
         match best.as_ref().map(|(most, ..)| *most) {
-            None if change > BEGINS => best = Some((change, n, photo)),
+            None if change > TOUCH_START_CHANGE => best = Some((change, n, photo)),
             Some(most) if change > most => best = Some((change, n, photo)),
-            Some(_) if change < ENDS * BEGINS => {
+            Some(_) if change < TOUCH_END_SHARE * TOUCH_START_CHANGE => {
                 found.extend(best.take().map(|(_, n, photo)| (frame_name(&name, n), photo)));
             }
             _ => {}
@@ -50,17 +50,17 @@ pub fn read_presses(path: &Path, diameter: f64, background: Option<&Path>) -> Re
     if found.is_empty() {
         bail!("{}: found no press; expected frames that differ from the untouched gel", path.display());
     }
-    Ok(PressFolder::of_photos(background, found, diameter)?)
+    Ok(PressFolder::from_photos(background, found, diameter)?)
 }
 
 /// Returns the mean change, grey levels, of the blocks that change most. A change common to all pixels of a channel is
 /// drift and is removed.
 fn change(photo: &Photo, background: &Photo) -> f64 {
-    let (across, down) = (photo.width.div_ceil(BLOCK), photo.height.div_ceil(BLOCK));
+    let (across, down) = (photo.width.div_ceil(BLOCK_SIDE), photo.height.div_ceil(BLOCK_SIDE));
     let mut sums = vec![[0.0; 3]; across * down];
     let mut counts = vec![0.0; across * down];
     for (at, (now, before)) in photo.rgb.chunks_exact(3).zip(background.rgb.chunks_exact(3)).enumerate() {
-        let block = at / photo.width / BLOCK * across + at % photo.width / BLOCK;
+        let block = at / photo.width / BLOCK_SIDE * across + at % photo.width / BLOCK_SIDE;
         for c in 0..3 {
             sums[block][c] += f64::from(now[c]) - f64::from(before[c]);
         }
@@ -76,7 +76,7 @@ fn change(photo: &Photo, background: &Photo) -> f64 {
         blocks.iter_mut().zip(channel).for_each(|(block, value)| *block = f64::max(*block, (value - drift).abs()));
     }
     blocks.sort_by(|a, b| b.total_cmp(a));
-    blocks.truncate(((TOUCHED * blocks.len() as f64) as usize).max(1));
+    blocks.truncate(((TOUCHED_BLOCK_SHARE * blocks.len() as f64) as usize).max(1));
     blocks.iter().sum::<f64>() / blocks.len() as f64
 }
 

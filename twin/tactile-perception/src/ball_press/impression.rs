@@ -12,13 +12,13 @@ use nalgebra::Point3;
 use crate::PIXELS;
 
 /// Standard deviations of the kernels, as shares of the gel's thickness.
-const KERNELS: [f64; 4] = [0.32, 0.16, 0.08, 0.04];
+const KERNEL_WIDTHS: [f64; 4] = [0.32, 0.16, 0.08, 0.04];
 /// Truncation radius of a kernel, in standard deviations.
-const REACH: f64 = 3.0;
+const TRUNCATION_SIGMAS: f64 = 3.0;
 
 /// A ball in a pad's frame, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ball {
+pub(super) struct PressedBall {
     pub center: Point3<f64>,
     pub radius: f64,
 }
@@ -32,11 +32,11 @@ pub(super) struct Impression {
 }
 
 /// Computes the gel's surface under a ball as seen by camera number `camera`.
-pub(super) fn impression(hand: &Hand, camera: usize, ball: &Ball) -> Impression {
+pub(super) fn impression(hand: &Hand, camera: usize, ball: &PressedBall) -> Impression {
     let view = &hand.cameras[camera];
     let pad = &hand.pads[view.pad];
     let (dx, dy) = view.pixel_size();
-    let widest = REACH * KERNELS[0] * hand.gel().thickness;
+    let widest = TRUNCATION_SIGMAS * KERNEL_WIDTHS[0] * hand.gel().thickness;
     // No contact is wider than the circle in which the ball passes through the pad's plane.
     let low = ball.center.z.clamp(0.0, ball.radius);
     let reach = (ball.radius * ball.radius - low * low).sqrt() + widest;
@@ -60,7 +60,7 @@ pub(super) fn impression(hand: &Hand, camera: usize, ball: &Ball) -> Impression 
         }
     }
     let mut depth = own.clone();
-    for share in KERNELS {
+    for share in KERNEL_WIDTHS {
         let deviation = share * hand.gel().thickness;
         depth = along_columns(&along_rows(&depth, columns.len(), deviation / dx), columns.len(), deviation / dy);
         depth.iter_mut().zip(&own).for_each(|(depth, own)| *depth = depth.max(*own));
@@ -79,7 +79,7 @@ fn span(middle: f64, reach: f64) -> Range<usize> {
 
 /// Weights of a Gaussian with a standard deviation in pixels, from its centre outwards.
 fn weights(deviation: f64) -> Vec<f32> {
-    let reach = (REACH * deviation).ceil() as usize;
+    let reach = (TRUNCATION_SIGMAS * deviation).ceil() as usize;
     let half: Vec<f64> = (0..=reach).map(|k| (-0.5 * (k as f64 / deviation).powi(2)).exp()).collect();
     let sum = 2.0 * half.iter().sum::<f64>() - half[0];
     half.into_iter().map(|weight| (weight / sum) as f32).collect()

@@ -2,61 +2,64 @@
 //! read-out noise.
 //!
 //! Drift changes the brightness of a channel by the same factor everywhere; a touch changes it only in some places and
-//! by various factors. The factor shared by the most blocks of the image, within [`SHARED`], is therefore attributed to
+//! by various factors. The factor shared by the most blocks of the image, within [`GAIN_BAND_WIDTH`], is therefore attributed to
 //! drift. The threshold for the change of a block follows from the noise. The noise is measured in the pair of images
 //! itself, because neighbouring pixels of their difference differ by little else.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
-use super::{BLOCK, BLOCKS, Change, StereoOptions, around};
+use super::{BLOCK_SIDE, BLOCKS_PER_SIDE, ImageChange, StereoOptions, region_around};
 
 /// Width of the band of factors that count as equal. Noise of 0.7 grey levels in both images gives the factor of a
 /// block of 36 pixels of 60 to 120 grey levels a standard deviation of 0.0014 to 0.003.
-const SHARED: f32 = 0.008;
+const GAIN_BAND_WIDTH: f32 = 0.008;
 /// Least share of all blocks that must agree on a factor; below it, no drift is assumed.
-const AGREE: f32 = 0.1;
+const MIN_AGREEING_SHARE: f32 = 0.1;
 /// Grey level below which blocks are too dark to be used.
-const DARK: u32 = 12;
+const MIN_BLOCK_LEVEL: u32 = 12;
 /// Threshold of a block's mean change, in standard deviations of its noise.
-const SIGMAS: f32 = 6.0;
+const CHANGE_THRESHOLD_SIGMAS: f32 = 6.0;
 
 /// Sums over the blocks, row by row, of one channel.
 type Sums = Vec<u32>;
 
 /// [`super::find_change`] with drift compensation.
-pub(super) fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Change> {
+pub(super) fn find_change(
+    image: &TactileImage,
+    background: &TactileImage,
+    options: &StereoOptions,
+) -> Option<ImageChange> {
     let (now, before) = (block_sums(image), block_sums(background));
-    let gain: [f32; 3] =
-        std::array::from_fn(|channel| shared_gain(&now[channel], &before[channel], options.most_drift));
-    let area = (BLOCK * BLOCK) as f32;
-    let noise = noise(image, background) / BLOCK as f32;
-    let limit = area * options.block_threshold.max(SIGMAS * noise);
-    let (mut count, mut low, mut high) = (0, (BLOCKS, BLOCKS), (0, 0));
-    for block in 0..BLOCKS * BLOCKS {
+    let gain: [f32; 3] = std::array::from_fn(|channel| shared_gain(&now[channel], &before[channel], options.max_drift));
+    let area = (BLOCK_SIDE * BLOCK_SIDE) as f32;
+    let noise = noise(image, background) / BLOCK_SIDE as f32;
+    let limit = area * options.block_threshold.max(CHANGE_THRESHOLD_SIGMAS * noise);
+    let (mut count, mut low, mut high) = (0, (BLOCKS_PER_SIDE, BLOCKS_PER_SIDE), (0, 0));
+    for block in 0..BLOCKS_PER_SIDE * BLOCKS_PER_SIDE {
         let changed =
             |channel: usize| (now[channel][block] as f32 - gain[channel] * before[channel][block] as f32).abs() > limit;
         if (0..3).any(changed) {
-            let (column, row) = (block % BLOCKS, block / BLOCKS);
+            let (column, row) = (block % BLOCKS_PER_SIDE, block / BLOCKS_PER_SIDE);
             count += 1;
             low = (low.0.min(column), low.1.min(row));
             high = (high.0.max(column), high.1.max(row));
         }
     }
-    let region = (count >= options.least_blocks.max(1)).then(|| around(low, high, options.margin));
-    region.map(|region| Change { region, gain })
+    let region = (count >= options.min_blocks.max(1)).then(|| region_around(low, high, options.margin));
+    region.map(|region| ImageChange { region, gain })
 }
 
 fn block_sums(image: &TactileImage) -> [Sums; 3] {
-    let mut sums: [Sums; 3] = std::array::from_fn(|_| Vec::with_capacity(BLOCKS * BLOCKS));
-    for strip in image.rgb.chunks_exact(3 * N * BLOCK) {
+    let mut sums: [Sums; 3] = std::array::from_fn(|_| Vec::with_capacity(BLOCKS_PER_SIDE * BLOCKS_PER_SIDE));
+    for strip in image.rgb.chunks_exact(3 * N * BLOCK_SIDE) {
         let mut lines = [0u16; 3 * N];
         for line in strip.chunks_exact(3 * N) {
             for (sum, value) in lines.iter_mut().zip(line) {
                 *sum += u16::from(*value);
             }
         }
-        for block in lines.chunks_exact(3 * BLOCK) {
+        for block in lines.chunks_exact(3 * BLOCK_SIDE) {
             for (channel, sums) in sums.iter_mut().enumerate() {
                 sums.push(block[channel..].iter().step_by(3).map(|sum| u32::from(*sum)).sum());
             }
@@ -67,21 +70,21 @@ fn block_sums(image: &TactileImage) -> [Sums; 3] {
 
 /// Finds the factor between two images' blocks that the most blocks share, within `most` of 1; 1 if too few share any.
 fn shared_gain(now: &[u32], before: &[u32], most: f32) -> f32 {
-    let bright = DARK * (BLOCK * BLOCK) as u32;
+    let bright = MIN_BLOCK_LEVEL * (BLOCK_SIDE * BLOCK_SIDE) as u32;
     let pairs = now.iter().zip(before).filter(|(_, before)| **before > bright);
     let mut ratios: Vec<f32> = pairs.map(|(now, before)| *now as f32 / *before as f32).collect();
-    ratios.retain(|ratio| (ratio - 1.0).abs() < most + SHARED);
+    ratios.retain(|ratio| (ratio - 1.0).abs() < most + GAIN_BAND_WIDTH);
     ratios.sort_unstable_by(f32::total_cmp);
     let (mut best, mut end) = (0..0, 0);
     for begin in 0..ratios.len() {
-        while end < ratios.len() && ratios[end] - ratios[begin] < SHARED {
+        while end < ratios.len() && ratios[end] - ratios[begin] < GAIN_BAND_WIDTH {
             end += 1;
         }
         if end - begin > best.len() {
             best = begin..end;
         }
     }
-    if (best.len() as f32) < AGREE * now.len() as f32 {
+    if (best.len() as f32) < MIN_AGREEING_SHARE * now.len() as f32 {
         return 1.0;
     }
     let count = best.len() as f32;
@@ -97,8 +100,8 @@ fn noise(image: &TactileImage, background: &TactileImage) -> f32 {
         let difference = |at: usize| i32::from(image.rgb[at]) - i32::from(background.rgb[at]);
         line.clone().zip(line.skip(3)).map(|(at, next)| difference(next).abs_diff(difference(at))).sum::<u32>()
     };
-    let mut rows: Vec<u32> = (0..BLOCKS).map(|strip| row(strip * BLOCK + BLOCK / 2)).collect();
-    let calm = *rows.select_nth_unstable(BLOCKS / 4).1 as f32 / (3 * (N - 1)) as f32;
+    let mut rows: Vec<u32> = (0..BLOCKS_PER_SIDE).map(|strip| row(strip * BLOCK_SIDE + BLOCK_SIDE / 2)).collect();
+    let calm = *rows.select_nth_unstable(BLOCKS_PER_SIDE / 4).1 as f32 / (3 * (N - 1)) as f32;
     // The difference of two normal samples of standard deviation s has the mean absolute value 2 s / sqrt(pi).
     0.5 * std::f32::consts::PI.sqrt() * calm
 }
@@ -111,7 +114,7 @@ mod tests {
     use super::*;
     use crate::PIXELS;
 
-    const OPTIONS: StereoOptions = StereoOptions { block_threshold: 2.0, least_blocks: 3, margin: 2, most_drift: 0.1 };
+    const OPTIONS: StereoOptions = StereoOptions { block_threshold: 2.0, min_blocks: 3, margin: 2, max_drift: 0.1 };
 
     /// An unevenly lit image, `gain` times as bright, with noise of standard deviation `noise`, changed by `touch` (column, row,
     /// grey levels).
@@ -154,7 +157,7 @@ mod tests {
             if row < 160 { 12.0 + 25.0 * (0.05 * column as f32).sin() + 0.1 * row as f32 } else { 0.0 }
         };
         let image = exposed(1.05, 0.7, touch, rng);
-        let Change { region, gain } = find_change(&image, &background, &OPTIONS).unwrap();
+        let ImageChange { region, gain } = find_change(&image, &background, &OPTIONS).unwrap();
         assert!(gain.iter().all(|gain| (gain - 1.05).abs() < 1e-3), "{gain:?}");
         assert!(region.row_begin == 0 && (160..=174).contains(&region.row_end), "{region:?}");
     }

@@ -1,7 +1,7 @@
 //! Convolution layers on zero-padded planes, computed in blocks that fit into registers.
 
 /// Number of output planes that are computed together.
-const BLOCK: usize = 4;
+const OUTPUT_BLOCK: usize = 4;
 /// Number of pixels of a row that are computed together.
 const LANES: usize = 8;
 
@@ -46,7 +46,7 @@ impl Planes {
     }
 
     /// Doubles width and height by repeating every value.
-    pub fn enlarged(&self) -> Self {
+    pub fn upsampled(&self) -> Self {
         Self::from_fn(self.count, 2 * self.height, 2 * self.width, |plane, row, column| {
             self.at(plane, row / 2, column / 2)
         })
@@ -76,7 +76,7 @@ pub(super) struct Layer {
     inputs: usize,
     outputs: usize,
     kernel: usize,
-    weights: Vec<[f32; BLOCK]>,
+    weights: Vec<[f32; OUTPUT_BLOCK]>,
     biases: Vec<f32>,
 }
 
@@ -85,10 +85,10 @@ impl Layer {
     pub fn new(inputs: usize, outputs: usize, kernel: usize, weights: &[f32], biases: &[f32]) -> Self {
         let area = kernel * kernel;
         let mut laid = Vec::new();
-        for block in 0..outputs.div_ceil(BLOCK) {
+        for block in 0..outputs.div_ceil(OUTPUT_BLOCK) {
             for tap in 0..inputs * area {
                 laid.push(std::array::from_fn(|k| {
-                    let output = block * BLOCK + k;
+                    let output = block * OUTPUT_BLOCK + k;
                     if output < outputs { weights[output * inputs * area + tap] } else { 0.0 }
                 }));
             }
@@ -119,10 +119,10 @@ impl Layer {
                     }
                 }
             }
-            for block in 0..self.outputs.div_ceil(BLOCK) {
+            for block in 0..self.outputs.div_ceil(OUTPUT_BLOCK) {
                 let weights = &self.weights[block * taps..(block + 1) * taps];
                 for chunk in 0..padded / LANES {
-                    let mut sums = [[0.0f32; LANES]; BLOCK];
+                    let mut sums = [[0.0f32; LANES]; OUTPUT_BLOCK];
                     for (weight, line) in weights.iter().zip(rows.chunks_exact(padded)) {
                         let values: &[f32] = &line[chunk * LANES..(chunk + 1) * LANES];
                         for (sum, weight) in sums.iter_mut().zip(weight) {
@@ -132,7 +132,7 @@ impl Layer {
                         }
                     }
                     for (k, sum) in sums.iter().enumerate() {
-                        let output = block * BLOCK + k;
+                        let output = block * OUTPUT_BLOCK + k;
                         if output >= self.outputs {
                             break;
                         }
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn enlarging_repeats() {
         let planes = Planes::from_fn(1, 2, 3, |_, r, c| (10 * r + c) as f32);
-        let large = planes.enlarged();
+        let large = planes.upsampled();
         assert_eq!((large.at(0, 3, 5), large.at(0, 0, 1), large.at(0, 2, 2)), (12.0, 0.0, 11.0));
     }
 }

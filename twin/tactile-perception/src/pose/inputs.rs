@@ -44,7 +44,7 @@ impl PosePrior {
 pub struct PoseOptions {
     /// Standard deviation of the common error of the heights of a broad patch, m; larger for narrow patches.
     pub sigma_height: f64,
-    /// Standard deviation of the deepest point of a pressed pad from the position given by `sinking`, m.
+    /// Standard deviation of the deepest point of a pressed pad from the position given by `penetration_share`, m.
     pub sigma_lift: f64,
     /// Standard deviation of each component of a measured normal, rad.
     pub sigma_normal: f64,
@@ -60,7 +60,7 @@ pub struct PoseOptions {
     /// Additional error of the torque balance as a fraction of the measured contact torque, added in quadrature.
     pub contact_torque_fraction: f64,
     /// Standard deviation of the depth of a contact-free point inside the object, m.
-    pub sigma_clear: f64,
+    pub sigma_contact_free: f64,
     /// Standard deviation of an angle beyond a joint limit, rad.
     pub sigma_limit: f64,
     /// Huber threshold, in standard deviations.
@@ -68,17 +68,17 @@ pub struct PoseOptions {
     /// Share of a measured indentation by which the object really moves towards the link. It is 1 on a gel that yields.
     /// It is 0 in a simulation with rigid covers whose images are computed from forces: there the deepest point is on
     /// the untouched surface of the pad.
-    pub sinking: f64,
+    pub penetration_share: f64,
     /// True if points without contact are used.
-    pub use_clear: bool,
+    pub use_contact_free: bool,
     /// Number of orientations kept after screening around the planned one.
     pub starts: usize,
     /// Number of steps per start in the first two stages.
     pub coarse_steps: usize,
     /// Number of solutions kept after the first stage.
-    pub kept: usize,
+    pub kept_solutions: usize,
     /// Number of solutions in the last stage.
-    pub finished: usize,
+    pub final_solutions: usize,
     /// Number of steps per solution in the last stage.
     pub fine_steps: usize,
     /// Cost per patch above which a solution is considered wrong and more orientations are screened around it.
@@ -96,15 +96,15 @@ impl Default for PoseOptions {
             sigma_torque: 0.003,
             tension_torque_fraction: 0.25,
             contact_torque_fraction: 0.25,
-            sigma_clear: 2.5e-4,
+            sigma_contact_free: 2.5e-4,
             sigma_limit: 0.02,
             huber: 2.5,
-            sinking: 1.0,
-            use_clear: true,
+            penetration_share: 1.0,
+            use_contact_free: true,
             starts: 48,
             coarse_steps: 6,
-            kept: 16,
-            finished: 6,
+            kept_solutions: 16,
+            final_solutions: 6,
             fine_steps: 30,
             good_cost: 2.0,
         }

@@ -7,18 +7,18 @@ use hand_model::transmission::CablePath;
 use hand_model::{Hand, HandVector};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, obstructed};
+use super::evidence::{ContactFreeSpot, ContactPoint, LinkPatch, PressedPad, SelfContact, obstructed};
 use super::inputs::{PoseInputs, PoseOptions, PosePrior};
 use super::shape::KnownShape;
-use super::system::{Kinematics, evenly};
+use super::system::{Kinematics, evenly_spaced};
 use crate::posture::{Posture, excursion_sigma, free_posture, friction_sigmas};
 
 /// Standard deviation of the torque about a joint from a contact on a blind pad, N m.
-const UNFELT_TORQUE: f64 = 0.2;
+const BLIND_PAD_TORQUE: f64 = 0.2;
 
 /// Subsets and weightings of the evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Evidence {
+pub(super) enum EvidenceStage {
     /// Servos, springs and limits only.
     Joints,
     /// Everything, with the object's pose fixed.
@@ -35,14 +35,14 @@ pub(super) enum Evidence {
 
 /// Pose and posture.
 #[derive(Debug, Clone)]
-pub(super) struct State {
+pub(super) struct PoseState {
     pub pose: Isometry3<f64>,
     pub q: HandVector,
     /// Offset of the object outwards from the measured heights of each pressed pad, m.
     pub lift: Vec<f64>,
 }
 
-pub(super) struct Problem<'a> {
+pub(super) struct PoseProblem<'a> {
     pub(super) hand: &'a Hand,
     pub(super) shape: &'a dyn KnownShape,
     pub(super) prior: &'a PosePrior,
@@ -50,9 +50,9 @@ pub(super) struct Problem<'a> {
     pub(super) posture: Posture,
     pub(super) patches: Vec<LinkPatch>,
     /// Self-contacts of the hand.
-    pub(super) own: Vec<OwnContact>,
+    pub(super) self_contacts: Vec<SelfContact>,
     pub(super) pressed: Vec<PressedPad>,
-    pub(super) clear: Vec<ClearSpot>,
+    pub(super) contact_free: Vec<ContactFreeSpot>,
     /// Cables of digits in contact.
     pub(super) cables: Vec<usize>,
     /// Links with a blind pad.
@@ -69,13 +69,13 @@ pub(super) struct Problem<'a> {
     /// Gravity in the palm's frame, m/s2.
     pub(super) gravity: Vector3<f64>,
     /// Torque of the digit's own weight about each joint, N m.
-    pub(super) weight: HandVector,
+    pub(super) gravity_torques: HandVector,
     pub(super) torque_sigma: HandVector,
     /// Standard deviation of a cable's excursion, m.
     pub(super) excursion_sigma: f64,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> PoseProblem<'a> {
     pub fn new(inputs: &PoseInputs<'a>) -> Self {
         let PoseInputs { hand, touches, readings, prior, shape, options } = *inputs;
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -84,13 +84,17 @@ impl<'a> Problem<'a> {
             let pad = &hand.pads[touch.pad];
             let place = pad.link_from_pad;
             own.extend(
-                touch.patches.iter().filter(|patch| patch.own).map(|patch| OwnContact::new(pad.link, &place, patch)),
+                touch
+                    .patches
+                    .iter()
+                    .filter(|patch| patch.self_contact)
+                    .map(|patch| SelfContact::new(pad.link, &place, patch)),
             );
-            for patch in touch.of_objects() {
+            for patch in touch.object_patches() {
                 patches.push(LinkPatch::new(pad.link, pressed.len(), &place, patch, options.sigma_height));
             }
-            let at = touch.touched().then_some(pressed.len());
-            if touch.touched() {
+            let at = touch.is_touched().then_some(pressed.len());
+            if touch.is_touched() {
                 pressed.push(PressedPad::new(&place, touch, options));
                 links.push(pad.link);
             }
@@ -98,8 +102,8 @@ impl<'a> Problem<'a> {
                 cables.extend(hand.digit_of(pad.link).map(|digit| digit.index()));
             }
             blind.extend(pad.link.filter(|_| touch.blind));
-            if options.use_clear && !touch.clear.is_empty() {
-                clear.extend(ClearSpot::of_pad(pad.link, at, &place, &touch.clear));
+            if options.use_contact_free && !touch.contact_free.is_empty() {
+                clear.extend(ContactFreeSpot::of_pad(pad.link, at, &place, &touch.contact_free));
             }
         }
         let posture = free_posture(hand, readings.servos);
@@ -138,10 +142,10 @@ impl<'a> Problem<'a> {
             options,
             posture,
             patches,
-            own,
+            self_contacts: own,
             columns: columns + pressed.len(),
             pressed,
-            clear,
+            contact_free: clear,
             cables,
             blind,
             column,
@@ -149,11 +153,11 @@ impl<'a> Problem<'a> {
             reach,
             pressed_reach,
             gravity: readings.gravity,
-            weight: hand.each_joint(|_| 0.0),
+            gravity_torques: hand.each_joint(|_| 0.0),
             torque_sigma,
             excursion_sigma: excursion_sigma(hand, options.sigma_excursion, &options.cables),
         };
-        problem.settle_torques(&posture.q);
+        problem.update_torques(&posture.q);
         problem
     }
 
@@ -162,9 +166,9 @@ impl<'a> Problem<'a> {
     }
 
     /// The initial state: the posture from the servos with the object at `pose`.
-    pub fn start(&self, pose: Isometry3<f64>) -> State {
+    pub fn start(&self, pose: Isometry3<f64>) -> PoseState {
         let lift = self.pressed.iter().map(|pad| pad.lift).collect();
-        State { pose, q: self.posture.q, lift }
+        PoseState { pose, q: self.posture.q, lift }
     }
 
     pub fn has_contact(&self) -> bool {
@@ -176,13 +180,13 @@ impl<'a> Problem<'a> {
     }
 
     /// At most `most` points of each patch with normals and weights, at the state's posture.
-    pub fn felt(&self, state: &State, most: usize) -> Vec<FeltPoint> {
+    pub fn contact_points(&self, state: &PoseState, most: usize) -> Vec<ContactPoint> {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let mut felt = Vec::new();
         for patch in &self.patches {
             let pose = kinematics.pose(patch.link);
             let lift = self.lift(state, patch.pressed);
-            let chosen = evenly(&patch.normals, most);
+            let chosen = evenly_spaced(&patch.normals, most);
             let share = patch.weight / chosen.len().max(1) as f64;
             felt.extend(
                 chosen
@@ -199,7 +203,7 @@ impl<'a> Problem<'a> {
 
     /// Computes, from the torques at `q`, the torque of the digits' weight about each joint and the standard deviation
     /// of the torque balance.
-    pub fn settle_torques(&mut self, q: &[f64]) {
+    pub fn update_torques(&mut self, q: &[f64]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
             let torque = self.contact_torque(&kinematics, joint).abs();
@@ -207,8 +211,8 @@ impl<'a> Problem<'a> {
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
             let felt = felt.hypot(self.options.tension_torque_fraction * self.cable_torque(joint, q)).hypot(rubbing);
-            self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
-            self.weight[joint] = self.weight_torque(&kinematics, joint);
+            self.torque_sigma[joint] = if unfelt { felt.hypot(BLIND_PAD_TORQUE) } else { felt };
+            self.gravity_torques[joint] = self.gravity_torque(&kinematics, joint);
         }
     }
 
@@ -223,7 +227,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Gravity torque about `joint` of the links that it carries, N m.
-    fn weight_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
+    fn gravity_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
         let carried = (0..self.hand.masses.len()).filter(|link| kinematics.chain(Some(*link)).contains(&joint));
         let moment = carried.map(|link| {
             let body = &self.hand.masses[link];
@@ -238,7 +242,7 @@ impl<'a> Problem<'a> {
     /// objects and self-contacts.
     fn forces(&self) -> impl Iterator<Item = (Option<usize>, (Point3<f64>, Vector3<f64>))> {
         let objects = self.patches.iter().map(|patch| (patch.link, (patch.centroid, patch.force)));
-        objects.chain(self.own.iter().map(|own| (own.link, (own.centroid, own.force))))
+        objects.chain(self.self_contacts.iter().map(|own| (own.link, (own.centroid, own.force))))
     }
 
     /// Standard deviation of each joint's torque at `q` due to the friction in the guides, N m.
@@ -283,7 +287,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Displacement of a pressed pad's points by its lift, link frame, m.
-    pub(super) fn lift(&self, state: &State, pressed: usize) -> Vector3<f64> {
+    pub(super) fn lift(&self, state: &PoseState, pressed: usize) -> Vector3<f64> {
         self.pressed[pressed].normal * state.lift[pressed]
     }
 
@@ -293,7 +297,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Applies a step to `state`.
-    pub fn moved(&self, state: &State, step: &DVector<f64>) -> State {
+    pub fn moved(&self, state: &PoseState, step: &DVector<f64>) -> PoseState {
         let rho = Vector3::new(step[0], step[1], step[2]);
         let phi = Vector3::new(step[3], step[4], step[5]);
         let (mut q, mut lift) = (state.q, state.lift.clone());
@@ -304,11 +308,15 @@ impl<'a> Problem<'a> {
                 *angle += step[*column];
             }
         }
-        State { pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)), q, lift }
+        PoseState {
+            pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)),
+            q,
+            lift,
+        }
     }
 
     /// Root mean square distance of the felt points to the surface, m.
-    pub fn point_rms(&self, state: &State) -> f64 {
+    pub fn point_rms(&self, state: &PoseState) -> f64 {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let (mut sum, mut count) = (0.0, 0usize);
         for patch in &self.patches {
@@ -348,9 +356,9 @@ mod tests {
         let prior = PosePrior::weak(Isometry3::identity());
         let readings = Readings::new(&servos, &turned);
         let (hand, prior, options) = (&hand, &prior, &options);
-        let mut problem = Problem::new(&PoseInputs { hand, touches: &[], readings, prior, shape: &Far, options });
+        let mut problem = PoseProblem::new(&PoseInputs { hand, touches: &[], readings, prior, shape: &Far, options });
         let q = hand.each_joint(|joint| 0.1 + 0.03 * joint as f64);
-        problem.settle_torques(&q);
+        problem.update_torques(&q);
         let energy = |q: &[f64]| -> f64 {
             let heights = hand.tree.forward(q).into_iter().zip(&hand.masses);
             heights.map(|(link, body)| body.mass * GRAVITY * (turned * (link * body.com)).z).sum()
@@ -362,8 +370,12 @@ mod tests {
                 energy(&q)
             });
             let expected = (below - above) / 2e-4;
-            assert!((problem.weight[joint] - expected).abs() < 1e-7, "{joint}: {} {expected}", problem.weight[joint]);
+            assert!(
+                (problem.gravity_torques[joint] - expected).abs() < 1e-7,
+                "{joint}: {} {expected}",
+                problem.gravity_torques[joint]
+            );
         }
-        assert!(problem.weight.iter().any(|torque| torque.abs() > 1e-3), "{:?}", problem.weight);
+        assert!(problem.gravity_torques.iter().any(|torque| torque.abs() > 1e-3), "{:?}", problem.gravity_torques);
     }
 }

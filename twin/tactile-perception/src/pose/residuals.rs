@@ -7,55 +7,55 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
-use super::evidence::ClearSpot;
-use super::problem::{Evidence, Problem, State};
-use super::system::{Cost, Kinematics, Loss, Normal, Sink};
+use super::evidence::ContactFreeSpot;
+use super::problem::{EvidenceStage, PoseProblem, PoseState};
+use super::system::{Cost, Kinematics, Loss, NormalEquations, ResidualSink};
 use crate::posture::{excursion_residual, spring_residuals};
 
 /// Individual error of the points of a patch: a share of their common error, and a floor (m).
-const RELIEF: (f64, f64) = (0.5, 5e-5);
+const POINT_SIGMA_TERMS: (f64, f64) = (0.5, 5e-5);
 /// Largest weight of a patch's points, as a number of independent points.
-const INDEPENDENT_POINTS: f64 = 6.0;
+const MAX_INDEPENDENT_POINTS: f64 = 6.0;
 /// Largest weight of a patch's normals, as a number of independent normals.
-const INDEPENDENT_NORMALS: f64 = 2.0;
+const MAX_INDEPENDENT_NORMALS: f64 = 2.0;
 /// Finite-difference step for the curvature of the shape, m.
 const CURVATURE_STEP: f64 = 4e-4;
 /// Least standard deviations of heights in the first and the second stage of the search: common to a patch, and of each
 /// point, m.
-const SOFT: (f64, f64) = (1.6e-3, 4e-3);
-const MIDDLE: (f64, f64) = (4e-4, 6e-4);
+const SOFT_SIGMAS: (f64, f64) = (1.6e-3, 4e-3);
+const MIDDLE_SIGMAS: (f64, f64) = (4e-4, 6e-4);
 /// Huber threshold of the prior's rotation, in standard deviations: objects roll as the hand closes, so the planned
 /// orientation is at times far off.
-const TURNED: f64 = 2.0;
+const ROTATION_HUBER: f64 = 2.0;
 /// Stride of the points of a patch and of contact-free surface in the first stage.
-const SOFT_STEP: usize = 3;
+const SOFT_STRIDE: usize = 3;
 /// Indentation below which a contact may remain undetected, m.
-const SHALLOW: f64 = 1.5e-4;
+const UNDETECTED_DEPTH: f64 = 1.5e-4;
 
 /// A state with the link poses that follow from it.
 #[derive(Clone, Copy)]
 struct Posed<'a> {
-    state: &'a State,
+    state: &'a PoseState,
     kinematics: &'a Kinematics<'a>,
 }
 
-impl Problem<'_> {
+impl PoseProblem<'_> {
     /// Robust cost of a state.
-    pub fn cost(&self, state: &State, evidence: Evidence) -> f64 {
+    pub fn cost(&self, state: &PoseState, evidence: EvidenceStage) -> f64 {
         let mut sink = Cost(0.0);
         self.residuals(state, evidence, &mut sink);
         if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
     }
 
     /// Gauss-Newton matrix and gradient of the cost.
-    pub fn linearise(&self, state: &State, evidence: Evidence) -> (DMatrix<f64>, DVector<f64>) {
+    pub fn linearise(&self, state: &PoseState, evidence: EvidenceStage) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.columns;
         let held = match evidence {
-            Evidence::Joints | Evidence::Posture => 0..6,
-            Evidence::Translation => 3..6,
-            Evidence::Soft | Evidence::Middle | Evidence::All => 0..0,
+            EvidenceStage::Joints | EvidenceStage::Posture => 0..6,
+            EvidenceStage::Translation => 3..6,
+            EvidenceStage::Soft | EvidenceStage::Middle | EvidenceStage::All => 0..0,
         };
-        let mut sink = Normal::new(n, held.clone());
+        let mut sink = NormalEquations::new(n, held.clone());
         self.residuals(state, evidence, &mut sink);
         for k in held {
             sink.hessian[(k, k)] = 1.0;
@@ -64,18 +64,18 @@ impl Problem<'_> {
     }
 
     /// Adds all residuals of `evidence` to `sink`.
-    fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
+    fn residuals(&self, state: &PoseState, evidence: EvidenceStage, sink: &mut dyn ResidualSink) {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let posed = Posed { state, kinematics: &kinematics };
         self.joint_residuals(posed, sink);
-        if evidence != Evidence::Joints {
+        if evidence != EvidenceStage::Joints {
             self.prior_residuals(state, sink);
             self.contact_residuals(posed, evidence, sink);
-            self.clear_residuals(posed, evidence, sink);
+            self.contact_free_residuals(posed, evidence, sink);
         }
     }
 
-    fn joint_residuals(&self, Posed { state, kinematics }: Posed, sink: &mut dyn Sink) {
+    fn joint_residuals(&self, Posed { state, kinematics }: Posed, sink: &mut dyn ResidualSink) {
         let (options, column) = (self.options, &self.column);
         for &cable in &self.cables {
             // A cable's joints are all estimated: their columns are those of the outermost joint's link.
@@ -91,7 +91,7 @@ impl Problem<'_> {
                 }
             });
             for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
-                let torque = self.contact_torque(kinematics, joint) + self.weight[joint];
+                let torque = self.contact_torque(kinematics, joint) + self.gravity_torques[joint];
                 let scale = 1.0 / self.torque_sigma[joint];
                 sink.add((residual - torque) * scale, Loss::Huber(options.huber), columns, &|row| {
                     self.contact_torque_row(kinematics, joint, -scale, row);
@@ -110,7 +110,7 @@ impl Problem<'_> {
         }
     }
 
-    fn prior_residuals(&self, state: &State, sink: &mut dyn Sink) {
+    fn prior_residuals(&self, state: &PoseState, sink: &mut dyn ResidualSink) {
         let deviation = self.prior.palm_from_object.inverse() * state.pose;
         let turn = deviation.rotation.scaled_axis();
         let rotation = deviation.rotation.to_rotation_matrix();
@@ -122,14 +122,14 @@ impl Problem<'_> {
                 (0..3).for_each(|k| row[k] = rotation[(axis, k)] * scale);
             });
             let scale = 1.0 / self.prior.sigma_rotation;
-            sink.add(turn[axis] * scale, Loss::Huber(TURNED), self.reach(None), &|row| {
+            sink.add(turn[axis] * scale, Loss::Huber(ROTATION_HUBER), self.reach(None), &|row| {
                 (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale);
             });
         }
     }
 
     /// Adds the derivative of a residual with the sensitivity `pull`, times `scale`, to a row.
-    fn pull_row(&self, posed: Posed, link: Option<usize>, pull: &Pull, scale: f64, row: &mut [f64]) {
+    fn sensitivity_row(&self, posed: Posed, link: Option<usize>, pull: &PointSensitivity, scale: f64, row: &mut [f64]) {
         let Posed { state, kinematics } = posed;
         for k in 0..3 {
             row[k] -= pull.gradient[k] * scale;
@@ -145,22 +145,22 @@ impl Problem<'_> {
         }
     }
 
-    fn contact_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
+    fn contact_residuals(&self, posed: Posed, evidence: EvidenceStage, sink: &mut dyn ResidualSink) {
         let Posed { state, kinematics } = posed;
         // Least standard deviations of a patch's common error and of a point; weight of normals.
         let (least, least_relief, normal_soft) = match evidence {
-            Evidence::Soft => (SOFT.0, SOFT.1, 0.5),
-            Evidence::Middle => (MIDDLE.0, MIDDLE.1, 1.0),
+            EvidenceStage::Soft => (SOFT_SIGMAS.0, SOFT_SIGMAS.1, 0.5),
+            EvidenceStage::Middle => (MIDDLE_SIGMAS.0, MIDDLE_SIGMAS.1, 1.0),
             _ => (0.0, 0.0, 1.0),
         };
         let huber = (Loss::Huber(self.options.huber), 1);
-        let (loss, every) = if evidence == Evidence::Soft { (Loss::Square, SOFT_STEP) } else { huber };
+        let (loss, every) = if evidence == EvidenceStage::Soft { (Loss::Square, SOFT_STRIDE) } else { huber };
         for (n, pad) in self.pressed.iter().enumerate() {
             let column = self.columns - self.pressed.len() + n;
             sink.add((state.lift[n] - pad.lift) / pad.sigma, loss, &[column], &|row| row[column] = 1.0 / pad.sigma);
         }
         let object_from_palm = state.pose.inverse();
-        let mut pulls: Vec<(f64, f64, Pull)> = Vec::with_capacity(16);
+        let mut pulls: Vec<(f64, f64, PointSensitivity)> = Vec::with_capacity(16);
         for patch in &self.patches {
             let object_from_link = object_from_palm * kinematics.pose(patch.link);
             let columns: &[usize] = &self.pressed_reach[patch.pressed];
@@ -168,11 +168,11 @@ impl Problem<'_> {
             let out = object_from_link * self.pressed[patch.pressed].normal;
             let lift = self.lift(state, patch.pressed);
             pulls.clear();
-            let (mut whole, mut mean, mut common) = (0.0, 0.0, Pull::ZERO);
+            let (mut whole, mut mean, mut common) = (0.0, 0.0, PointSensitivity::ZERO);
             for (point, trust) in patch.points.iter().step_by(every) {
                 let p = object_from_link * (point + lift);
                 let (distance, gradient) = self.shape.signed_distance(&p);
-                let pull = Pull { gradient, moment: p.coords.cross(&gradient) };
+                let pull = PointSensitivity { gradient, moment: p.coords.cross(&gradient) };
                 let weight = trust * trust;
                 whole += weight;
                 mean += weight * distance;
@@ -180,25 +180,25 @@ impl Problem<'_> {
                 pulls.push((distance, *trust, pull));
             }
             mean /= whole;
-            let common = common.times(1.0 / whole);
+            let common = common.scaled(1.0 / whole);
             let scale = patch.weight.sqrt() / patch.sigma.max(least);
             sink.add(mean * scale, loss, columns, &|row| {
-                self.pull_row(posed, patch.link, &common, scale, row);
+                self.sensitivity_row(posed, patch.link, &common, scale, row);
                 row[lift_column] += common.gradient.dot(&out) * scale;
             });
             let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
-            let relief = RELIEF.1.hypot(RELIEF.0 * patch.sigma).max(least_relief);
-            let each = share(INDEPENDENT_POINTS, pulls.len()) / relief;
+            let relief = POINT_SIGMA_TERMS.1.hypot(POINT_SIGMA_TERMS.0 * patch.sigma).max(least_relief);
+            let each = share(MAX_INDEPENDENT_POINTS, pulls.len()) / relief;
             for (distance, trust, pull) in &pulls {
                 let scale = each * trust;
                 sink.add((distance - mean) * scale, loss, columns, &|row| {
                     let mut own = pull.clone();
                     own.add(&common, -1.0);
-                    self.pull_row(posed, patch.link, &own, scale, row);
+                    self.sensitivity_row(posed, patch.link, &own, scale, row);
                     row[lift_column] += own.gradient.dot(&out) * scale;
                 });
             }
-            let each = share(INDEPENDENT_NORMALS, patch.normals.len()) * normal_soft / self.options.sigma_normal;
+            let each = share(MAX_INDEPENDENT_NORMALS, patch.normals.len()) * normal_soft / self.options.sigma_normal;
             for (point, normal, trust) in &patch.normals {
                 let scale = each * trust;
                 let (p, n) = (object_from_link * (point + lift), object_from_link * normal);
@@ -208,8 +208,8 @@ impl Problem<'_> {
                 for axis in 0..3 {
                     sink.add((n[axis] - gradient[axis]) * scale, loss, columns, &|row| {
                         let bend: Vector3<f64> = -curvature.row(axis).transpose();
-                        let pull = Pull { gradient: bend, moment: p.coords.cross(&bend) };
-                        self.pull_row(posed, patch.link, &pull, scale, row);
+                        let pull = PointSensitivity { gradient: bend, moment: p.coords.cross(&bend) };
+                        self.sensitivity_row(posed, patch.link, &pull, scale, row);
                         // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Evaluated at the shape's
                         // normal, so that noise in n does not appear as information on the rotation of a ball.
                         let turning = gradient.cross(&Vector3::ith(axis, 1.0));
@@ -234,15 +234,15 @@ impl Problem<'_> {
         }))
     }
 
-    fn clear_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
+    fn contact_free_residuals(&self, posed: Posed, evidence: EvidenceStage, sink: &mut dyn ResidualSink) {
         let Posed { state, kinematics } = posed;
-        let every = if evidence == Evidence::Soft { SOFT_STEP } else { 1 };
+        let every = if evidence == EvidenceStage::Soft { SOFT_STRIDE } else { 1 };
         let object_from_palm = state.pose.inverse();
-        let scale = 1.0 / self.options.sigma_clear;
-        for ClearSpot { link, pressed, points, middle, radius } in &self.clear {
+        let scale = 1.0 / self.options.sigma_contact_free;
+        for ContactFreeSpot { link, pressed, points, middle, radius } in &self.contact_free {
             let object_from_link = object_from_palm * kinematics.pose(*link);
-            let lift =
-                pressed.map_or(Vector3::zeros(), |n| self.pressed[n].normal * (state.lift[n] - SHALLOW).max(0.0));
+            let lift = pressed
+                .map_or(Vector3::zeros(), |n| self.pressed[n].normal * (state.lift[n] - UNDETECTED_DEPTH).max(0.0));
             if self.shape.signed_distance(&(object_from_link * (middle + lift))).0 > radius + 5e-4 {
                 continue;
             }
@@ -252,8 +252,8 @@ impl Problem<'_> {
                 let (distance, gradient) = self.shape.signed_distance(&p);
                 if distance < 0.0 {
                     sink.add(distance * scale, Loss::Huber(self.options.huber), columns, &|row| {
-                        let pull = Pull { gradient, moment: p.coords.cross(&gradient) };
-                        self.pull_row(posed, *link, &pull, scale, row);
+                        let pull = PointSensitivity { gradient, moment: p.coords.cross(&gradient) };
+                        self.sensitivity_row(posed, *link, &pull, scale, row);
                         if let Some(n) = pressed {
                             let out = object_from_link * self.pressed[*n].normal;
                             row[columns[columns.len() - 1]] += gradient.dot(&out) * scale;
@@ -268,12 +268,12 @@ impl Problem<'_> {
 /// Sensitivity of a residual to the motion of a point: its gradient, and the gradient's moment about the object's origin,
 /// object frame. From p <- p - rho - phi x p and g . (phi x p) = phi . (p x g).
 #[derive(Clone)]
-struct Pull {
+struct PointSensitivity {
     gradient: Vector3<f64>,
     moment: Vector3<f64>,
 }
 
-impl Pull {
+impl PointSensitivity {
     const ZERO: Self = Self { gradient: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
 
     fn add(&mut self, other: &Self, weight: f64) {
@@ -281,7 +281,7 @@ impl Pull {
         self.moment += other.moment * weight;
     }
 
-    fn times(&self, factor: f64) -> Self {
+    fn scaled(&self, factor: f64) -> Self {
         Self { gradient: self.gradient * factor, moment: self.moment * factor }
     }
 }
@@ -296,7 +296,7 @@ mod tests {
     use super::super::inputs::{PoseInputs, PoseOptions, PosePrior};
     use super::super::shape::KnownShape;
     use super::*;
-    use crate::contacts::{Patch, SurfacePoint};
+    use crate::contacts::{ContactPatch, SurfacePoint};
     use crate::pad_touch::PadTouch;
     use crate::posture::Readings;
 
@@ -312,7 +312,7 @@ mod tests {
 
     /// A touch in the middle of pad `name` with free surface around.
     fn touch(hand: &Hand, name: &str, peak: f64) -> PadTouch {
-        let pad = hand.pad(name).expect("a pad");
+        let pad = hand.find_pad(name).expect("a pad");
         let surface = |x: f64, y: f64, z: f64| SurfacePoint {
             point: Point3::new(x * 1e-3, y * 1e-3, -z * peak),
             normal: Vector3::new(0.1 * x, 0.1 * y, -1.0).normalize(),
@@ -324,7 +324,7 @@ mod tests {
             surface(0.4, 1.1, 0.9),
             surface(-0.2, -1.3, 0.6),
         ];
-        let patch = Patch {
+        let patch = ContactPatch {
             camera: hand.pads[pad].cameras[0],
             area: 2e-5,
             centroid: points[0].point,
@@ -334,10 +334,10 @@ mod tests {
             force: 1.2,
             peak,
             points,
-            own: false,
+            self_contact: false,
         };
         let clear = (-3..=3).flat_map(|x| (-4..=4).map(move |y| Point3::new(2e-3 * x as f64, 2e-3 * y as f64, 0.0)));
-        PadTouch { pad, patches: vec![patch], force: 1.2, clear: clear.collect(), ..PadTouch::default() }
+        PadTouch { pad, patches: vec![patch], force: 1.2, contact_free: clear.collect(), ..PadTouch::default() }
     }
 
     proptest! {
@@ -354,24 +354,24 @@ mod tests {
             let hand = Hand::ftac();
             let touches = [touch(&hand, "palm_ulnar", 8e-4), touch(&hand, "ring_distal", 6e-4)];
             let shape = Ellipsoid(Vector3::new(0.03, 0.024, 0.026));
-            let options = PoseOptions { sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
+            let options = PoseOptions { penetration_share: sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
             let servos = [ServoState { position: 1.0, current: 0.1, ..ServoState::default() }; 6];
             let palm = hand.pad_poses(&hand.tree.forward(&[bend; 15]));
             // Slightly inside the palm pad: contact points are off the surface, and contact-free points are inside.
-            let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
+            let middle = palm[hand.find_pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
             let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
             let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));
-            let problem = Problem::new(&PoseInputs {
+            let problem = PoseProblem::new(&PoseInputs {
                 hand: &hand,
                 touches: &touches,
-                readings: Readings::weightless(&servos),
+                readings: Readings::without_gravity(&servos),
                 prior: &prior,
                 shape: &shape,
                 options: &options,
             });
-            let mut state = State { q: hand.each_joint(|_| bend), ..problem.start(pose) };
+            let mut state = PoseState { q: hand.each_joint(|_| bend), ..problem.start(pose) };
             state.lift[..2].fill(lift);
-            for evidence in [Evidence::Soft, Evidence::Middle, Evidence::All] {
+            for evidence in [EvidenceStage::Soft, EvidenceStage::Middle, EvidenceStage::All] {
                 let (_, gradient) = problem.linearise(&state, evidence);
                 for k in 0..gradient.len() {
                     let step = if (3..gradient.len() - 2).contains(&k) { 1e-7 } else { 1e-9 };

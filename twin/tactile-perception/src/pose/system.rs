@@ -31,7 +31,7 @@ impl Loss {
 
 /// Receives residuals: the scaled residual, its loss, the columns with non-zero derivatives (ascending), and a closure
 /// that adds the derivative to a row.
-pub(super) trait Sink {
+pub(super) trait ResidualSink {
     fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64]));
     fn wants_rows(&self) -> bool;
 }
@@ -39,7 +39,7 @@ pub(super) trait Sink {
 /// Sums the robust cost.
 pub(super) struct Cost(pub f64);
 
-impl Sink for Cost {
+impl ResidualSink for Cost {
     fn add(&mut self, residual: f64, loss: Loss, _: &[usize], _: &dyn Fn(&mut [f64])) {
         self.0 += loss.cost(residual);
     }
@@ -49,7 +49,7 @@ impl Sink for Cost {
 }
 
 /// Builds the normal equations.
-pub(super) struct Normal {
+pub(super) struct NormalEquations {
     /// Lower triangle only, which is all that a Cholesky factorisation reads.
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
@@ -58,7 +58,7 @@ pub(super) struct Normal {
     held: std::ops::Range<usize>,
 }
 
-impl Normal {
+impl NormalEquations {
     pub fn new(columns: usize, held: std::ops::Range<usize>) -> Self {
         Self {
             hessian: DMatrix::zeros(columns, columns),
@@ -69,7 +69,7 @@ impl Normal {
     }
 }
 
-impl Sink for Normal {
+impl ResidualSink for NormalEquations {
     fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64])) {
         let size = self.row.len();
         row(&mut self.row);
@@ -121,7 +121,7 @@ impl<'a> Kinematics<'a> {
 }
 
 /// Returns at most `most` of `items`, evenly spread.
-pub(super) fn evenly<T: Copy>(items: &[T], most: usize) -> Vec<T> {
+pub(super) fn evenly_spaced<T: Copy>(items: &[T], most: usize) -> Vec<T> {
     let count = items.len().min(most);
     (0..count).map(|k| items[(2 * k + 1) * items.len() / (2 * count)]).collect()
 }

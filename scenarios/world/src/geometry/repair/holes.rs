@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::soup::{LEAST_DOUBLE_AREA, Side, Soup};
+use super::soup::{HalfEdge, MIN_DOUBLE_AREA, TriangleSoup};
 
 /// Greatest number of edges of a loop for an optimal triangulation, whose cost is cubic; longer loops are closed by a
 /// fan around their centre.
-const MOST_EDGES: usize = 80;
+const MAX_LOOP_EDGES: usize = 80;
 
 /// Returns the missing half-edges: for each edge used more often in one direction, one entry per excess use, in the
 /// direction that a missing triangle would have.
-fn missing(sides: &[Side]) -> Vec<(u32, u32)> {
+fn missing_half_edges(sides: &[HalfEdge]) -> Vec<(u32, u32)> {
     let mut missing = Vec::new();
     for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
         let (low, high) = uses[0].edge;
@@ -25,14 +25,14 @@ fn missing(sides: &[Side]) -> Vec<(u32, u32)> {
 }
 
 /// True if every edge is used equally often in both directions.
-pub fn is_closed(soup: &Soup) -> bool {
-    missing(&soup.sides()).is_empty()
+pub fn is_closed(soup: &TriangleSoup) -> bool {
+    missing_half_edges(&soup.half_edges()).is_empty()
 }
 
 /// Returns the rims of the holes, each in the direction of the missing triangles.
-pub fn rims(soup: &Soup) -> Vec<Vec<u32>> {
+pub fn rims(soup: &TriangleSoup) -> Vec<Vec<u32>> {
     let mut onward: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for (from, to) in missing(&soup.sides()) {
+    for (from, to) in missing_half_edges(&soup.half_edges()) {
         onward.entry(from).or_default().push(to);
     }
     let mut rims = Vec::new();
@@ -55,10 +55,10 @@ pub fn rims(soup: &Soup) -> Vec<Vec<u32>> {
 }
 
 /// Returns triangles that close the hole inside a rim with the least area, and the additional vertex they need, if any.
-pub fn fill(soup: &Soup, rim: &[u32]) -> (Vec<[u32; 3]>, Option<Point3<f64>>) {
+pub fn fill(soup: &TriangleSoup, rim: &[u32]) -> (Vec<[u32; 3]>, Option<Point3<f64>>) {
     let at: Vec<Point3<f64>> = rim.iter().map(|index| soup.vertices[*index as usize]).collect();
-    if rim.len() <= MOST_EDGES
-        && let Some(cut) = least_area(&at)
+    if rim.len() <= MAX_LOOP_EDGES
+        && let Some(cut) = min_area_triangulation(&at)
     {
         return (cut.into_iter().map(|corners| corners.map(|n| rim[n])).collect(), None);
     }
@@ -70,11 +70,11 @@ pub fn fill(soup: &Soup, rim: &[u32]) -> (Vec<[u32; 3]>, Option<Point3<f64>>) {
 
 /// Returns the triangulation of a polygon with the least area (Barequet & Sharir 1995); none if every triangulation has
 /// a triangle without an area.
-fn least_area(at: &[Point3<f64>]) -> Option<Vec<[usize; 3]>> {
+fn min_area_triangulation(at: &[Point3<f64>]) -> Option<Vec<[usize; 3]>> {
     let count = at.len();
     let area = |a: usize, b: usize, c: usize| {
         let double = (at[b] - at[a]).cross(&(at[c] - at[a])).norm();
-        if double < LEAST_DOUBLE_AREA { f64::INFINITY } else { 0.5 * double }
+        if double < MIN_DOUBLE_AREA { f64::INFINITY } else { 0.5 * double }
     };
     let mut least = vec![vec![(0.0, 0); count]; count];
     for width in 2..count {

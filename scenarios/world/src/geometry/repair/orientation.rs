@@ -5,55 +5,55 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::report::Repair;
-use super::soup::{Side, Soup, Union};
+use super::report::RepairReport;
+use super::soup::{DisjointSets, HalfEdge, TriangleSoup};
 use crate::geometry::mesh::Mesh;
-use crate::geometry::winding::Winding;
+use crate::geometry::winding::WindingTree;
 
 /// Greatest number of edges that are split where surfaces touch.
-const MOST_CROWDED: usize = 1000;
+const MAX_CROWDED_EDGES: usize = 1000;
 /// Number of points of a surface that are tested for lying inside another.
-const PROBES: usize = 9;
+const PROBE_COUNT: usize = 9;
 
 /// A triangle's neighbour, with true if exactly one of the two must be flipped.
 type Neighbour = (u32, bool);
 
 /// Sorts an edge's triangles by their angle around it, counter-clockwise about the edge from its lower vertex.
-fn around(soup: &Soup, uses: &[Side]) -> Vec<Side> {
+fn sort_around_edge(soup: &TriangleSoup, uses: &[HalfEdge]) -> Vec<HalfEdge> {
     let (low, high) = uses[0].edge;
     let (from, to) = (soup.vertices[low as usize], soup.vertices[high as usize]);
     let axis = (to - from).normalize();
-    let out = |side: &Side| {
+    let out = |side: &HalfEdge| {
         let third = soup.triangles[side.triangle as usize].into_iter().find(|index| *index != low && *index != high);
         let along = soup.vertices[third.unwrap_or(low) as usize] - from;
         along - axis * axis.dot(&along)
     };
     let first = out(&uses[0]).try_normalize(1e-12).unwrap_or_else(Vector3::x);
     let second = axis.cross(&first);
-    let angle = |side: &Side| {
+    let angle = |side: &HalfEdge| {
         let out = out(side);
         let angle = out.dot(&second).atan2(out.dot(&first));
         if angle < -1e-9 { angle + std::f64::consts::TAU } else { angle }
     };
-    let mut sorted: Vec<(f64, Side)> = uses.iter().map(|side| (angle(side), *side)).collect();
+    let mut sorted: Vec<(f64, HalfEdge)> = uses.iter().map(|side| (angle(side), *side)).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     sorted.into_iter().map(|(_, side)| side).collect()
 }
 
 /// Returns the adjacency of triangles whose orientations must agree. If more than two triangles meet at an edge, those
 /// next to each other around it bound the solid from either side.
-fn neighbours(soup: &Soup, crowded: bool) -> Vec<Vec<Neighbour>> {
+fn neighbours(soup: &TriangleSoup, crowded: bool) -> Vec<Vec<Neighbour>> {
     let mut neighbours = vec![Vec::new(); soup.triangles.len()];
-    let mut meet = |a: &Side, b: &Side| {
+    let mut meet = |a: &HalfEdge, b: &HalfEdge| {
         let turned = a.forward == b.forward;
         neighbours[a.triangle as usize].push((b.triangle, turned));
         neighbours[b.triangle as usize].push((a.triangle, turned));
     };
-    for uses in soup.sides().chunk_by(|a, b| a.edge == b.edge) {
+    for uses in soup.half_edges().chunk_by(|a, b| a.edge == b.edge) {
         match uses {
             [a, b] => meet(a, b),
             _ if crowded && uses.len().is_multiple_of(2) => {
-                let sorted = around(soup, uses);
+                let sorted = sort_around_edge(soup, uses);
                 (0..sorted.len()).for_each(|n| meet(&sorted[n], &sorted[(n + 1) % sorted.len()]));
             }
             _ => {}
@@ -64,18 +64,18 @@ fn neighbours(soup: &Soup, crowded: bool) -> Vec<Vec<Neighbour>> {
 
 /// Flips triangles so that all neighbours agree. Each patch keeps the orientation of the larger part of its area. None
 /// if no choice makes them agree.
-pub fn agree(soup: &mut Soup, repair: &mut Repair) -> Option<()> {
-    let turns = turns(soup, true).or_else(|| turns(soup, false))?;
+pub fn orient_consistently(soup: &mut TriangleSoup, repair: &mut RepairReport) -> Option<()> {
+    let turns = find_flips(soup, true).or_else(|| find_flips(soup, false))?;
     for (triangle, turn) in soup.triangles.iter_mut().zip(&turns) {
         if *turn {
             triangle.swap(1, 2);
         }
     }
-    repair.turned += turns.into_iter().filter(|turn| *turn).count();
+    repair.flipped += turns.into_iter().filter(|turn| *turn).count();
     Some(())
 }
 
-fn turns(soup: &Soup, crowded: bool) -> Option<Vec<bool>> {
+fn find_flips(soup: &TriangleSoup, crowded: bool) -> Option<Vec<bool>> {
     let neighbours = neighbours(soup, crowded);
     let mut turn: Vec<Option<bool>> = vec![None; soup.triangles.len()];
     for start in 0..turn.len() {
@@ -109,20 +109,20 @@ fn turns(soup: &Soup, crowded: bool) -> Option<Vec<bool>> {
     Some(turn.into_iter().map(|turn| turn == Some(true)).collect())
 }
 
-/// True if every closed surface of a mesh has the orientation that [`face_outwards`] would give it.
-pub fn is_sound(mesh: &Mesh) -> bool {
-    let mut soup = Soup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() };
+/// True if every closed surface of a mesh has the orientation that [`orient_outwards`] would give it.
+pub fn is_well_oriented(mesh: &Mesh) -> bool {
+    let mut soup = TriangleSoup { vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec() };
     if soup.components().1 == 1 {
         return true;
     }
-    let mut repair = Repair::default();
-    face_outwards(&mut soup, &mut repair);
+    let mut repair = RepairReport::default();
+    orient_outwards(&mut soup, &mut repair);
     repair.is_none()
 }
 
 /// Orients outer surfaces outwards. Inside another surface, one with the opposite orientation is a cavity and stays;
 /// one with the same orientation is a solid within a solid and is dropped.
-pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
+pub fn orient_outwards(soup: &mut TriangleSoup, repair: &mut RepairReport) {
     let (component, count) = soup.components();
     let pieces = soup.pieces(&component, count);
     let volumes: Vec<f64> = pieces.iter().map(volume).collect();
@@ -145,14 +145,14 @@ pub fn face_outwards(soup: &mut Soup, repair: &mut Repair) {
     }
     // If everything faces inwards, it is flipped without a report, as in any closed mesh.
     if turned.iter().any(|turned| *turned) && !turned.iter().all(|turned| *turned) {
-        repair.turned += component.iter().filter(|of| turned[**of]).count();
+        repair.flipped += component.iter().filter(|of| turned[**of]).count();
     }
-    repair.swallowed += swallowed.iter().filter(|inside| **inside).count();
-    soup.keep(|number| !swallowed[component[number]]);
+    repair.enclosed += swallowed.iter().filter(|inside| **inside).count();
+    soup.retain(|number| !swallowed[component[number]]);
 }
 
 /// Returns for each piece the pieces that contain it.
-fn containers(pieces: &[Soup]) -> Vec<Vec<usize>> {
+fn containers(pieces: &[TriangleSoup]) -> Vec<Vec<usize>> {
     let bounds: Vec<_> = pieces.iter().map(bounds).collect();
     let around = |inner: usize| {
         let within = |outer: &usize| {
@@ -160,21 +160,21 @@ fn containers(pieces: &[Soup]) -> Vec<Vec<usize>> {
             *outer != inner && (0..3).all(|axis| low[axis] >= least[axis] && high[axis] <= most[axis])
         };
         let own = &pieces[inner];
-        let probes: Vec<Point3<f64>> = (own.triangles.iter().step_by(1 + own.triangles.len() / PROBES))
+        let probes: Vec<Point3<f64>> = (own.triangles.iter().step_by(1 + own.triangles.len() / PROBE_COUNT))
             .map(|triangle| {
                 Point3::from(own.corners(triangle).iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
             })
             .collect();
         let holds = |outer: &usize| {
-            let winding = Winding::new(&pieces[*outer].vertices, &pieces[*outer].triangles);
-            2 * probes.iter().filter(|probe| winding.at(probe).abs() > 0.5).count() > probes.len()
+            let winding = WindingTree::new(&pieces[*outer].vertices, &pieces[*outer].triangles);
+            2 * probes.iter().filter(|probe| winding.winding_number(probe).abs() > 0.5).count() > probes.len()
         };
         (0..pieces.len()).filter(within).filter(holds).collect()
     };
     (0..pieces.len()).map(around).collect()
 }
 
-fn bounds(soup: &Soup) -> (Vector3<f64>, Vector3<f64>) {
+fn bounds(soup: &TriangleSoup) -> (Vector3<f64>, Vector3<f64>) {
     let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     let used = soup.triangles.iter().flatten().map(|index| soup.vertices[*index as usize].coords);
     used.fold(start, |(low, high), at| (low.inf(&at), high.sup(&at)))
@@ -182,7 +182,7 @@ fn bounds(soup: &Soup) -> (Vector3<f64>, Vector3<f64>) {
 
 /// Returns the signed volume by the divergence theorem about the centroid of the triangles, m3. For a surface with
 /// small holes, it is close to that of the closed one.
-pub fn volume(soup: &Soup) -> f64 {
+pub fn volume(soup: &TriangleSoup) -> f64 {
     let (mut middle, mut total) = (Vector3::zeros(), 0.0);
     for triangle in &soup.triangles {
         let [a, b, c] = soup.corners(triangle);
@@ -200,23 +200,23 @@ pub fn volume(soup: &Soup) -> f64 {
 
 /// Separates surfaces that touch along an edge by giving each its own copy of the edge. Where four or more triangles
 /// meet, those with only air between them stay together.
-pub fn part_touching(soup: &mut Soup) {
-    let sides = soup.sides();
+pub fn separate_touching(soup: &mut TriangleSoup) {
+    let sides = soup.half_edges();
     if sides.chunk_by(|a, b| a.edge == b.edge).all(|uses| uses.len() == 2) {
         return;
     }
-    let corner_at = |triangles: &[[u32; 3]], side: &Side, vertex: u32| {
+    let corner_at = |triangles: &[[u32; 3]], side: &HalfEdge, vertex: u32| {
         let place = triangles[side.triangle as usize].iter().position(|index| *index == vertex).unwrap_or(0);
         3 * side.triangle + place as u32
     };
-    let mut union = Union::new(3 * soup.triangles.len());
-    let mut join = |a: &Side, b: &Side| {
+    let mut union = DisjointSets::new(3 * soup.triangles.len());
+    let mut join = |a: &HalfEdge, b: &HalfEdge| {
         for vertex in [a.edge.0, a.edge.1] {
-            union.join(corner_at(&soup.triangles, a, vertex), corner_at(&soup.triangles, b, vertex));
+            union.merge(corner_at(&soup.triangles, a, vertex), corner_at(&soup.triangles, b, vertex));
         }
     };
     for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
-        let sorted = if uses.len() == 2 { uses.to_vec() } else { around(soup, uses) };
+        let sorted = if uses.len() == 2 { uses.to_vec() } else { sort_around_edge(soup, uses) };
         for (n, side) in sorted.iter().enumerate().filter(|(_, side)| side.forward) {
             // The outside of a triangle that runs forward is on the side of increasing angle.
             let next = (1..sorted.len()).map(|k| &sorted[(n + k) % sorted.len()]).find(|other| !other.forward);
@@ -237,16 +237,16 @@ pub fn part_touching(soup: &mut Soup) {
         });
         soup.triangles[corner as usize / 3][corner as usize % 3] = copy;
     }
-    cut_crowded(soup);
+    split_crowded_edges(soup);
 }
 
 /// Splits edges that touching surfaces still share because they are connected at both ends: each surface gets its own
 /// midpoint of the edge.
-fn cut_crowded(soup: &mut Soup) {
-    for _ in 0..MOST_CROWDED {
-        let sides = soup.sides();
+fn split_crowded_edges(soup: &mut TriangleSoup) {
+    for _ in 0..MAX_CROWDED_EDGES {
+        let sides = soup.half_edges();
         let Some(uses) = sides.chunk_by(|a, b| a.edge == b.edge).find(|uses| uses.len() > 2) else { return };
-        let sorted = around(soup, uses);
+        let sorted = sort_around_edge(soup, uses);
         let (low, high) = uses[0].edge;
         let middle = nalgebra::center(&soup.vertices[low as usize], &soup.vertices[high as usize]);
         for (n, side) in sorted.iter().enumerate().filter(|(_, side)| side.forward) {

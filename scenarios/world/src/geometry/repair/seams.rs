@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::report::Repair;
-use super::soup::{Soup, Union};
+use super::report::RepairReport;
+use super::soup::{DisjointSets, TriangleSoup};
 
 /// Distance below which vertices of open edges are merged, relative to the mesh's extent.
-const SAME: f64 = 1e-4;
+const WELD_TOLERANCE: f64 = 1e-4;
 /// Greatest number of pairs of open edges and open vertices that are compared.
-const MOST_PAIRS: usize = 200_000_000;
+const MAX_PAIRS: usize = 200_000_000;
 
 /// Returns the edges that are not shared by exactly two triangles, and their vertices in order.
-fn open(soup: &Soup) -> (Vec<(u32, u32)>, Vec<u32>) {
+fn open_edges(soup: &TriangleSoup) -> (Vec<(u32, u32)>, Vec<u32>) {
     let edges: Vec<(u32, u32)> = soup
-        .sides()
+        .half_edges()
         .chunk_by(|a, b| a.edge == b.edge)
         .filter(|uses| uses.len() != 2)
         .map(|uses| uses[0].edge)
@@ -27,47 +27,49 @@ fn open(soup: &Soup) -> (Vec<(u32, u32)>, Vec<u32>) {
 }
 
 /// Closes seams: merges open vertices that nearly coincide, and splits edges at vertices that lie on them.
-pub fn close(soup: &mut Soup, repair: &mut Repair) {
-    let (edges, vertices) = open(soup);
+pub fn close_seams(soup: &mut TriangleSoup, repair: &mut RepairReport) {
+    let (edges, vertices) = open_edges(soup);
     if edges.is_empty() {
         return;
     }
-    let tolerance = SAME * soup.extent();
+    let tolerance = WELD_TOLERANCE * soup.extent();
     weld_near(soup, &vertices, tolerance, repair);
     // A split edge may lie beside a triangle that is split later.
     for _ in 0..3 {
-        let (edges, vertices) = open(soup);
-        if edges.is_empty() || edges.len() * vertices.len() > MOST_PAIRS || cut(soup, &edges, &vertices, tolerance) == 0
+        let (edges, vertices) = open_edges(soup);
+        if edges.is_empty()
+            || edges.len() * vertices.len() > MAX_PAIRS
+            || split_at_vertices(soup, &edges, &vertices, tolerance) == 0
         {
             return;
         }
-        soup.drop_empty(repair);
-        soup.drop_doubled(repair);
+        soup.drop_degenerate(repair);
+        soup.drop_duplicates(repair);
     }
 }
 
-fn weld_near(soup: &mut Soup, vertices: &[u32], tolerance: f64, repair: &mut Repair) {
+fn weld_near(soup: &mut TriangleSoup, vertices: &[u32], tolerance: f64, repair: &mut RepairReport) {
     let cell = |at: &Point3<f64>| [at.x, at.y, at.z].map(|part| (part / tolerance).floor() as i64);
     let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
-    let mut union = Union::new(soup.vertices.len());
+    let mut union = DisjointSets::new(soup.vertices.len());
     for &vertex in vertices {
         let at = soup.vertices[vertex as usize];
         let [x, y, z] = cell(&at);
         for (dx, dy, dz) in (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| (dx, dy, dz)))) {
             for other in cells.get(&[x + dx, y + dy, z + dz]).into_iter().flatten() {
                 if (soup.vertices[*other as usize] - at).norm() <= tolerance {
-                    union.join(vertex, *other);
+                    union.merge(vertex, *other);
                 }
             }
         }
         cells.entry([x, y, z]).or_default().push(vertex);
     }
     let target: Vec<u32> = (0..soup.vertices.len() as u32).map(|vertex| union.root(vertex)).collect();
-    soup.rename(&target, repair);
+    soup.renumber(&target, repair);
 }
 
 /// Splits triangles at open vertices that lie on their open edges. Returns the number of edges split.
-fn cut(soup: &mut Soup, edges: &[(u32, u32)], vertices: &[u32], tolerance: f64) -> usize {
+fn split_at_vertices(soup: &mut TriangleSoup, edges: &[(u32, u32)], vertices: &[u32], tolerance: f64) -> usize {
     let mut on: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for &(low, high) in edges {
         let (from, to) = (soup.vertices[low as usize], soup.vertices[high as usize]);

@@ -5,28 +5,28 @@ use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Point3, Vector3};
 
-use super::report::Repair;
+use super::report::RepairReport;
 
 /// Threshold of twice the area below which a triangle counts as having none, m2; as in [`crate::geometry::Mesh::new`].
-pub const LEAST_DOUBLE_AREA: f64 = 1e-16;
+pub const MIN_DOUBLE_AREA: f64 = 1e-16;
 
 /// Vertices (m) and triangles that need not form a closed surface.
 #[derive(Debug, Clone, Default)]
-pub struct Soup {
+pub struct TriangleSoup {
     pub vertices: Vec<Point3<f64>>,
     pub triangles: Vec<[u32; 3]>,
 }
 
 /// A triangle's use of an edge. The edge is named by its lower vertex first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Side {
+pub struct HalfEdge {
     pub edge: (u32, u32),
     pub triangle: u32,
     /// True if the triangle runs from the lower vertex to the higher one.
     pub forward: bool,
 }
 
-impl Soup {
+impl TriangleSoup {
     /// Returns twice the area vector of a triangle, m2.
     pub fn double_area(&self, triangle: &[u32; 3]) -> Vector3<f64> {
         let [a, b, c] = self.corners(triangle);
@@ -52,12 +52,16 @@ impl Soup {
     }
 
     /// Returns all sides, sorted by edge.
-    pub fn sides(&self) -> Vec<Side> {
+    pub fn half_edges(&self) -> Vec<HalfEdge> {
         let mut sides = Vec::with_capacity(3 * self.triangles.len());
         for (number, triangle) in self.triangles.iter().enumerate() {
             for corner in 0..3 {
                 let (from, to) = (triangle[corner], triangle[(corner + 1) % 3]);
-                sides.push(Side { edge: (from.min(to), from.max(to)), triangle: number as u32, forward: from < to });
+                sides.push(HalfEdge {
+                    edge: (from.min(to), from.max(to)),
+                    triangle: number as u32,
+                    forward: from < to,
+                });
             }
         }
         sides.sort_unstable();
@@ -65,7 +69,7 @@ impl Soup {
     }
 
     /// Merges vertices in the same place, and drops triangles that have no area then.
-    pub fn weld(&mut self, repair: &mut Repair) {
+    pub fn weld(&mut self, repair: &mut RepairReport) {
         let mut known: HashMap<[u64; 3], u32> = HashMap::new();
         let target: Vec<u32> = (self.vertices.iter().enumerate())
             .map(|(number, vertex)| {
@@ -74,11 +78,11 @@ impl Soup {
                 *known.entry(place).or_insert(number as u32)
             })
             .collect();
-        self.rename(&target, repair);
+        self.renumber(&target, repair);
     }
 
     /// Renumbers every vertex as in `target`.
-    pub fn rename(&mut self, target: &[u32], repair: &mut Repair) {
+    pub fn renumber(&mut self, target: &[u32], repair: &mut RepairReport) {
         let mut moved = vec![false; self.vertices.len()];
         for index in self.triangles.iter_mut().flatten() {
             let to = target[*index as usize];
@@ -86,24 +90,24 @@ impl Soup {
             *index = to;
         }
         repair.welded += moved.into_iter().filter(|moved| *moved).count();
-        self.drop_empty(repair);
+        self.drop_degenerate(repair);
     }
 
     /// Drops triangles without an area.
-    pub fn drop_empty(&mut self, repair: &mut Repair) {
+    pub fn drop_degenerate(&mut self, repair: &mut RepairReport) {
         let before = self.triangles.len();
         let triangles = std::mem::take(&mut self.triangles);
         self.triangles = triangles
             .into_iter()
             .filter(|[a, b, c]| a != b && b != c && c != a)
-            .filter(|triangle| self.double_area(triangle).norm() >= LEAST_DOUBLE_AREA)
+            .filter(|triangle| self.double_area(triangle).norm() >= MIN_DOUBLE_AREA)
             .collect();
-        repair.empty += before - self.triangles.len();
+        repair.degenerate += before - self.triangles.len();
     }
 
     /// Of triangles on the same three vertices, keeps one if it closes something, and none if its edges are closed
     /// without it.
-    pub fn drop_doubled(&mut self, repair: &mut Repair) {
+    pub fn drop_duplicates(&mut self, repair: &mut RepairReport) {
         let mut alike: BTreeMap<[u32; 3], Vec<u32>> = BTreeMap::new();
         for (number, triangle) in self.triangles.iter().enumerate() {
             let mut sorted = *triangle;
@@ -114,7 +118,7 @@ impl Soup {
         if alike.is_empty() {
             return;
         }
-        let sides = self.sides();
+        let sides = self.half_edges();
         let mut gone = vec![false; self.triangles.len()];
         for (corners, numbers) in &alike {
             let others = |edge: (u32, u32)| {
@@ -130,13 +134,13 @@ impl Soup {
             let kept = usize::from(open >= 2);
             numbers.iter().skip(kept).for_each(|number| gone[*number as usize] = true);
         }
-        repair.doubled += self.keep(|number| !gone[number]);
+        repair.duplicates += self.retain(|number| !gone[number]);
     }
 
     /// Drops flaps: triangles on an edge that two others already close.
-    pub fn drop_flaps(&mut self, repair: &mut Repair) {
+    pub fn drop_flaps(&mut self, repair: &mut RepairReport) {
         loop {
-            let sides = self.sides();
+            let sides = self.half_edges();
             let mut edges = vec![(false, false); self.triangles.len()];
             for uses in sides.chunk_by(|a, b| a.edge == b.edge) {
                 for side in uses {
@@ -144,8 +148,8 @@ impl Soup {
                     edges[side.triangle as usize].1 |= uses.len() > 2;
                 }
             }
-            let dropped = self.keep(|number| edges[number] != (true, true));
-            repair.doubled += dropped;
+            let dropped = self.retain(|number| edges[number] != (true, true));
+            repair.duplicates += dropped;
             if dropped == 0 {
                 return;
             }
@@ -153,7 +157,7 @@ impl Soup {
     }
 
     /// Keeps the triangles whose index satisfies `wanted`. Returns the number dropped.
-    pub fn keep(&mut self, wanted: impl Fn(usize) -> bool) -> usize {
+    pub fn retain(&mut self, wanted: impl Fn(usize) -> bool) -> usize {
         let before = self.triangles.len();
         let mut number = 0;
         self.triangles.retain(|_| {
@@ -166,10 +170,10 @@ impl Soup {
     /// Returns for each triangle the number of its connected component, in order of first appearance, and the number of
     /// components.
     pub fn components(&self) -> (Vec<usize>, usize) {
-        let mut union = Union::new(self.vertices.len());
+        let mut union = DisjointSets::new(self.vertices.len());
         for [a, b, c] in &self.triangles {
-            union.join(*a, *b);
-            union.join(*b, *c);
+            union.merge(*a, *b);
+            union.merge(*b, *c);
         }
         let mut numbers: HashMap<u32, usize> = HashMap::new();
         let of = self.triangles.iter().map(|triangle| {
@@ -219,9 +223,9 @@ impl Soup {
 }
 
 /// Disjoint sets (union-find).
-pub struct Union(Vec<u32>);
+pub struct DisjointSets(Vec<u32>);
 
-impl Union {
+impl DisjointSets {
     /// Creates `count` sets of one item each.
     pub fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
@@ -239,7 +243,7 @@ impl Union {
     }
 
     /// Joins two sets.
-    pub fn join(&mut self, a: u32, b: u32) {
+    pub fn merge(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }

@@ -68,7 +68,7 @@ fn volume((vertices, triangles): &Triangles) -> f64 {
     Mesh::new(vertices.clone(), triangles.clone()).expect("closed").volume()
 }
 
-fn repaired((vertices, triangles): &Triangles) -> (Mesh, Repair) {
+fn repaired((vertices, triangles): &Triangles) -> (Mesh, RepairReport) {
     Mesh::repaired(vertices, triangles).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -115,7 +115,7 @@ fn one_triangle_of_no_area_is_no_reason_to_rebuild() {
     for (name, faces) in [("needle", needle), ("copied", copied), ("cap", cap)] {
         let (mesh, repair) = repaired(&(vertices.clone(), faces));
         assert!(near(mesh.volume(), volume(&sound), 1e-9), "{name}: {repair}");
-        assert!(repair.rebuilt.is_none() && repair.empty > 0 && repair.off < 1e-9, "{name}: {repair}");
+        assert!(repair.rebuilt.is_none() && repair.degenerate > 0 && repair.max_deviation < 1e-9, "{name}: {repair}");
     }
 }
 
@@ -126,7 +126,7 @@ fn half_of_the_windings_flipped_is_the_same_solid() {
             let mut flipped = sound.clone();
             flipped.1.iter_mut().step_by(every).for_each(|triangle| triangle.swap(0, 2));
             let (mesh, repair) = repaired(&flipped);
-            assert!(near(mesh.volume(), volume(&sound), 1e-12) && repair.turned > 0, "{repair}");
+            assert!(near(mesh.volume(), volume(&sound), 1e-12) && repair.flipped > 0, "{repair}");
         }
     }
 }
@@ -215,12 +215,12 @@ fn one_of_two_balls_inside_out_does_not_take_the_others_volume() {
     };
     let one = volume(&(vertices.clone(), triangles.clone()));
     let (beside, repair) = repaired(&both(0.1, 0.9, true));
-    assert!(near(beside.volume(), one * (1.0 + 0.729), 1e-9) && repair.turned > 0, "{repair}");
+    assert!(near(beside.volume(), one * (1.0 + 0.729), 1e-9) && repair.flipped > 0, "{repair}");
     // Inside, the opposite orientation is a cavity, and the same orientation a solid within a solid.
     let (hollow, repair) = repaired(&both(0.0, 0.5, true));
     assert!(near(hollow.volume(), one * 0.875, 1e-9) && repair.is_none());
     let (filled, repair) = repaired(&both(0.0, 0.5, false));
-    assert!(near(filled.volume(), one, 1e-9) && repair.swallowed == 1, "{repair}");
+    assert!(near(filled.volume(), one, 1e-9) && repair.enclosed == 1, "{repair}");
 }
 
 /// Two boxes touch along an edge, where four triangles meet.
@@ -246,8 +246,8 @@ fn surfaces_that_touch_are_both_closed() {
     ];
     let vertices = (0..8).map(|n| corner(n, 0.0)).chain((0..8).map(|n| corner(n, 0.02))).collect();
     let triangles = faces.into_iter().chain(faces.map(|face: [u32; 3]| face.map(|n| n + 8))).collect();
-    let mut soup = Soup { vertices, triangles };
-    soup.weld(&mut Repair::default());
+    let mut soup = TriangleSoup { vertices, triangles };
+    soup.weld(&mut RepairReport::default());
     let (mesh, _) = repaired(&soup.compact());
     assert!(near(mesh.volume(), 2.0 * 0.02f64.powi(3), 1e-9));
     assert!(mesh.signed_distance(&Point3::new(0.012, 0.028, 0.01)).0 > 0.0);

@@ -4,7 +4,7 @@ const BALL: &str = "name = \"my_ball\"\nmass = 0.1\nfriction = 0.5\n[shape.spher
 
 fn model(text: &str) -> Result<ObjectModel, DataError> {
     let path = Path::new("/home/me/my_ball.toml");
-    ObjectFile::parse(text, path, Reach::Nothing)?.model(path)
+    ObjectFile::parse(text, path, FileAccess::Nothing)?.model(path)
 }
 
 fn refused(from: &str, to: &str) -> String {
@@ -15,8 +15,8 @@ fn refused(from: &str, to: &str) -> String {
 #[test]
 fn what_may_be_left_out_has_a_default() {
     let ball = model(BALL).unwrap();
-    assert!(matches!(ball.shape, Shape::Sphere { radius: 0.025 }));
-    assert_eq!((ball.color, ball.symmetry, ball.rest), (GREY, Symmetry::None, UnitQuaternion::identity()));
+    assert!(matches!(ball.shape, ObjectShape::Sphere { radius: 0.025 }));
+    assert_eq!((ball.color, ball.symmetry, ball.rest), (DEFAULT_COLOR, Symmetry::None, UnitQuaternion::identity()));
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn what_falls_over_does_not_rest() {
         // The centre of volume of a cone is at a quarter of its height above its base.
         assert!((model(&text).unwrap().rest_height() - 0.02).abs() < 1e-4, "{text}");
     }
-    let file = ObjectFile::parse(&on_its_tip, Path::new("my_ball.toml"), Reach::Nothing).expect("an object");
+    let file = ObjectFile::parse(&on_its_tip, Path::new("my_ball.toml"), FileAccess::Nothing).expect("an object");
     let notes = file.notes(&model(&on_its_tip).expect("an object"));
     assert!(notes.len() == 1 && notes[0].contains("rests as with rest = { turned = ["), "{notes:?}");
 }

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use bench::journal::{Entry, Journal, Unit};
+use bench::journal::{Journal, JournalEntry, WorkUnit};
 use bench::results;
 use scenarios::record::Condition;
 use scenarios::summary::Summary;
 
-use super::tell::tell;
+use super::summary_output::print_summary;
 use crate::terminal::{Outcome, Terminal};
 
 /// Runs `ftac report`: rebuilds the results of a run, or merges the shards of one.
@@ -17,7 +17,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
         let (other, its) = Journal::read(folder)?;
-        if let Some(what) = request.differs(&its)? {
+        if let Some(what) = request.first_difference(&its)? {
             bail!(
                 "{}: its {what} differs from that of {}; only shards of one run can be merged",
                 folder.display(),
@@ -35,18 +35,18 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     };
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
     // A run that ended knows its own wall time. For a part of a run, the times of its trials are summed.
-    let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| ended(folder, &journal));
+    let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| finished_wall_time(folder, &journal));
     let wall = ended.unwrap_or_else(|| journal.values().map(|entry| entry.wall_s).sum());
-    let summary = results::finish(&journal, &request, target, wall, None)?;
-    tell(terminal, &summary, target)?;
+    let summary = results::write_results(&journal, &request, target, wall, None)?;
+    print_summary(terminal, &summary, target)?;
     Ok(None)
 }
 
-/// Returns the wall time of the run in `folder`, s, if it ended with exactly these trials.
-fn ended(folder: &Path, journal: &BTreeMap<Unit, Entry>) -> Option<f64> {
+/// Returns the wall time of the run in `open_folder`, s, if it ended with exactly these trials.
+fn finished_wall_time(folder: &Path, journal: &BTreeMap<WorkUnit, JournalEntry>) -> Option<f64> {
     let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
     let summary: Summary = serde_json::from_str(&text).ok()?;
-    let trials: usize = Condition::ALL.map(|condition| summary.conditions.of(condition).trials).iter().sum();
+    let trials: usize = Condition::ALL.map(|condition| summary.conditions.get(condition).trials).iter().sum();
     let kept: usize = journal.values().map(|entry| entry.records.len()).sum();
     (trials == kept).then_some(summary.wall_s)
 }

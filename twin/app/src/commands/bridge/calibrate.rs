@@ -5,24 +5,24 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use hand_model::Hand;
-use hardware_bridge::calibration::{HandCalibration, ServoCalibration, Unfinished};
+use hardware_bridge::calibration::{HandCalibration, PartialCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::homing::{HomingSettings, feel, store};
+use hardware_bridge::homing::{HomingSettings, find_stops, write_offsets};
 use hardware_bridge::reboot::error_status;
 use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::xc330::{self, hardware_error};
 use progress::interrupt::Interrupt;
-use robot_backends::emulated::travel;
-use robot_backends::operator::agreed;
+use robot_backends::operator::operator_agrees;
+use robot_backends::wire_emulation::shaft_travel;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::shared::{ConfigArg, actuator_names, shown};
-use crate::options::robot::{RobotArgs, individual_of};
+use super::shared::{ConfigArg, actuator_names, display_path};
+use crate::options::robot::{RobotArgs, instance_model};
 use crate::terminal::Terminal;
 
 /// Relative deviation of a travel from the nominal one above which the operator is asked.
-const DOUBTFUL: f64 = 0.2;
+const TRAVEL_TOLERANCE: f64 = 0.2;
 
 /// Arguments of `bridge calibrate`.
 #[derive(Debug, Args)]
@@ -46,7 +46,7 @@ pub struct CalibrateArgs {
 
 /// JSON output of `bridge calibrate`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Calibrated {
+pub struct CalibrateOutput {
     /// The calibration file.
     calibration: String,
     /// Checksum of the calibration.
@@ -55,8 +55,8 @@ pub struct Calibrated {
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
     let config = args.config.read_without_password()?;
-    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
-    let unfinished = Unfinished::beside(&config.calibration);
+    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let unfinished = PartialCalibration::beside(&config.calibration);
     let mut servos = match args.go_on {
         true => unfinished.read(&config.servos.ids).context("--continue")?,
         false => Vec::new(),
@@ -64,52 +64,58 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     let folder = config.calibration.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(std::path::Path::new("."));
     // If the result cannot be written, nothing needs to move.
-    tempfile::NamedTempFile::new_in(folder).with_context(|| format!("{}: cannot be written to", shown(folder)))?;
+    tempfile::NamedTempFile::new_in(folder)
+        .with_context(|| format!("{}: cannot be written to", display_path(folder)))?;
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-    identify(&mut bus, &config, &hand).context("before any motion")?;
+    check_servos(&mut bus, &config, &hand).context("before any motion")?;
     for servo in &servos {
         let found = bus.ping(servo.id)?;
         if (found.model, found.firmware) != (servo.model, servo.firmware) {
             bail!("servo {}: not the one found before: calibrate without --continue", servo.id);
         }
     }
-    if !args.yes && !agreed("Every digit will open, close and open again. Is the hand empty and clear of fingers?")? {
+    if !args.yes
+        && !operator_agrees("Every digit will open, close and open again. Is the hand empty and clear of fingers?")?
+    {
         bail!("not calibrated: the operator did not say yes");
     }
-    let felt = feel_all(terminal, &config, &hand, &mut bus, &unfinished, &mut servos);
+    let felt = home_all(terminal, &config, &hand, &mut bus, &unfinished, &mut servos);
     if let Err(error) = felt {
         let kept = match servos.len() {
             0 => String::new(),
-            n => format!("; the first {n} are kept in {}, and --continue goes on after them", shown(unfinished.path())),
+            n => format!(
+                "; the first {n} are kept in {}, and --continue goes on after them",
+                display_path(unfinished.path())
+            ),
         };
         return Err(error.context(format!("nothing was calibrated, and the last calibration stays{kept}")));
     }
-    let doubts = doubts(&hand, &servos);
+    let doubts = suspicious_travels(&hand, &servos);
     doubts.iter().for_each(|doubt| eprintln!("warning: {doubt}"));
-    if !doubts.is_empty() && !args.yes && !agreed("Is every servo where its id says?")? {
+    if !doubts.is_empty() && !args.yes && !operator_agrees("Is every servo where its id says?")? {
         bail!("nothing was calibrated, and the last calibration stays: the operator did not say yes");
     }
     // The servos come first: a file that does not match them is refused at the next connection, and calibrating again
     // mends it.
-    store(&mut bus, &servos)?;
+    write_offsets(&mut bus, &servos)?;
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
     let calibration = HandCalibration::new(&hand.parameters.name, servos);
     calibration.write(&config.calibration)?;
     unfinished.remove();
-    let made = Calibrated { calibration: shown(&config.calibration), crc: calibration.hash() };
+    let made = CalibrateOutput { calibration: display_path(&config.calibration), crc: calibration.hash() };
     terminal.print(&made, &format!("written to {}, crc {}\n", made.calibration, made.crc))?;
     Ok(None)
 }
 
-/// Lists travels that are far from that of `hand`, each with the actuator that it would fit.
-fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
-    let design = travel(hand);
+/// Lists travels that are far from that of `apply_to_hand`, each with the actuator that it would fit.
+fn suspicious_travels(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
+    let design = shaft_travel(hand);
     let names = actuator_names(hand);
     let off = |found: f64, actuator: usize| (found / design[actuator] - 1.0).abs();
     let doubt = |(n, servo): (usize, &ServoCalibration)| {
         let nearest = (0..design.len()).min_by(|a, b| off(servo.travel, *a).total_cmp(&off(servo.travel, *b)))?;
-        (off(servo.travel, n) > DOUBTFUL).then(|| {
-            let whose = if off(servo.travel, nearest) < DOUBTFUL { format!(", as {} has", names[nearest]) } else { String::new() };
+        (off(servo.travel, n) > TRAVEL_TOLERANCE).then(|| {
+            let whose = if off(servo.travel, nearest) < TRAVEL_TOLERANCE { format!(", as {} has", names[nearest]) } else { String::new() };
             format!(
                 "{} (id {}): found a travel of {:.2} rad{whose}, expected about {:.2}: were ids exchanged, or is its cable off?",
                 names[n], servo.id, servo.travel, design[n]
@@ -120,36 +126,36 @@ fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
 }
 
 /// Checks that all servos are present, of the right model and free of hardware errors.
-fn identify(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
+fn check_servos(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
-        if found != xc330::MODEL {
-            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::MODEL);
+        if found != xc330::XC330_MODEL {
+            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::XC330_MODEL);
         }
         let error = error_status(bus, *id).with_context(|| name.clone())?;
         if error != 0 {
             bail!(
                 "{name}: servo {id}: found hardware error {}, expected none: see `ftac bridge reboot`",
-                hardware_error::words(error)
+                hardware_error::describe(error)
             );
         }
     }
     Ok(())
 }
 
-/// Homes all servos that `servos` lacks against their stops.
-fn feel_all(
+/// Homes all servos that `check_servos` lacks against their stops.
+fn home_all(
     terminal: &Terminal,
     config: &BridgeConfig,
     hand: &Hand,
     bus: &mut ServoBus,
-    unfinished: &Unfinished,
+    unfinished: &PartialCalibration,
     servos: &mut Vec<ServoCalibration>,
 ) -> Result<()> {
     let interrupt = Interrupt::catch()?;
     let settings = HomingSettings::default();
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)).skip(servos.len()) {
-        let servo = feel(bus, *id, &settings, &|| interrupt.happened()).with_context(|| name.clone())?;
+        let servo = find_stops(bus, *id, &settings, &|| interrupt.happened()).with_context(|| name.clone())?;
         // The line also tells that this digit has stopped moving.
         if !terminal.quiet {
             eprintln!(
@@ -172,7 +178,7 @@ mod tests {
         let calibrated = |travels: [f64; 6]| -> Vec<ServoCalibration> {
             let servo = |(n, travel)| ServoCalibration {
                 id: n as u8 + 1,
-                model: xc330::MODEL,
+                model: xc330::XC330_MODEL,
                 firmware: 46,
                 homing_offset: 0,
                 travel,
@@ -180,8 +186,11 @@ mod tests {
             travels.into_iter().enumerate().map(servo).collect()
         };
         // The travels that homing finds on the emulated hand.
-        assert_eq!(doubts(&Hand::ftac(), &calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])), Vec::<String>::new());
-        let doubts = doubts(&Hand::ftac(), &calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
+        assert_eq!(
+            suspicious_travels(&Hand::ftac(), &calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])),
+            Vec::<String>::new()
+        );
+        let doubts = suspicious_travels(&Hand::ftac(), &calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
         assert_eq!(doubts.len(), 2);
         assert!(doubts[0].starts_with("thumb (id 1): found a travel of 1.61 rad, as opposition has"), "{doubts:?}");
     }

@@ -6,8 +6,8 @@ use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use hand_model::Arm;
 use kortex::message::ArmState;
-use robot_backends::arm_link::connect;
-use robot_backends::operator::agreed_while;
+use robot_backends::arm_link::connect_arm;
+use robot_backends::operator::operator_agrees_while;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -15,7 +15,7 @@ use super::shared::{ConfigArg, expect_no_robot};
 use crate::terminal::Terminal;
 
 /// Time limit for the arm to report that its faults are gone.
-const PATIENCE: Duration = Duration::from_secs(3);
+const CLEAR_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Arguments of `bridge clear-faults`.
 #[derive(Debug, Args)]
@@ -29,13 +29,13 @@ pub struct ClearArgs {
 
 /// The arm's faults, in words.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Cleared {
+pub struct ClearFaultsOutput {
     before: String,
     now: String,
 }
 
-impl Cleared {
-    fn tell(&self, terminal: &Terminal) -> Result<()> {
+impl ClearFaultsOutput {
+    fn print(&self, terminal: &Terminal) -> Result<()> {
         terminal.print(self, &format!("faults before: {}; now: {}\n", self.before, self.now))
     }
 }
@@ -43,29 +43,31 @@ impl Cleared {
 pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
     expect_no_robot(&args.config.config)?;
-    let Some(mut arm) = connect(&config, Arm::gen3().home)? else { bail!("arm: found kind loopback, expected an arm") };
+    let Some(mut arm) = connect_arm(&config, Arm::gen3().home)? else {
+        bail!("arm: found kind loopback, expected an arm")
+    };
     let before = arm.cyclic.feedback()?.faults;
     let state = arm.base.arm_state()?;
     if before.is_empty() && state != ArmState::InFault {
-        Cleared { before: "none".to_owned(), now: "none".to_owned() }.tell(terminal)?;
+        ClearFaultsOutput { before: "none".to_owned(), now: "none".to_owned() }.print(terminal)?;
         return Ok(None);
     }
     eprintln!("The arm reports {before}.");
     let question = "Once its faults are cleared the arm can move again. Is their cause gone, is nobody within its reach, and a hand on its stop?";
     // The arm ends a session that gets no heartbeat while its operator thinks.
-    if !args.yes && !agreed_while(question, || Ok(arm.keep_up()?))? {
+    if !args.yes && !operator_agrees_while(question, || Ok(arm.keep_up()?))? {
         bail!("not cleared: the operator did not say yes");
     }
     arm.base.clear_faults().context("the arm keeps its faults")?;
     let begun = Instant::now();
     let mut left = arm.cyclic.feedback()?.faults;
-    while !left.is_empty() && begun.elapsed() < PATIENCE {
+    while !left.is_empty() && begun.elapsed() < CLEAR_TIMEOUT {
         std::thread::sleep(Duration::from_millis(50));
         arm.keep_up()?;
         left = arm.cyclic.feedback()?.faults;
     }
     let state = arm.base.arm_state()?;
-    Cleared { before: before.to_string(), now: left.to_string() }.tell(terminal)?;
+    ClearFaultsOutput { before: before.to_string(), now: left.to_string() }.print(terminal)?;
     let still = || format!("the arm still reports {left}, and that it is in state {state:?}");
     Ok((!left.is_empty() || state == ArmState::InFault).then(still))
 }

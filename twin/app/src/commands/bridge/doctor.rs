@@ -12,21 +12,21 @@ use hardware_bridge::cameras::Cameras;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
-use hardware_bridge::pictures::Pictures;
-use hardware_bridge::remote::places::{self, Folder};
+use hardware_bridge::reference_pictures::ReferencePictures;
+use hardware_bridge::remote::socket_paths::{self, SocketFolder};
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::servo_bus::{BusError, ServoBus};
-use hardware_bridge::setup::{self, Finding};
-use robot_backends::arm_link::arm_link;
+use hardware_bridge::setup::{self, SetupFinding};
+use robot_backends::arm_link::connect_arm_link;
 
-use super::shared::{ConfigArg, actuator_names, shown, tell};
+use super::shared::{ConfigArg, actuator_names, display_path, print_findings};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Number of servo read cycles measured.
-const CYCLES: u32 = 200;
+const CYCLE_COUNT: u32 = 200;
 /// Time limit for one image from every camera.
-const PATIENCE: Duration = Duration::from_secs(3);
+const IMAGE_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Arguments of `bridge doctor`.
 #[derive(Debug, Args)]
@@ -45,41 +45,48 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
     let robot = args.robot.model()?;
     let RobotModel { hand, arm, .. } = &robot;
     let config = &args.config.read()?;
-    let mut findings = vec![stop_socket()];
-    match servos(config, hand, &mut findings) {
+    let mut findings = vec![check_stop_socket()];
+    match check_servos(config, hand, &mut findings) {
         Ok(()) => {}
-        Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
+        Err(error) => findings.push(SetupFinding::new("servo bus", error, "an open port", false)),
     }
-    cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
-    match arm_link(config, &robot, arm.home) {
+    check_cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
+    match connect_arm_link(config, &robot, arm.home) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
-            Ok(_) => Finding::new("arm", "an answer", "no fault", true),
-            Err(ArmLinkError { trouble, text }) => Finding::new("arm", text, format!("no fault ({trouble})"), false),
+            Ok(_) => SetupFinding::new("arm", "an answer", "no fault", true),
+            Err(ArmLinkError { trouble, text }) => {
+                SetupFinding::new("arm", text, format!("no fault ({trouble})"), false)
+            }
         }),
-        Err(error) => findings.push(Finding::new("arm", format!("{error:#}"), "an answer", false)),
+        Err(error) => findings.push(SetupFinding::new("arm", format!("{error:#}"), "an answer", false)),
     }
-    tell(terminal, &findings)
+    print_findings(terminal, &findings)
 }
 
 /// Reports the folder in which `ftac bridge stop` finds a robot, and who may stop it.
-fn stop_socket() -> Finding {
+fn check_stop_socket() -> SetupFinding {
     let what = "stop socket";
-    match places::folder() {
-        Ok(Folder { path, why_own: None, .. }) => {
-            Finding::new(what, shown(&path), "open to the operators' group", true)
+    match socket_paths::folder() {
+        Ok(SocketFolder { path, fallback_reason: None, .. }) => {
+            SetupFinding::new(what, display_path(&path), "open to the operators' group", true)
         }
-        Ok(Folder { path, why_own: Some(why), .. }) => {
-            Finding::new(what, format!("{}, for this user alone", shown(&path)), format!("any folder ({why})"), true)
-        }
-        Err(error) => Finding::new(what, error, "a folder for it", false),
+        Ok(SocketFolder { path, fallback_reason: Some(why), .. }) => SetupFinding::new(
+            what,
+            format!("{}, for this user alone", display_path(&path)),
+            format!("any folder ({why})"),
+            true,
+        ),
+        Err(error) => SetupFinding::new(what, error, "a folder for it", false),
     }
 }
 
-fn servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<Finding>) -> Result<(), BusError> {
-    findings.push(match latency_timer::read(&config.servos.port, Path::new(latency_timer::SYSTEM)) {
-        Ok(LatencyTimer::Milliseconds(ms)) => Finding::new("USB latency timer, ms", ms, "1", ms == 1),
-        Ok(LatencyTimer::Absent) => Finding::new("USB latency timer", "none (no FTDI adapter)", "1 ms or none", true),
-        Err(error) => Finding::new("USB latency timer", error, "1 ms", false),
+fn check_servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<SetupFinding>) -> Result<(), BusError> {
+    findings.push(match latency_timer::read(&config.servos.port, Path::new(latency_timer::SYSTEM_FOLDER)) {
+        Ok(LatencyTimer::Milliseconds(ms)) => SetupFinding::new("USB latency timer, ms", ms, "1", ms == 1),
+        Ok(LatencyTimer::Absent) => {
+            SetupFinding::new("USB latency timer", "none (no FTDI adapter)", "1 ms or none", true)
+        }
+        Err(error) => SetupFinding::new("USB latency timer", error, "1 ms", false),
     });
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
     let mut all_there = true;
@@ -88,7 +95,7 @@ fn servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<Finding>) -> Re
             Ok(found) => findings.extend(found),
             Err(error) => {
                 all_there = false;
-                findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false));
+                findings.push(SetupFinding::new(format!("{name} ({id})"), error, "an answer", false));
             }
         }
     }
@@ -96,110 +103,119 @@ fn servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<Finding>) -> Re
         return Ok(());
     }
     let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
-    calibration(config, &mut hand, findings)?;
+    check_calibration(config, &mut hand, findings)?;
     let started = Instant::now();
     let mut whole = 0;
-    for _ in 0..CYCLES {
+    for _ in 0..CYCLE_COUNT {
         whole += u32::from(hand.read(0.0)?.iter().all(Option::is_some));
     }
-    let rate = f64::from(CYCLES) / started.elapsed().as_secs_f64();
+    let rate = f64::from(CYCLE_COUNT) / started.elapsed().as_secs_f64();
     let books = hand.bus.statistics();
     let ms = |share| books.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let wanted = config.servos.rate;
-    findings.push(Finding::new("reads of all servos a second", format!("{rate:.0}"), wanted, rate >= wanted));
-    let complete = format!("{whole} of {CYCLES}");
-    findings.push(Finding::new("complete reads", complete, "99 % or more", whole * 100 >= CYCLES * 99));
+    findings.push(SetupFinding::new("reads of all servos a second", format!("{rate:.0}"), wanted, rate >= wanted));
+    let complete = format!("{whole} of {CYCLE_COUNT}");
+    findings.push(SetupFinding::new("complete reads", complete, "99 % or more", whole * 100 >= CYCLE_COUNT * 99));
     let period = format!("p99 below {:.1}", 1e3 / wanted);
     let in_time = books.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
-    findings.push(Finding::new("round trip p50 / p99, ms", format!("{} / {}", ms(0.5), ms(0.99)), period, in_time));
+    findings.push(SetupFinding::new(
+        "round trip p50 / p99, ms",
+        format!("{} / {}", ms(0.5), ms(0.99)),
+        period,
+        in_time,
+    ));
     Ok(())
 }
 
-fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Finding>) -> Result<(), BusError> {
+fn check_calibration(
+    config: &BridgeConfig,
+    hand: &mut HandBus,
+    findings: &mut Vec<SetupFinding>,
+) -> Result<(), BusError> {
     let what = "calibration";
     let calibration = match HandCalibration::read(&config.calibration) {
         Ok(calibration) => calibration,
         Err(error) => {
-            findings.push(Finding::new(what, error, "a file from `ftac bridge calibrate`", false));
+            findings.push(SetupFinding::new(what, error, "a file from `ftac bridge calibrate`", false));
             return Ok(());
         }
     };
-    findings.push(match hand.compare(&calibration)? {
-        None => Finding::new(what, calibration.hash(), "of these servos", true),
+    findings.push(match hand.compare_homing_offsets(&calibration)? {
+        None => SetupFinding::new(what, calibration.hash(), "of these servos", true),
         Some((n, found, expected)) => {
-            Finding::new(format!("{what}: homing offset of actuator {n}"), found, expected, false)
+            SetupFinding::new(format!("{what}: homing offset of actuator {n}"), found, expected, false)
         }
     });
     Ok(())
 }
 
-fn cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &mut Vec<Finding>) {
+fn check_cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &mut Vec<SetupFinding>) {
     let link = match Cameras::open(config, expected, &Clock::wall()) {
         Ok(Some(link)) => link,
         Ok(None) => {
-            findings.push(Finding::new("cameras", "not configured", "anything", true));
+            findings.push(SetupFinding::new("cameras", "not configured", "anything", true));
             return;
         }
         Err(error) => {
-            findings.push(Finding::new("cameras", error, "an answer", false));
+            findings.push(SetupFinding::new("cameras", error, "an answer", false));
             return;
         }
     };
     findings.push(match link.board() {
         Some(board) => {
-            Finding::new("camera board", format!("serial number {}", board.board().serial), "an answer", true)
+            SetupFinding::new("camera board", format!("serial number {}", board.board().serial), "an answer", true)
         }
-        None => Finding::new("UVC devices", config.uvc.len(), "any number", true),
+        None => SetupFinding::new("UVC devices", config.uvc.len(), "any number", true),
     });
     if let Err(error) = link.request_capture() {
-        findings.push(Finding::new("images", error, "one of every camera", false));
+        findings.push(SetupFinding::new("images", error, "one of every camera", false));
         return;
     }
     let started = Instant::now();
-    let good = || link.cameras().iter().filter(|camera| camera.good > 0).count();
-    while good() < expected && started.elapsed() < PATIENCE {
+    let good = || link.camera_counters().iter().filter(|camera| camera.decoded > 0).count();
+    while good() < expected && started.elapsed() < IMAGE_TIMEOUT {
         std::thread::sleep(Duration::from_millis(5));
     }
     let took = format!("{} in {:.0} ms", good(), 1e3 * started.elapsed().as_secs_f64());
-    findings.push(Finding::new("cameras with an image", took, expected, good() == expected));
+    findings.push(SetupFinding::new("cameras with an image", took, expected, good() == expected));
     if good() == expected {
-        findings.push(pictures(config, &link, know));
+        findings.push(check_pictures(config, &link, know));
     }
-    if let Some(error) = link.lost() {
-        findings.push(Finding::new("cameras, after that", error, "still there", false));
+    if let Some(error) = link.failure() {
+        findings.push(SetupFinding::new("cameras, after that", error, "still there", false));
     }
     let Some(board) = link.board() else { return };
     let uncertainty = board.clock_uncertainty();
     let ms = uncertainty.map_or("unknown".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let good = uncertainty.is_some_and(|seconds| seconds < 5e-3);
-    findings.push(Finding::new("board clock known to, ms", ms, "below 5", good));
+    findings.push(SetupFinding::new("board clock known to, ms", ms, "below 5", good));
 }
 
 /// Checks that every camera shows its own pad.
-fn pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Finding {
+fn check_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> SetupFinding {
     let what = "every camera shows its own pad";
-    match known_pictures(config, link, know) {
-        Ok(None) => Finding::new(what, "unknown: none are kept", "pictures kept by --know-cameras", true),
-        Ok(Some(wrong)) => Finding::new(what, &wrong, "yes", wrong == "yes"),
-        Err(error) => Finding::new(what, format!("{error:#}"), "yes", false),
+    match describe_exchanged_cameras(config, link, know) {
+        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --know-cameras", true),
+        Ok(Some(wrong)) => SetupFinding::new(what, &wrong, "yes", wrong == "yes"),
+        Err(error) => SetupFinding::new(what, format!("{error:#}"), "yes", false),
     }
 }
 
 /// Describes cameras that show another pad than their own. Returns `yes` if all are right, none if no reference images
 /// are kept.
-fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
-    let path = Pictures::beside(&config.calibration);
-    let look = || Pictures::look(link, PATIENCE).map_err(|error| anyhow!(error));
+fn describe_exchanged_cameras(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
+    let path = ReferencePictures::beside(&config.calibration);
+    let look = || ReferencePictures::capture(link, IMAGE_TIMEOUT).map_err(|error| anyhow!(error));
     let now = look()?;
     if know {
-        let alike = now.alike(now.noise(&look()?));
+        let alike = now.indistinguishable_cameras(now.noise(&look()?));
         now.write(&path)?;
         if let Some([one, other]) = alike.first() {
             return Ok(Some(format!("{one} and {other} look alike: they cannot be told apart")));
         }
     }
-    let Some(kept) = Pictures::read(&path, link.cameras().len())? else { return Ok(None) };
-    let wrong = kept.mistaken(&now).into_iter();
+    let Some(kept) = ReferencePictures::read(&path, link.camera_counters().len())? else { return Ok(None) };
+    let wrong = kept.exchanged_cameras(&now).into_iter();
     let wrong: Vec<String> = wrong.map(|one| one.to_string()).collect();
     Ok(Some(if wrong.is_empty() { "yes".to_owned() } else { wrong.join(", ") }))
 }

@@ -1,11 +1,11 @@
 //! `ftac bridge emulate`: emulated devices in real time, driven by the simulated robot.
 
-mod door;
 mod emulated_table;
-mod mishap;
-mod truth;
+mod emulator_fault;
+mod table_endpoint;
+mod truth_recorder;
 
-use hardware_bridge::driven::SERVOS;
+use hardware_bridge::supported_robot::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
 use std::io::Write as _;
@@ -13,55 +13,55 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use self::emulated_table::{EmulatedTable, Wish};
+use self::emulated_table::{EmulatedTable, TableCommand};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use fault_injection::STANDS;
-use fault_injection::plant::Breakable;
+use fault_injection::STANDSTILL_SPEED;
+use fault_injection::plant::FaultyPlant;
 use hand_model::RobotModel;
 use hand_model::robot::Plant;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use hardware_bridge::driven::expect_driven;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::supported_robot::check_supported;
 use hardware_bridge::xc330;
 use kortex::Credentials;
 use kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 use kortex::joints::JOINTS;
 use object_detector::Address;
-use object_detector::camera::{Camera, CameraSettings};
+use object_detector::camera::{EmulatedDetector, EmulatedDetectorSettings};
 use progress::interrupt::Interrupt;
-use robot_backends::emulated::{CAMERA, settings};
+use robot_backends::wire_emulation::{DETECTOR_SIGMA, lockstep_settings};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use self::door::Door;
-use self::mishap::Mishap;
-use self::truth::TruthView;
-use super::shared::shown;
+use self::emulator_fault::EmulatorFault;
+use self::table_endpoint::TableEndpoint;
+use self::truth_recorder::TruthRecorder;
+use super::shared::display_path;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Name of the socket on which a running emulator takes requests.
-const DOOR: &str = "emulator";
+const REQUEST_SOCKET: &str = "emulator";
 /// Period of the emulated vision system's measurements.
-const PERIOD: Duration = Duration::from_millis(100);
+const VISION_PERIOD: Duration = Duration::from_millis(100);
 /// Travel of the shafts of [`SpringHand`], rad.
-const TRAVEL: f64 = 4.0;
+const SPRING_HAND_TRAVEL: f64 = 4.0;
 /// User name for the login to the emulated arm.
-const USER: &str = "ftac";
-const PASSWORD: &str = "of-the-emulated-arm";
+const ARM_USER: &str = "ftac";
+const ARM_PASSWORD: &str = "of-the-emulated-arm";
 /// Polling period for requests and timed mishaps.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Arguments of `bridge emulate`.
 #[derive(Debug, Args)]
 pub struct EmulateArgs {
     #[command(flatten)]
     robot: RobotArgs,
-    /// Folder for bridge.toml and for the links `servos` and `cameras` to the pseudo-terminals.
+    /// Folder for bridge.toml and for the links `check_servos` and `cameras` to the pseudo-terminals.
     #[arg(long, default_value = "recordings/emulated")]
     dir: PathBuf,
     /// Combination whose objects stand on the table of the simulated robot.
@@ -132,14 +132,14 @@ pub struct EmulateArgs {
 
 /// JSON output of `--tell`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Answered {
+pub struct RequestOutput {
     /// Answer of the running emulator to --tell.
     answer: String,
 }
 
 /// JSON output once the devices run.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Started {
+pub struct EmulatorStartOutput {
     /// The configuration file.
     config: String,
     /// Port of the servos.
@@ -171,7 +171,7 @@ struct StoppedArm {
 
 /// JSON output at the end.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Ended {
+pub struct EmulatorEndOutput {
     /// Control ticks.
     ticks: u64,
     /// Control ticks more than one period late.
@@ -183,36 +183,36 @@ pub struct Ended {
 }
 
 /// Error for faults of cables, joints and objects under --springs.
-const NO_PLANT: &str =
+const NO_PLANT_ERROR: &str =
     "fault: found --springs, expected the simulated robot, whose cables, joints and objects it is about";
 
 /// Timeout of the emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent
 /// session.
-const PATIENT_ARM: u64 = 1500;
+const PATIENT_ARM_TIMEOUT_MS: u64 = 1500;
 
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     if let Some(line) = &args.tell {
-        return tell_running(terminal, &args.dir, line);
+        return send_request(terminal, &args.dir, line);
     }
     let robot = args.robot.model()?;
-    expect_driven(&robot)?;
-    let (mishaps, faults) = mishap::mishaps(&args.faults, &robot.hand)?;
-    if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, Mishap::Plant(_))) {
-        bail!(NO_PLANT);
+    check_supported(&robot)?;
+    let (mishaps, faults) = emulator_fault::parse_faults(&args.faults, &robot.hand)?;
+    if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, EmulatorFault::Plant(_))) {
+        bail!(NO_PLANT_ERROR);
     }
     let mut breakable = None;
     let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Plant + Send>) =
-        (None, Box::new(SpringHand::new([TRAVEL; SERVOS], robot.hand.cameras.len())));
-    let (mut travel, mut usual) = ([TRAVEL; SERVOS], EmulatorSettings::default());
+        (None, Box::new(SpringHand::new([SPRING_HAND_TRAVEL; SERVOS], robot.hand.cameras.len())));
+    let (mut travel, mut usual) = ([SPRING_HAND_TRAVEL; SERVOS], EmulatorSettings::default());
     if !args.springs {
-        let wish = if args.balls { Wish::Balls } else { Wish::Combination(args.combo) };
+        let wish = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
         let standing = EmulatedTable::new(&robot, wish, (args.mount, args.individual), terminal.seed)?;
         if let Some(path) = &args.truth_out {
-            crate::commands::twin::write_truth(path, &robot, args.individual)?;
+            crate::commands::sysid::write_truth(path, &robot, args.individual)?;
         }
-        let settings = settings(&standing.bench().world.cell.robot.hand, terminal.seed);
+        let settings = lockstep_settings(&standing.bench().world.cell.robot.hand, terminal.seed);
         (travel, usual) = (settings.travel, settings.devices);
-        let broken = Breakable::new(standing.plant().clone());
+        let broken = FaultyPlant::new(standing.plant().clone());
         plant = Box::new(broken.clone());
         breakable = Some(broken);
         table = Some(standing);
@@ -223,16 +223,17 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     }
     settings.servos = settings.servos.into_iter().map(|servo| servo.with_firmware(args.firmware)).collect();
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
-    std::fs::create_dir_all(&args.dir).with_context(|| shown(&args.dir))?;
-    let door = Door::open(&args.dir.join(DOOR), args.keys)?;
+    std::fs::create_dir_all(&args.dir).with_context(|| display_path(&args.dir))?;
+    let door = TableEndpoint::open(&args.dir.join(REQUEST_SOCKET), args.keys)?;
     let hand = EmulatedHand::start(plant, settings, &robot)?;
-    let camera = camera(args, table.as_ref(), terminal.seed)?;
+    let camera = start_vision(args, table.as_ref(), terminal.seed)?;
     let arm = match args.springs {
         true => None,
         false => {
-            let credentials = Credentials { user: USER.to_owned(), password: PASSWORD.to_owned() };
-            let usual = Settings { credentials, seed: terminal.seed, standstill: STANDS, ..Settings::default() };
-            let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
+            let credentials = Credentials { user: ARM_USER.to_owned(), password: ARM_PASSWORD.to_owned() };
+            let usual =
+                Settings { credentials, seed: terminal.seed, standstill: STANDSTILL_SPEED, ..Settings::default() };
+            let cyclic_deadline = if args.patient { PATIENT_ARM_TIMEOUT_MS } else { usual.cyclic_deadline };
             // On a busy machine the plant lags behind its set-points.
             let following_error = if args.patient { PI } else { usual.following_error };
             let settings = Settings { cyclic_deadline, following_error, ..usual };
@@ -242,92 +243,97 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let config = write_config(args, &hand, arm.as_ref())?;
     if args.calibrated && !args.factory {
         let calibration = calibration(&robot, &zeros, &travel, args.firmware);
-        hand.home(&calibration);
+        hand.write_homing_offsets(&calibration);
         calibration.write(&args.dir.join("calibration.json"))?;
     }
-    let started = Started {
-        config: shown(&config),
-        servos: shown(hand.servo_port()),
-        cameras: shown(hand.camera_port()),
+    let started = EmulatorStartOutput {
+        config: display_path(&config),
+        servos: display_path(hand.servo_port()),
+        cameras: display_path(hand.camera_port()),
         arm: arm.as_ref().map(|arm| arm.address().tcp.to_string()),
         eyes: camera.as_ref().map(|camera| camera.address().to_string()),
     };
-    let Started { config, servos, cameras, arm: address, eyes } = &started;
+    let EmulatorStartOutput { config, servos, cameras, arm: address, eyes } = &started;
     let address = address.as_deref().unwrap_or("none");
     let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("eyes on {eyes}\n"));
     let text = format!(
         "servos on {servos}, cameras on {cameras}\narm on {address}\n{eyes}try: ftac bridge scan --config {config}\n"
     );
     terminal.print(&started, &text)?;
-    let truth = (args.truth.is_some() || args.live).then(|| TruthView::new(args.truth.clone(), args.live));
-    let mut running = Running { robot, hand, arm, table, breakable, truth };
-    attend(args, &mut running, mishaps, &door)?;
-    tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
+    let truth = (args.truth.is_some() || args.live).then(|| TruthRecorder::new(args.truth.clone(), args.live));
+    let mut running = RunningDevices { robot, hand, arm, table, breakable, truth };
+    run_devices(args, &mut running, mishaps, &door)?;
+    print_stops(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
 /// Main loop of the emulator: applies mishaps at their times and requests as they arrive, until the end.
-fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mishap)>, door: &Door) -> Result<()> {
+fn run_devices(
+    args: &EmulateArgs,
+    running: &mut RunningDevices,
+    mut pending: Vec<(f64, EmulatorFault)>,
+    door: &TableEndpoint,
+) -> Result<()> {
     // Ctrl-C ends the loop, so that a recording is finished.
     let interrupt = Interrupt::catch()?;
     let started = Instant::now();
     while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_INTERVAL);
         for request in door.requests() {
-            let outcome = running.obey(&request.line);
+            let outcome = running.execute_request(&request.line);
             request.answer(outcome);
         }
         let now = started.elapsed().as_secs_f64();
         for (_, mishap) in pending.extract_if(.., |(at, _)| *at <= now) {
-            running.suffer(mishap);
+            running.apply_fault(mishap);
         }
         if let (Some(truth), Some(table)) = (&mut running.truth, &running.table) {
-            truth.see(table)?;
+            truth.record(table)?;
         }
-        if args.until_stopped && stopped(&running.hand, running.arm.as_ref()) {
+        if args.until_stopped && all_stopped(&running.hand, running.arm.as_ref()) {
             break;
         }
     }
-    running.truth.take().map_or(Ok(()), TruthView::finish)
+    running.truth.take().map_or(Ok(()), TruthRecorder::finish)
 }
 
 /// The running devices, and the plant that moves them.
-struct Running {
+struct RunningDevices {
     robot: RobotModel,
     hand: EmulatedHand,
     arm: Option<Emulator>,
     table: Option<EmulatedTable>,
     /// The simulated robot, if there is one.
-    breakable: Option<Breakable>,
-    truth: Option<TruthView>,
+    breakable: Option<FaultyPlant>,
+    truth: Option<TruthRecorder>,
 }
 
-impl Running {
+impl RunningDevices {
     /// Carries out the request in `line` at once, and returns the outcome in words.
-    fn obey(&mut self, line: &str) -> Result<String> {
+    fn execute_request(&mut self, line: &str) -> Result<String> {
         let Some(wish) = line.strip_prefix("objects=") else {
-            let mishaps = mishap::at_once(line, &self.robot.hand)?;
-            if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, Mishap::Plant(_))) {
-                bail!(NO_PLANT);
+            let mishaps = emulator_fault::parse_immediate(line, &self.robot.hand)?;
+            if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, EmulatorFault::Plant(_))) {
+                bail!(NO_PLANT_ERROR);
             }
-            mishaps.into_iter().for_each(|mishap| self.suffer(mishap));
+            mishaps.into_iter().for_each(|mishap| self.apply_fault(mishap));
             return Ok("done".to_owned());
         };
         let wish = wish.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
         match &self.table {
-            Some(table) => table.set(wish),
+            Some(table) => table.place_objects(wish),
             None => bail!("objects: found --springs, expected the simulated robot"),
         }
     }
 
-    fn suffer(&mut self, mishap: Mishap) {
+    fn apply_fault(&mut self, mishap: EmulatorFault) {
         match (mishap, &self.arm) {
-            (Mishap::Unplugged(plug), _) => self.hand.unplug(plug),
-            (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
-            (Mishap::Arm(_), None) => {}
-            (Mishap::Device(event), _) => self.hand.inject(event),
-            (Mishap::Plant(fault), _) => {
+            (EmulatorFault::Unplugged(plug), _) => self.hand.unplug(plug),
+            (EmulatorFault::Arm(injection), Some(arm)) => arm.inject(injection),
+            (EmulatorFault::Arm(_), None) => {}
+            (EmulatorFault::Device(event), _) => self.hand.inject(event),
+            (EmulatorFault::Plant(fault), _) => {
                 if let (Some(breakable), Some(table)) = (&self.breakable, &self.table) {
-                    breakable.suffer(&fault, &table.bench().world.cell.robot.hand);
+                    breakable.inject_now(&fault, &table.bench().world.cell.robot.hand);
                 }
             }
         }
@@ -335,17 +341,17 @@ impl Running {
 }
 
 /// True if all watchdogs have tripped and the arm stands still.
-fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
+fn all_stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
     let arm_stopped = arm.map(Emulator::status).is_none_or(|arm| {
         let tripped = arm.events.iter().any(|event| event.what == EventKind::Watchdog);
-        tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDS)
+        tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDSTILL_SPEED)
     });
     hand.watchdog_trips().len() == SERVOS && arm_stopped
 }
 
 /// Prints how the devices were stopped by their own watchdogs, if they were.
-fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Result<Option<String>> {
-    let (ticks, late) = hand.ticks();
+fn print_stops(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Result<Option<String>> {
+    let (ticks, late) = hand.tick_counts();
     let trips = hand.watchdog_trips();
     let stopped = arm.and_then(|arm| {
         let time = |what| arm.events.iter().rev().find(|event| event.what == what).map(|event| event.time);
@@ -357,7 +363,7 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Resul
     if terminal.json {
         let servo = |(id, _, after)| StoppedServo { id, after_ms: 1e3 * after };
         let arm = |(watchdog_after_ms, stands_after_ms)| StoppedArm { watchdog_after_ms, stands_after_ms };
-        let ended = Ended {
+        let ended = EmulatorEndOutput {
             ticks,
             late_ticks: late,
             servos_stopped: trips.into_iter().map(servo).collect(),
@@ -377,27 +383,27 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -> Resul
 }
 
 /// Starts the emulated vision system, if `--eyes` asks for one.
-fn camera(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<Camera>> {
+fn start_vision(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<EmulatedDetector>> {
     let (Some(address), Some(table)) = (&args.eyes, table) else { return Ok(None) };
-    let settings = CameraSettings { sigma: CAMERA, seed, period: Some(PERIOD) };
+    let settings = EmulatedDetectorSettings { sigma: DETECTOR_SIGMA, seed, period: Some(VISION_PERIOD) };
     let table = table.clone();
-    let sight = move || table.standing().0.into_iter().zip(table.plant().lock().truth().objects).collect();
-    Camera::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
+    let sight = move || table.placed_objects().0.into_iter().zip(table.plant().lock().truth().objects).collect();
+    EmulatedDetector::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
 }
 
 /// Runs `--tell`: sends `line` to the emulator that runs in `dir` and prints its answer.
-fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
-    let answer = door::tell(&dir.join(DOOR), line)?;
+fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
+    let answer = table_endpoint::send_line(&dir.join(REQUEST_SOCKET), line)?;
     let text = format!("{answer}\n");
-    terminal.print(&Answered { answer }, &text)?;
+    terminal.print(&RequestOutput { answer }, &text)?;
     Ok(None)
 }
 
-/// Returns the calibration that homing would find on `robot`.
+/// Returns the calibration that homing would find on `apply_to_robot`.
 fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::MODEL,
+        model: xc330::XC330_MODEL,
         firmware,
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],
@@ -437,13 +443,13 @@ fn write_password(path: &Path, password: &str) -> Result<()> {
     // An older file may be readable by others, and would keep its permissions.
     let _ = std::fs::remove_file(path);
     let mut file =
-        OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).with_context(|| shown(path))?;
-    writeln!(file, "{password}").with_context(|| shown(path))
+        OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).with_context(|| display_path(path))?;
+    writeln!(file, "{password}").with_context(|| display_path(path))
 }
 
 /// Writes links to the pseudo-terminals and a configuration that names them. Returns the configuration's path.
 fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>) -> Result<PathBuf> {
-    let folder = std::path::absolute(&args.dir).with_context(|| shown(&args.dir))?;
+    let folder = std::path::absolute(&args.dir).with_context(|| display_path(&args.dir))?;
     let (servos, cameras) = (folder.join("servos"), folder.join("cameras"));
     hand.link_servos(&servos)?;
     hand.link_cameras(&cameras)?;
@@ -453,7 +459,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
             host: address.tcp.ip().to_string(),
             tcp_port: address.tcp.port(),
             udp_port: address.udp.port(),
-            user: USER.to_owned(),
+            user: ARM_USER.to_owned(),
             password: None,
             password_file: Some("arm-password".into()),
         },
@@ -476,8 +482,8 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
         arm,
         limits: limits(args.patient),
     };
-    write_password(&args.dir.join("arm-password"), PASSWORD)?;
+    write_password(&args.dir.join("arm-password"), ARM_PASSWORD)?;
     let path = args.dir.join("bridge.toml");
-    std::fs::write(&path, config.to_toml()).with_context(|| shown(&path))?;
+    std::fs::write(&path, config.to_toml()).with_context(|| display_path(&path))?;
     Ok(path)
 }

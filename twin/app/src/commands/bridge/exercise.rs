@@ -7,15 +7,15 @@ use anyhow::{Result, bail};
 use clap::Args;
 use control::outage::Outage;
 use hand_model::Hand;
-use hand_model::robot::{Command, Observation, RobotBackend, RobotError, ServoGoal};
+use hand_model::robot::{Observation, RobotBackend, RobotCommand, RobotError, ServoGoal};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::driven::SERVOS;
 use hardware_bridge::hardware_robot::HardwareRobot;
-use hardware_bridge::safety::state::State;
+use hardware_bridge::safety::state::SupervisorState;
 use hardware_bridge::servo_cycle::DryLines;
-use robot_backends::arm_link::arm_link;
-use robot_backends::operator::agreed;
+use hardware_bridge::supported_robot::SERVOS;
+use robot_backends::arm_link::connect_arm_link;
+use robot_backends::operator::operator_agrees;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -24,9 +24,9 @@ use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Time limit for the first measurements to pass the checks.
-const PATIENCE: Duration = Duration::from_secs(2);
+const CHECK_TIMEOUT: Duration = Duration::from_secs(2);
 /// Duration of one motion, s: the spools wind for the first half, then open.
-const MOTION: f64 = 4.0;
+const MOTION_DURATION: f64 = 4.0;
 
 /// Arguments of `bridge exercise`.
 #[derive(Debug, Args)]
@@ -64,7 +64,7 @@ struct RoundTrip {
 
 /// JSON output of `bridge exercise`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Exercised {
+pub struct ExerciseOutput {
     /// State of the safety supervisor.
     state: String,
     /// Largest angle of each servo from its open mark, rad.
@@ -88,9 +88,9 @@ pub struct Exercised {
 
 /// Measurements of the exercise.
 #[derive(Default)]
-struct Seen {
+struct ExerciseMeasurements {
     furthest: [f64; SERVOS],
-    latest: f64,
+    max_delay: f64,
     ticks: u64,
     images: u64,
 }
@@ -103,32 +103,32 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     }
     let travel = HandCalibration::read(&config.calibration)?.travel();
     let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
-    let mut robot = HardwareRobot::connect(&config, arm_link(&config, &model, model.arm.home)?, &model, dry)?;
+    let mut robot = HardwareRobot::connect(&config, connect_arm_link(&config, &model, model.arm.home)?, &model, dry)?;
     let started = Instant::now();
     while let Err(error) = robot.check() {
-        if started.elapsed() > PATIENCE {
+        if started.elapsed() > CHECK_TIMEOUT {
             return Ok(Some(format!("the checks do not pass: {error}")));
         }
         std::thread::sleep(Duration::from_millis(20));
     }
     let question = "The hand will close and open. Is it empty, and are all fingers that are not its own away?";
-    if !args.yes && !args.dry_run && !agreed(question)? {
+    if !args.yes && !args.dry_run && !operator_agrees(question)? {
         bail!("not armed: the operator did not say yes");
     }
     robot.arm()?;
-    let (mut seen, mut failed) = (Seen::default(), None);
+    let (mut seen, mut failed) = (ExerciseMeasurements::default(), None);
     for _ in 0..args.times {
         failed = move_once(&mut robot, args, &mut seen).err();
-        if failed.is_some() || robot.state() != State::Running {
+        if failed.is_some() || robot.state() != SupervisorState::Running {
             break;
         }
     }
     let state = robot.state();
-    let stopped = !matches!(state, State::Running);
+    let stopped = !matches!(state, SupervisorState::Running);
     let released = if stopped { Ok(String::new()) } else { robot.release() };
-    tell(terminal, &robot, &model.hand, &seen, &travel)?;
+    print_output(terminal, &robot, &model.hand, &seen, &travel)?;
     if stopped {
-        let measured = robot.standing();
+        let measured = robot.describe_state();
         return Ok(Some(format!("{state}; {measured}. `ftac bridge stop --release` opens the hand")));
     }
     if let Some(error) = failed {
@@ -144,52 +144,72 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
 }
 
 /// Winds all cables under the current, then opens. Ends early when the robot no longer runs.
-fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) -> Result<(), RobotError> {
+fn move_once(
+    robot: &mut HardwareRobot,
+    args: &ExerciseArgs,
+    seen: &mut ExerciseMeasurements,
+) -> Result<(), RobotError> {
     let (mut start, mut outage) = (None, Outage::default());
     let mut asked_for_images = false;
     loop {
-        let Some(observation) = outage.observed(robot.observe())? else {
+        let Some(observation) = outage.record_observation(robot.observe())? else {
             robot.wait_for_tick();
             continue;
         };
-        note(seen, &observation);
+        update_measurements(seen, &observation);
         let elapsed = observation.time - *start.get_or_insert(observation.time);
-        if elapsed > MOTION {
+        if elapsed > MOTION_DURATION {
             return Ok(());
         }
-        let closing = elapsed < 0.5 * MOTION;
+        let closing = elapsed < 0.5 * MOTION_DURATION;
         let goal = if closing {
             ServoGoal::Current(args.current)
         } else {
             ServoGoal::Position { angle: 0.0, current_limit: args.current }
         };
-        let capture = args.images && !asked_for_images && elapsed > 0.4 * MOTION;
+        let capture = args.images && !asked_for_images && elapsed > 0.4 * MOTION_DURATION;
         asked_for_images |= capture;
-        outage.sent(robot.send(&Command { arm: observation.arm.position, servos: [goal; SERVOS].into(), capture }))?;
-        seen.latest = seen.latest.max(robot.wait_for_tick().lateness);
+        outage.record_send(robot.send(&RobotCommand {
+            arm: observation.arm.position,
+            servos: [goal; SERVOS].into(),
+            capture,
+        }))?;
+        seen.max_delay = seen.max_delay.max(robot.wait_for_tick().lateness);
         seen.ticks += 1;
-        if matches!(robot.state(), State::Hold(_) | State::Fault(_) | State::Release { .. } | State::Connected) {
+        if matches!(
+            robot.state(),
+            SupervisorState::Hold(_)
+                | SupervisorState::Fault(_)
+                | SupervisorState::Release { .. }
+                | SupervisorState::Connected
+        ) {
             return Ok(());
         }
     }
 }
 
-fn note(seen: &mut Seen, observation: &Observation) {
+fn update_measurements(seen: &mut ExerciseMeasurements, observation: &Observation) {
     for (furthest, servo) in seen.furthest.iter_mut().zip(&observation.servos) {
         *furthest = furthest.max(servo.position);
     }
     seen.images += observation.tactile.len() as u64;
 }
 
-fn tell(terminal: &Terminal, robot: &HardwareRobot, hand: &Hand, seen: &Seen, travel: &[f64; SERVOS]) -> Result<()> {
+fn print_output(
+    terminal: &Terminal,
+    robot: &HardwareRobot,
+    hand: &Hand,
+    seen: &ExerciseMeasurements,
+    travel: &[f64; SERVOS],
+) -> Result<()> {
     let report = robot.report();
     let ms = |share| report.bus.round_trip(share).map(|seconds| 1e3 * seconds);
-    let exercised = Exercised {
+    let exercised = ExerciseOutput {
         state: robot.state().to_string(),
         furthest_rad: seen.furthest,
         travel_rad: *travel,
         ticks: seen.ticks,
-        latest_tick_ms: 1e3 * seen.latest,
+        latest_tick_ms: 1e3 * seen.max_delay,
         images: seen.images,
         cycles: report.cycles,
         late_cycles: report.late,

@@ -6,12 +6,12 @@ use anyhow::{Context as _, bail};
 use bench::builtin::make_bench;
 use clap::Args;
 use control::executor::Phase;
-use fault_injection::kind::{ALL, Kind};
-use fault_injection::ledger::{Ledger, Request};
+use fault_injection::kind::{ALL, InjectedFault};
+use fault_injection::ledger::{Ledger, MatrixRequest};
 use fault_injection::table::FaultTable;
-use fault_injection::{Matrix, PHASES, inject_all};
+use fault_injection::{FaultMatrix, PHASES, inject_all};
 use hand_model::RobotModel;
-use hardware_bridge::driven::expect_driven;
+use hardware_bridge::supported_robot::check_supported;
 use progress::interrupt::Interrupt;
 use scenarios::Scenario;
 
@@ -19,7 +19,7 @@ use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Version of this program: outcomes of different versions are not mixed in one matrix.
-const PROGRAM: &str = env!("CARGO_PKG_VERSION");
+const PROGRAM_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Arguments of `bridge faults`.
 #[derive(Debug, Args)]
@@ -64,25 +64,25 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
             (Ledger::create(&args.out.clone().unwrap_or_else(next_free_folder), &request)?, request)
         }
     };
-    if request.program != PROGRAM {
+    if request.program != PROGRAM_VERSION {
         bail!(
-            "--resume: {}: program: found {}, expected this one, {PROGRAM}: what two programs find is no one matrix",
+            "--resume: {}: program: found {}, expected this one, {PROGRAM_VERSION}: what two programs find is no one matrix",
             ledger.folder.display(),
             request.program
         );
     }
     let quiet = terminal.quiet || terminal.json;
     let interrupt = Interrupt::catch()?;
-    let robot = RobotModel::of(request.robot_model.as_ref())?;
+    let robot = RobotModel::from_sources(request.robot_model.as_ref())?;
     let bench = make_bench(&robot, Scenario::benchmark(), request.rounds.min(60), request.seed, quiet)?;
     let bar = progress::bar(0, "faults", quiet);
     if let Some(folder) = &args.record {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available).max(1) };
-    let Request { seed, rounds, kinds, phases, mirror, .. } = request;
+    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available_threads).max(1) };
+    let MatrixRequest { seed, rounds, kinds, phases, mirror, .. } = request;
     let (record, live) = (args.record.clone(), args.live);
-    let matrix = Matrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, mirror };
+    let matrix = FaultMatrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, with_detector: mirror };
     if !quiet {
         eprintln!("outcomes go into {} as they come", ledger.folder.display());
     }
@@ -100,8 +100,8 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
 }
 
 /// Returns the requested fault matrix.
-fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
-    let kinds: Vec<Kind> =
+fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<MatrixRequest> {
+    let kinds: Vec<InjectedFault> =
         ALL.into_iter().filter(|kind| args.only.as_ref().is_none_or(|only| kind.name().contains(only))).collect();
     if kinds.is_empty() || args.rounds == 0 {
         let names: Vec<&str> = ALL.iter().map(|kind| kind.name()).collect();
@@ -114,10 +114,10 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
         bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
     }
     let robot = args.robot.model()?;
-    expect_driven(&robot)?;
+    check_supported(&robot)?;
     let robot_model = robot.sources;
-    Ok(Request {
-        program: PROGRAM.to_owned(),
+    Ok(MatrixRequest {
+        program: PROGRAM_VERSION.to_owned(),
         robot_model,
         seed,
         rounds: args.rounds,

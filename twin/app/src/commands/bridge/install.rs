@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use ftac_platform::child;
-use hardware_bridge::install::{self, Content, GROUP, Setup};
+use hardware_bridge::install::{self, FileContent, InstallSetup, OPERATOR_GROUP};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -43,7 +43,7 @@ struct InstalledFile {
 
 /// JSON output of `bridge install`, also of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Installed {
+pub struct InstallOutput {
     /// Files of the installation.
     files: Vec<InstalledFile>,
     /// System commands that were run.
@@ -51,7 +51,7 @@ pub struct Installed {
 }
 
 /// System commands that activate the files after they were written or removed.
-const NOTICE: [&[&str]; 5] = [
+const ACTIVATION_COMMANDS: [&[&str]; 5] = [
     &["udevadm", "control", "--reload"],
     &["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"],
     &["systemctl", "daemon-reload"],
@@ -59,7 +59,7 @@ const NOTICE: [&[&str]; 5] = [
     &["systemctl", "enable", "--now", "ftac-stop.service"],
 ];
 /// System command to run before the files are removed.
-const FAREWELL: &[&str] = &["systemctl", "disable", "ftac-stop.service"];
+const DEACTIVATION_COMMAND: &[&str] = &["systemctl", "disable", "ftac-stop.service"];
 
 /// Runs `ftac bridge install`.
 pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
@@ -76,7 +76,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
         bail!("--serial: found `{odd}`, expected letters and digits");
     }
     let program = std::env::current_exe().context("the program's own place")?;
-    let files = install::files(&Setup { serial, program });
+    let files = install::files(&InstallSetup { serial, program });
     let root = args.root.clone().unwrap_or_else(|| PathBuf::from("/"));
     let system = args.root.is_none();
     let rows =
@@ -85,13 +85,13 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
         let text: String = files
             .iter()
             .map(|file| match &file.content {
-                Content::Text(text) => format!("== {}\n{text}\n", root.join(file.path).display()),
-                Content::Program(program) => {
+                FileContent::Text(text) => format!("== {}\n{text}\n", root.join(file.path).display()),
+                FileContent::Program(program) => {
                     format!("== {}\na copy of {}\n\n", root.join(file.path).display(), program.display())
                 }
             })
             .collect();
-        terminal.print(&Installed { files: rows(), done: Vec::new() }, &text)?;
+        terminal.print(&InstallOutput { files: rows(), done: Vec::new() }, &text)?;
         return Ok(None);
     }
     let user = std::fs::metadata("/proc/self").context("/proc/self")?.uid();
@@ -103,13 +103,13 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     );
     let mut done = Vec::new();
     let mut failed = Vec::new();
-    let mut tell = |command: &[&str]| match notice(command) {
+    let mut tell = |command: &[&str]| match run_system_command(command) {
         Ok(()) => done.push(command.join(" ")),
         Err(why) => failed.push(format!("`{}`: {why}", command.join(" "))),
     };
     let text = if args.remove {
         if system {
-            tell(FAREWELL);
+            tell(DEACTIVATION_COMMAND);
         }
         let removed = install::remove(&root, &files)?;
         removed.iter().map(|path| format!("removed {}\n", path.display())).collect::<String>()
@@ -118,11 +118,11 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
         files.iter().map(|file| format!("{}: {}\n", root.join(file.path).display(), file.purpose)).collect()
     };
     if system {
-        let commands = if args.remove { &NOTICE[..3] } else { &NOTICE[..] };
+        let commands = if args.remove { &ACTIVATION_COMMANDS[..3] } else { &ACTIVATION_COMMANDS[..] };
         commands.iter().for_each(|command| tell(command));
         // The user who called sudo.
         match std::env::var("SUDO_USER") {
-            Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", GROUP, &user]),
+            Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", OPERATOR_GROUP, &user]),
             _ => {}
         }
     }
@@ -132,12 +132,12 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     } else {
         "log out and in again: groups and scheduling limits hold from the next login on\n"
     };
-    terminal.print(&Installed { files: rows(), done }, &format!("{text}{told}{hint}"))?;
+    terminal.print(&InstallOutput { files: rows(), done }, &format!("{text}{told}{hint}"))?;
     Ok((!failed.is_empty()).then(|| failed.join("; ")))
 }
 
 /// Runs a system command. The error is its stderr.
-fn notice(command: &[&str]) -> Result<(), String> {
+fn run_system_command(command: &[&str]) -> Result<(), String> {
     let (program, arguments) = command.split_first().ok_or("no program")?;
     let output = child::command(program).args(arguments).output().map_err(|error| error.to_string())?;
     if output.status.success() {

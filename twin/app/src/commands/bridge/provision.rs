@@ -14,7 +14,7 @@ use crate::terminal::Terminal;
 
 /// Address of a servo on the bus.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Place {
+struct ServoAddress {
     /// Bus id.
     id: u8,
     /// Baud rate of the bus, bit/s.
@@ -23,13 +23,13 @@ struct Place {
 
 /// JSON output of `bridge provision`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Provisioned<'a> {
+pub struct ProvisionOutput<'a> {
     /// The actuator.
     actuator: &'a str,
     #[serde(flatten)]
-    now: Place,
+    now: ServoAddress,
     /// Its previous id and rate.
-    was: Place,
+    was: ServoAddress,
 }
 
 pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &ConfigArg) -> Result<Option<String>> {
@@ -41,13 +41,13 @@ pub fn run(terminal: &Terminal, actuator: &str, robot: &RobotArgs, config: &Conf
         .with_context(|| format!("--actuator: found `{actuator}`, expected one of {}", names.join(", ")))?;
     let id = config.servos.ids[n];
     let (baud, was) = setup::provision(config, id)?;
-    match latency_timer::set(&config.servos.port, Path::new(latency_timer::SYSTEM), 1) {
+    match latency_timer::set(&config.servos.port, Path::new(latency_timer::SYSTEM_FOLDER), 1) {
         Ok(LatencyTimer::Milliseconds(ms)) => eprintln!("the adapter's latency timer is {ms} ms"),
         Ok(LatencyTimer::Absent) => {}
         Err(error) => eprintln!("the adapter's latency timer could not be set: {error}"),
     }
-    let now = Place { id, baud: config.servos.baud };
+    let now = ServoAddress { id, baud: config.servos.baud };
     let text = format!("{actuator}: id {} at {baud} baud is now id {id} at {} baud, and set up\n", was.id, now.baud);
-    terminal.print(&Provisioned { actuator, now, was: Place { id: was.id, baud } }, &text)?;
+    terminal.print(&ProvisionOutput { actuator, now, was: ServoAddress { id: was.id, baud } }, &text)?;
     Ok(None)
 }

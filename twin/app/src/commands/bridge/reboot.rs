@@ -5,13 +5,13 @@ use clap::Args;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
 use hardware_bridge::servo_bus::ServoBus;
-use hardware_bridge::setup::Finding;
+use hardware_bridge::setup::SetupFinding;
 use hardware_bridge::xc330::hardware_error;
-use robot_backends::operator::agreed;
+use robot_backends::operator::operator_agrees;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::shared::{ConfigArg, Row, actuator_names, expect_no_robot, rows, shortfall, table};
+use super::shared::{ConfigArg, FindingRow, actuator_names, expect_no_robot, finding_rows, format_findings, shortfall};
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
@@ -33,7 +33,7 @@ pub struct RebootArgs {
 
 /// A servo that was restarted.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Restarted {
+struct RestartedServo {
     actuator: String,
     id: u8,
     /// Its hardware error status before the restart, in words.
@@ -42,15 +42,15 @@ struct Restarted {
 
 /// JSON output of `bridge reboot`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Rebooted {
+pub struct RebootOutput {
     /// The servos that were restarted.
-    restarted: Vec<Restarted>,
+    restarted: Vec<RestartedServo>,
     /// One entry per row of the table.
-    rows: Vec<Row>,
+    rows: Vec<FindingRow>,
 }
 
 /// A servo that is to be restarted.
-struct Patient {
+struct RestartTarget {
     n: usize,
     id: u8,
     name: String,
@@ -76,42 +76,42 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
         let wanted = args.actuator.contains(&name);
         match error_status(&mut bus, id) {
             Ok(error) if wanted || args.actuator.is_empty() && error != 0 => {
-                patients.push(Patient { n, id, name, error });
+                patients.push(RestartTarget { n, id, name, error });
             }
             Ok(_) => {}
             Err(error) if wanted || args.actuator.is_empty() => {
-                silent.push(Finding::new(format!("{name} ({id})"), error, "an answer", false));
+                silent.push(SetupFinding::new(format!("{name} ({id})"), error, "an answer", false));
             }
             Err(_) => {}
         }
     }
     for patient in &patients {
-        eprintln!("{} (id {}) reports: {}", patient.name, patient.id, hardware_error::words(patient.error));
+        eprintln!("{} (id {}) reports: {}", patient.name, patient.id, hardware_error::describe(patient.error));
     }
     let question = "A restart takes a servo's torque: its springs open that digit, and what it holds falls. It comes back without torque. Is everything supported, or the hand empty?";
-    if !patients.is_empty() && !args.yes && !agreed(question)? {
+    if !patients.is_empty() && !args.yes && !operator_agrees(question)? {
         bail!("nothing was restarted: the operator did not say yes");
     }
     let mut findings = silent;
-    for Patient { n, id, name, .. } in &patients {
+    for RestartTarget { n, id, name, .. } in &patients {
         let known = calibration.as_ref().map(|calibration| &calibration.servos[*n]);
         let back = reboot(&mut bus, *id).and_then(|()| check(&mut bus, &config, (*id, name.as_str()), known));
         match back {
             Ok(found) => findings.extend(found),
             // The other servos are restarted all the same.
-            Err(error) => findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false)),
+            Err(error) => findings.push(SetupFinding::new(format!("{name} ({id})"), error, "an answer", false)),
         }
     }
     let text = match patients.is_empty() && findings.is_empty() {
         true => "no servo reports an error; nothing was restarted\n".to_owned(),
-        false => table(terminal, &findings),
+        false => format_findings(terminal, &findings),
     };
-    let restarted = |Patient { id, name, error, .. }| Restarted {
+    let restarted = |RestartTarget { id, name, error, .. }| RestartedServo {
         actuator: name,
         id,
-        reported: hardware_error::words(error).to_string(),
+        reported: hardware_error::describe(error).to_string(),
     };
     let restarted = patients.into_iter().map(restarted).collect();
-    terminal.print(&Rebooted { restarted, rows: rows(&findings) }, &text)?;
+    terminal.print(&RebootOutput { restarted, rows: finding_rows(&findings) }, &text)?;
     Ok(shortfall(&findings))
 }

@@ -3,22 +3,22 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use bench::builtin::make_scenes;
+use bench::builtin::make_scene_bench;
 use clap::Args;
 use hand_model::RobotModel;
 use nalgebra::Isometry3;
-use registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
-use robot_backends::emulated::EmulatedSource;
-use robot_backends::hardware::HardwareSource;
-use robot_backends::operator::agreed_while;
-use robot_backends::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
+use registration::{Registrar, RegistrationFile, RegistrationPlan, RegistrationStep, hidden_mount, registration_error};
+use robot_backends::hardware::HardwareFactory;
+use robot_backends::operator::operator_agrees_while;
+use robot_backends::wire_emulation::WireEmulationFactory;
+use robot_backends::{BackendFactory as _, TrialBackend, TrialSetup, TrialStopped, TrialTask};
 use scenarios::Scenario;
 use scenarios::record::Condition;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::shared::shown;
-use crate::options::robot::{RobotArgs, individual_of};
+use super::shared::display_path;
+use crate::options::robot::{RobotArgs, instance_model};
 use crate::options::scenario::ScenarioArgs;
 use crate::terminal::Terminal;
 
@@ -51,7 +51,7 @@ pub struct RegisterArgs {
 
 /// Difference between two poses of the base.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Deviation {
+struct PoseDeviation {
     /// Difference of the position, taken at the centre of the marks, mm.
     mm: f64,
     /// Difference of the rotation, degrees.
@@ -60,7 +60,7 @@ struct Deviation {
 
 /// JSON output of `bridge register`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Registered {
+pub struct RegisterOutput {
     /// The file that was written.
     file: String,
     /// Position of the base in the world frame, m.
@@ -76,9 +76,9 @@ pub struct Registered {
     /// Number of touches in the fit.
     touches: usize,
     /// Error of the result against the hidden true pose of the emulated robot; null on a real one.
-    error: Option<Deviation>,
+    error: Option<PoseDeviation>,
     /// Error of the nominal pose of the base against the hidden true pose.
-    error_before: Option<Deviation>,
+    error_before: Option<PoseDeviation>,
 }
 
 /// A planned touch.
@@ -100,15 +100,15 @@ struct PlannedTouch {
 
 /// JSON output of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Planned {
+pub struct RegisterPlanOutput {
     /// The planned touches.
     touches: Vec<PlannedTouch>,
 }
 
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
-    let plan = Plan::standard()?;
-    let robot = individual_of(args.individual.as_deref(), &args.robot.model()?)?;
-    let bench = make_scenes(&robot, Scenario::benchmark(), 1, terminal.seed, true)?;
+    let plan = RegistrationPlan::standard()?;
+    let robot = instance_model(args.individual.as_deref(), &args.robot.model()?)?;
+    let bench = make_scene_bench(&robot, Scenario::benchmark(), 1, terminal.seed, true)?;
     let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
     if args.dry_run {
         return dry_run(terminal, &registrar, &plan);
@@ -119,40 +119,40 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     });
     // Check that the result can be written before anything moves.
     let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
-    tempfile::tempfile_in(folder).with_context(|| format!("{}: cannot be written", shown(&out)))?;
+    tempfile::tempfile_in(folder).with_context(|| format!("{}: cannot be written", display_path(&out)))?;
     let truth = args.emulated.map(|seed| hidden_mount(&plan, seed));
-    let mut body: Box<dyn TrialBody> = match truth {
+    let mut body: Box<dyn TrialBackend> = match truth {
         Some(truth) => {
-            let scene = registrar.scene(&truth, bench.board.with_noise(terminal.seed));
+            let scene = registrar.simulated_robot(&truth, bench.cameras.with_noise(terminal.seed));
             let task = task(&robot, terminal.seed)?;
             let setup = TrialSetup { task: &task, objects: vec![("", Isometry3::identity())] };
-            EmulatedSource::new(robot, None).open(&setup, scene)?
+            WireEmulationFactory::new(robot, None).open(&setup, scene)?
         }
         None => {
             let sessions = folder.join("sessions");
-            let mut source = HardwareSource::new(&args.config, robot, bench.world.cell.ready, sessions)?;
+            let mut source = HardwareFactory::new(&args.config, robot, bench.world.cell.ready_posture, sessions)?;
             if !source.has_cameras() {
                 bail!(
                     "{}: found neither [cameras] nor [[uvc]], expected one of them: balls are found by touch",
-                    shown(&args.config)
+                    display_path(&args.config)
                 );
             }
             // Check the robot before anybody lays out balls.
             let mut checked = source.check()?;
-            describe(&registrar, &plan);
+            print_ball_positions(&registrar, &plan);
             let question = "The arm will go to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
-            if !args.yes && !agreed_while(question, || checked.attend())? {
+            if !args.yes && !operator_agrees_while(question, || checked.recheck())? {
                 bail!("nothing was moved: the operator did not say yes");
             }
-            Box::new(checked.begin(&[("the ball", Isometry3::identity())])?)
+            Box::new(checked.arm_and_home(&[("the ball", Isometry3::identity())])?)
         }
     };
     let said = terminal.quiet || terminal.json;
-    let mut tell = |step: Step| match step {
+    let mut tell = |step: RegistrationStep| match step {
         _ if said => {}
-        Step::Touching(mark, round) => eprint!("mark {}, touch {}: ", mark + 1, round + 1),
-        Step::Nothing => eprintln!("nothing felt"),
-        Step::Felt(off) => eprintln!(
+        RegistrationStep::Touching(mark, round) => eprint!("mark {}, touch {}: ", mark + 1, round + 1),
+        RegistrationStep::NothingFelt => eprintln!("nothing felt"),
+        RegistrationStep::Felt(off) => eprintln!(
             "felt ({:.1}, {:.1}, {:.1}) mm beside where it was expected",
             1e3 * off.x,
             1e3 * off.y,
@@ -164,26 +164,26 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
         body.hold();
     }
     let why = found.as_ref().err().map(|error| format!("{error:#}"));
-    let left = body.leave(why.as_deref());
+    let left = body.end_trial(why.as_deref());
     drop(body);
     let (registration, points) = match found {
         Ok(found) => found,
-        Err(error) if error.downcast_ref::<Stopped>().is_some() => {
+        Err(error) if error.downcast_ref::<TrialStopped>().is_some() => {
             return Ok(Some(format!("not registered: {error:#}")));
         }
         Err(error) => return Err(error.context("not registered; no file was written")),
     };
     left?;
     let file = RegistrationFile::new(&registration);
-    ftac_platform::data::write_whole(&out, file.to_toml()?.as_bytes())?;
-    let error = truth.map(|truth| error(&registration.world_from_base, &truth, &registration.middle));
-    let before = truth.map(|truth| self::error(&Isometry3::identity(), &truth, &registration.middle));
+    ftac_platform::data::write_atomically(&out, file.to_toml()?.as_bytes())?;
+    let error = truth.map(|truth| registration_error(&registration.world_from_base, &truth, &registration.centroid));
+    let before = truth.map(|truth| self::registration_error(&Isometry3::identity(), &truth, &registration.centroid));
     let mm = |metres: f64| 1e3 * metres;
     let sigma = |from: usize| file.sigma[from..from + 3].iter().map(|sigma| sigma * sigma).sum::<f64>().sqrt();
     if terminal.json {
-        let deviation = |(place, turn): (f64, f64)| Deviation { mm: mm(place), deg: turn.to_degrees() };
-        let registered = Registered {
-            file: shown(&out),
+        let deviation = |(place, turn): (f64, f64)| PoseDeviation { mm: mm(place), deg: turn.to_degrees() };
+        let registered = RegisterOutput {
+            file: display_path(&out),
             position_m: file.position,
             quaternion: file.quaternion,
             sigma_mm: mm(sigma(0)),
@@ -220,29 +220,29 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
             turned.to_degrees()
         );
     }
-    println!("{}: give it to trial and bench with --registration", shown(&out));
+    println!("{}: give it to trial and bench with --registration", display_path(&out));
     Ok(None)
 }
 
 /// Returns the task of an emulated robot that plays no trial.
-fn task(robot: &RobotModel, seed: u64) -> Result<Task> {
+fn task(robot: &RobotModel, seed: u64) -> Result<TrialTask> {
     let (_, text) = ScenarioArgs::default().read()?;
-    Ok(Task {
+    Ok(TrialTask {
         scenario: text,
         robot_model: robot.sources.clone(),
-        ..Task::new("emulated", seed, [0, 0, 1], Condition::Touch)
+        ..TrialTask::new("emulated", seed, [0, 0, 1], Condition::Touch)
     })
 }
 
 /// Prints the places of the balls.
-fn describe(registrar: &Registrar, plan: &Plan) {
+fn print_ball_positions(registrar: &Registrar, plan: &RegistrationPlan) {
     for mark in 0..plan.marks.len() {
-        let middle = registrar.middle(mark);
+        let middle = registrar.ball_center(mark);
         eprintln!("mark {}: a {} at x {:.3}, y {:.3} m", mark + 1, plan.object, middle.x, middle.y);
     }
 }
 
-fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &Plan) -> Result<Option<String>> {
+fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &RegistrationPlan) -> Result<Option<String>> {
     let times = registrar.dry_run()?;
     let rows = || {
         times.iter().enumerate().flat_map(|(mark, times)| {
@@ -251,14 +251,14 @@ fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &Plan) -> Result<Op
     };
     if terminal.json {
         let touch = |(mark, heading_rad, seconds)| {
-            let middle = registrar.middle(mark);
+            let middle = registrar.ball_center(mark);
             PlannedTouch { mark: mark + 1, x_m: middle.x, y_m: middle.y, z_m: middle.z, heading_rad, seconds }
         };
-        terminal.print(&Planned { touches: rows().map(touch).collect() }, "")?;
+        terminal.print(&RegisterPlanOutput { touches: rows().map(touch).collect() }, "")?;
     } else {
         println!("{:4} {:>8} {:>8} {:>8} {:>12}  way there and onto it", "mark", "x, m", "y, m", "z, m", "turned, deg");
         for (mark, heading, time) in rows() {
-            let middle = registrar.middle(mark);
+            let middle = registrar.ball_center(mark);
             let time = time.map_or("out of reach".to_owned(), |time| format!("{time:.1} s"));
             println!(
                 "{:<4} {:>8.3} {:>8.3} {:>8.3} {:>12.0}  {time}",

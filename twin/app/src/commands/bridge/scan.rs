@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use hardware_bridge::servo_bus::Pinged;
+use hardware_bridge::servo_bus::PingReply;
 use hardware_bridge::setup;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -26,7 +26,7 @@ struct ScannedServo {
 
 /// JSON output of `bridge scan`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Scanned {
+pub struct ScanOutput {
     /// The servos that answered.
     servos: Vec<ScannedServo>,
 }
@@ -37,17 +37,17 @@ pub fn run(terminal: &Terminal, port: Option<&Path>, config: &ConfigArg) -> Resu
         None => config.read_without_password().context("--port names a port without a configuration")?.servos.port,
     };
     let found = setup::scan(&port)?;
-    let line = |(baud, servo): &(u32, Pinged)| {
+    let line = |(baud, servo): &(u32, PingReply)| {
         format!("id {:3}  {baud:7} baud  model {}  firmware {}\n", servo.id, servo.model, servo.firmware)
     };
     let text: String = found.iter().map(line).collect();
-    let servo = |(baud, Pinged { id, model, firmware }): &(u32, Pinged)| ScannedServo {
+    let servo = |(baud, PingReply { id, model, firmware }): &(u32, PingReply)| ScannedServo {
         id: *id,
         baud: *baud,
         model: *model,
         firmware: *firmware,
     };
-    terminal.print(&Scanned { servos: found.iter().map(servo).collect() }, &text)?;
+    terminal.print(&ScanOutput { servos: found.iter().map(servo).collect() }, &text)?;
     let none = "no servo answered: check the port, the 12 V supply and the three-wire plugs";
     Ok(found.is_empty().then(|| format!("{}: {none}", port.display())))
 }

@@ -6,8 +6,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use hand_model::Hand;
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::remote::{self, Wish, places};
-use hardware_bridge::setup::Finding;
+use hardware_bridge::remote::{self, RemoteCommand, socket_paths};
+use hardware_bridge::setup::SetupFinding;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -39,7 +39,7 @@ pub fn actuator_names(hand: &Hand) -> Vec<String> {
 
 /// A finding, as printed.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Row {
+pub struct FindingRow {
     /// Checked quantity.
     what: String,
     /// Value found.
@@ -52,49 +52,58 @@ pub struct Row {
 
 /// Findings, as printed.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Findings {
+pub struct FindingsOutput {
     /// One entry per row of the table.
-    rows: Vec<Row>,
+    rows: Vec<FindingRow>,
 }
 
-pub fn rows(findings: &[Finding]) -> Vec<Row> {
-    let row = |Finding { what, found, expected, good }: Finding| Row { what, found, expected, ok: good };
+pub fn finding_rows(findings: &[SetupFinding]) -> Vec<FindingRow> {
+    let row = |SetupFinding { item: what, found, expected, passed: good }: SetupFinding| FindingRow {
+        what,
+        found,
+        expected,
+        ok: good,
+    };
     findings.iter().cloned().map(row).collect()
 }
 
 /// Prints findings. The first bad one is the shortfall.
-pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Result<Option<String>> {
-    terminal.print(&Findings { rows: rows(findings) }, &table(terminal, findings))?;
+pub fn print_findings(terminal: &Terminal, findings: &[SetupFinding]) -> Result<Option<String>> {
+    terminal.print(&FindingsOutput { rows: finding_rows(findings) }, &format_findings(terminal, findings))?;
     Ok(shortfall(findings))
 }
 
 /// Formats findings as a table, one per line. With --quiet, only the bad ones.
-pub fn table(terminal: &Terminal, findings: &[Finding]) -> String {
-    let line = |one: &Finding| {
-        let verdict = if one.good { "ok" } else { "DIFFERS" };
-        format!("{:44} {:>26}   {:34} {verdict}\n", one.what, one.found, one.expected)
+pub fn format_findings(terminal: &Terminal, findings: &[SetupFinding]) -> String {
+    let line = |one: &SetupFinding| {
+        let verdict = if one.passed { "ok" } else { "DIFFERS" };
+        format!("{:44} {:>26}   {:34} {verdict}\n", one.item, one.found, one.expected)
     };
-    findings.iter().filter(|one| !terminal.quiet || !one.good).map(line).collect()
+    findings.iter().filter(|one| !terminal.quiet || !one.passed).map(line).collect()
 }
 
 /// Describes the first bad finding, and gives the number of further ones.
-pub fn shortfall(findings: &[Finding]) -> Option<String> {
-    let bad: Vec<&Finding> = findings.iter().filter(|one| !one.good).collect();
+pub fn shortfall(findings: &[SetupFinding]) -> Option<String> {
+    let bad: Vec<&SetupFinding> = findings.iter().filter(|one| !one.passed).collect();
     let first = bad.first()?;
     let more = if bad.len() > 1 { format!(" (and {} more)", bad.len() - 1) } else { String::new() };
-    Some(format!("{}: found {}, expected {}{more}", first.what, first.found, first.expected))
+    Some(format!("{}: found {}, expected {}{more}", first.item, first.found, first.expected))
 }
 
 /// Formats a path for display.
-pub fn shown(path: &Path) -> String {
+pub fn display_path(path: &Path) -> String {
     path.display().to_string()
 }
 
 /// Returns an error while a robot of the configuration at `config` runs.
 pub fn expect_no_robot(config: &Path) -> Result<()> {
-    let own: Vec<_> = places::find().0.into_iter().filter(|socket| places::is_of(socket, config)).collect();
-    if let Some(robot) = remote::ask_all(&own, Wish::State).into_iter().find_map(|(_, answer)| answer.ok()) {
-        bail!("a robot is running ({}: {}); expected none: end its trial first", robot.of, robot.text);
+    let own: Vec<_> = socket_paths::find_sockets()
+        .0
+        .into_iter()
+        .filter(|socket| socket_paths::belongs_to_robot(socket, config))
+        .collect();
+    if let Some(robot) = remote::ask_all(&own, RemoteCommand::State).into_iter().find_map(|(_, answer)| answer.ok()) {
+        bail!("a robot is running ({}: {}); expected none: end its trial first", robot.robot, robot.text);
     }
     Ok(())
 }

@@ -4,25 +4,25 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use bench::builtin::{make_bench, make_scenes};
+use bench::builtin::{make_bench, make_scene_bench};
 use clap::Args;
 use hand_model::RobotModel;
 use nalgebra::{Isometry3, Point3};
-use registration::{Plan, Registrar};
+use registration::{Registrar, RegistrationPlan};
 use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use schemars::JsonSchema;
 use serde::Serialize;
 use world::objects::ObjectModel;
 
-use super::shared::shown;
+use super::shared::display_path;
 use crate::options::robot::RobotArgs;
 use crate::terminal::Terminal;
 
 /// Size of A3 landscape, mm: the long side lies along the world's y axis.
-const SHEET: [f64; 2] = [420.0, 297.0];
+const SHEET_SIZE_MM: [f64; 2] = [420.0, 297.0];
 /// Spacing of the grid lines, mm.
-const GRID: f64 = 50.0;
+const GRID_SPACING_MM: f64 = 50.0;
 
 /// Arguments of `bridge sheet`.
 #[derive(Debug, Args)]
@@ -42,7 +42,7 @@ pub struct SheetArgs {
 
 /// An object on the sheet.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Placed {
+struct PlacedObject {
     /// Name of the object.
     object: String,
     /// Coordinate of its origin in the table frame, m.
@@ -57,62 +57,62 @@ struct Placed {
 
 /// JSON output of `bridge sheet`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Sheet {
+pub struct SheetOutput {
     /// File of the drawing (SVG).
     sheet: String,
     /// One entry per object.
-    objects: Vec<Placed>,
+    objects: Vec<PlacedObject>,
 }
 
 pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     let robot = args.robot.model()?;
     let (what, title, standing) = match args.combination {
         Some(combination) => {
-            let standing = of_combination(&robot, combination, terminal.seed)?;
+            let standing = combination_objects(&robot, combination, terminal.seed)?;
             (combination.to_string(), format!("combination {combination}"), standing)
         }
-        None => ("balls".to_owned(), "balls of the registration".to_owned(), balls(&robot, terminal.seed)?),
+        None => ("balls".to_owned(), "balls of the registration".to_owned(), ball_objects(&robot, terminal.seed)?),
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
-    let drawing = drawing(&title, &standing);
-    ftac_platform::data::write_whole(&out, drawing.as_bytes())?;
+    let drawing = draw_sheet(&title, &standing);
+    ftac_platform::data::write_atomically(&out, drawing.as_bytes())?;
     let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
         let [x_m, y_m, z_m] = place.translation.vector.into();
-        Placed { object: object.name.clone(), x_m, y_m, z_m, turn_rad: turn(place) }
+        PlacedObject { object: object.name.clone(), x_m, y_m, z_m, turn_rad: yaw(place) }
     };
-    let sheet = Sheet { sheet: shown(&out), objects: standing.iter().map(placed).collect() };
+    let sheet = SheetOutput { sheet: display_path(&out), objects: standing.iter().map(placed).collect() };
     let hint = "print it on A3 in full size, check the scale bar, and lay its cross on the table's mark";
     terminal.print(&sheet, &format!("{}: {hint}\n", sheet.sheet))?;
     Ok(None)
 }
 
 /// Objects, each with its pose.
-type Standing = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
+type PosedObjects = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
-fn of_combination(robot: &RobotModel, combination: usize, seed: u64) -> Result<Standing> {
+fn combination_objects(robot: &RobotModel, combination: usize, seed: u64) -> Result<PosedObjects> {
     let bench = make_bench(robot, Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
-    let Some(plan) = bench.plans.plans.get(combination) else {
-        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
+    let Some(plan) = bench.grasp_pairs.plans.get(combination) else {
+        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.grasp_pairs.plans.len() - 1);
     };
     let objects = bench.world.models(&plan.objects())?;
-    let places = bench.world.places(&objects, &TrialNoise::none());
+    let places = bench.world.object_poses(&objects, &TrialNoise::none());
     Ok(objects.into_iter().zip(places).collect())
 }
 
-fn balls(robot: &RobotModel, seed: u64) -> Result<Standing> {
-    let bench = make_scenes(robot, Scenario::benchmark(), 1, seed, true)?;
-    let plan = Plan::standard()?;
+fn ball_objects(robot: &RobotModel, seed: u64) -> Result<PosedObjects> {
+    let bench = make_scene_bench(robot, Scenario::benchmark(), 1, seed, true)?;
+    let plan = RegistrationPlan::standard()?;
     let placements = Registrar::new(&bench.world, &plan, &bench.repertoire)?.placements();
     Ok(placements.into_iter().map(|placement| (placement.model, placement.pose)).collect())
 }
 
 /// Returns the yaw about the vertical, rad.
-fn turn(place: &Isometry3<f64>) -> f64 {
+fn yaw(place: &Isometry3<f64>) -> f64 {
     place.rotation.euler_angles().2
 }
 
 /// Draws the sheet as seen from above, 1:1, with x upwards and y to the left.
-fn drawing(title: &str, objects: &Standing) -> String {
+fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
     // The cross is on whole centimetres, so that a ruler finds it.
     let middle = |axis: usize| {
         let mean = objects.iter().map(|(_, place)| place.translation.vector[axis]).sum::<f64>() / objects.len() as f64;
@@ -120,9 +120,9 @@ fn drawing(title: &str, objects: &Standing) -> String {
     };
     let cross = [middle(0), middle(1)];
     let on_sheet = |point: &Point3<f64>| {
-        [0.5 * SHEET[0] - 1e3 * (point.y - cross[1]), 0.5 * SHEET[1] - 1e3 * (point.x - cross[0])]
+        [0.5 * SHEET_SIZE_MM[0] - 1e3 * (point.y - cross[1]), 0.5 * SHEET_SIZE_MM[1] - 1e3 * (point.x - cross[0])]
     };
-    let [width, height] = SHEET;
+    let [width, height] = SHEET_SIZE_MM;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"5\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
@@ -130,9 +130,9 @@ fn drawing(title: &str, objects: &Standing) -> String {
     let mut put = |text: String| svg.push_str(&text);
     let [x, y] = [0.5 * width, 0.5 * height];
     for n in -4..=4 {
-        let at = x + f64::from(n) * GRID;
+        let at = x + f64::from(n) * GRID_SPACING_MM;
         put(format!("<path d=\"M{at} 0V{height}\" stroke=\"#ddd\" stroke-width=\"0.2\"/>\n"));
-        let at = y + f64::from(n) * GRID;
+        let at = y + f64::from(n) * GRID_SPACING_MM;
         put(format!("<path d=\"M0 {at}H{width}\" stroke=\"#ddd\" stroke-width=\"0.2\"/>\n"));
     }
     for (n, (object, place)) in objects.iter().enumerate() {
@@ -168,7 +168,7 @@ fn drawing(title: &str, objects: &Standing) -> String {
             object.name,
             t.x,
             t.y,
-            turn(place).to_degrees()
+            yaw(place).to_degrees()
         ));
     }
     put(format!(

@@ -8,12 +8,12 @@ use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
-use hardware_bridge::remote::{self, Answer, RemoteError, Wish, places};
+use hardware_bridge::remote::{self, RemoteAnswer, RemoteCommand, RemoteError, socket_paths};
 use hardware_bridge::servo_bus::ServoBus;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::shared::shown;
+use super::shared::display_path;
 use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `bridge stop`.
@@ -34,7 +34,7 @@ pub struct StopArgs {
 
 /// A robot that was asked to stop.
 #[derive(Debug, Serialize, JsonSchema)]
-struct ToldRobot {
+struct StoppedRobot {
     /// Its stop socket.
     socket: PathBuf,
     /// Its configuration and process.
@@ -48,9 +48,9 @@ struct ToldRobot {
 
 /// JSON output of `bridge stop`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Stopped {
+pub struct StopReport {
     /// Robots that were asked to stop; empty if no bridge is running.
-    robots: Vec<ToldRobot>,
+    robots: Vec<StoppedRobot>,
     /// State read back directly from the servos.
     #[serde(skip_serializing_if = "Option::is_none")]
     state: Option<String>,
@@ -61,31 +61,31 @@ pub struct Stopped {
 
 /// Runs `ftac bridge stop`.
 pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
-    let wish = if args.release { Wish::Release } else { Wish::Hold };
+    let wish = if args.release { RemoteCommand::Release } else { RemoteCommand::Hold };
     let (sockets, looked) = sockets(args);
     if args.release && sockets.len() > 1 {
-        let robots = live(remote::ask_all(&sockets, Wish::State));
+        let robots = answering(remote::ask_all(&sockets, RemoteCommand::State));
         if robots.len() > 1 {
-            let listed: Vec<String> = robots.iter().map(|(socket, _)| shown(socket)).collect();
+            let listed: Vec<String> = robots.iter().map(|(socket, _)| display_path(socket)).collect();
             let (count, listed) = (robots.len(), listed.join(", "));
             bail!("found {count} robots, expected one to let go of: name it by --config or --socket ({listed})");
         }
     }
-    let answers = live(remote::ask_all(&sockets, wish));
+    let answers = answering(remote::ask_all(&sockets, wish));
     if answers.is_empty() {
-        return nobody(terminal, args, &looked);
+        return stop_without_bridge(terminal, args, &looked);
     }
-    tell(terminal, &answers)?;
+    print_answers(terminal, &answers)?;
     let failed: Vec<String> =
         answers.iter().filter_map(|(_, answer)| Some(answer.as_ref().err()?.to_string())).collect();
     Ok((!failed.is_empty()).then(|| failed.join("; ")))
 }
 
-type Told = (PathBuf, Result<Answer, RemoteError>);
+type SocketAnswer = (PathBuf, Result<RemoteAnswer, RemoteError>);
 
 /// Keeps the answers of sockets on which a robot listens.
-fn live(answers: Vec<Told>) -> Vec<Told> {
-    answers.into_iter().filter(|(_, answer)| !matches!(answer, Err(RemoteError::Nobody { .. }))).collect()
+fn answering(answers: Vec<SocketAnswer>) -> Vec<SocketAnswer> {
+    answers.into_iter().filter(|(_, answer)| !matches!(answer, Err(RemoteError::NoBridge { .. }))).collect()
 }
 
 /// Returns the sockets to write to, and the folders that were searched for them.
@@ -93,9 +93,9 @@ fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
     if let Some(socket) = &args.socket {
         return (vec![socket.clone()], vec![socket.clone()]);
     }
-    let (mut sockets, mut looked) = places::find();
+    let (mut sockets, mut looked) = socket_paths::find_sockets();
     if let Some(config) = &args.config {
-        sockets.retain(|socket| places::is_of(socket, config));
+        sockets.retain(|socket| socket_paths::belongs_to_robot(socket, config));
         // The socket named by the configuration may be the only one that this user can reach. An unreadable
         // configuration names none.
         let own = BridgeConfig::read_without_password(config).ok().and_then(|config| config.stop_socket);
@@ -108,8 +108,8 @@ fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
 }
 
 /// Handles the case that no bridge is running: a release then switches the torque of the servos off directly.
-fn nobody(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
-    let looked: Vec<String> = looked.iter().map(|place| shown(place)).collect();
+fn stop_without_bridge(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
+    let looked: Vec<String> = looked.iter().map(|place| display_path(place)).collect();
     let nobody = format!("no bridge is running that this user may stop (looked in {})", looked.join(", "));
     if !args.release {
         let rest = "servos whose program ended hold, or were stopped by their own watchdogs; --release opens the hand";
@@ -124,20 +124,20 @@ fn nobody(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
     let state = format!("torque read back as off from {} of {count} servos", count - unsure.len());
     let shortfall = (!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; ")));
     let text = format!("{nobody}; {state}\n");
-    terminal.print(&Stopped { robots: Vec::new(), state: Some(state), unsure: Some(unsure) }, &text)?;
+    terminal.print(&StopReport { robots: Vec::new(), state: Some(state), unsure: Some(unsure) }, &text)?;
     Ok(shortfall)
 }
 
-fn tell(terminal: &Terminal, answers: &[Told]) -> Result<()> {
-    let row = |(socket, answer): &Told| {
+fn print_answers(terminal: &Terminal, answers: &[SocketAnswer]) -> Result<()> {
+    let row = |(socket, answer): &SocketAnswer| {
         let (robot, state) = match answer {
-            Ok(Answer { text, of }) => (Some(of.clone()), text.clone()),
+            Ok(RemoteAnswer { text, robot: of }) => (Some(of.clone()), text.clone()),
             Err(RemoteError::Refused { of, reason }) => (Some(of.clone()), reason.clone()),
             Err(error) => (None, error.to_string()),
         };
-        ToldRobot { socket: socket.clone(), robot, state, ok: answer.is_ok() }
+        StoppedRobot { socket: socket.clone(), robot, state, ok: answer.is_ok() }
     };
     let answered = answers.iter().filter_map(|(_, answer)| answer.as_ref().ok());
-    let text: String = answered.map(|Answer { text, of }| format!("{of}: {text}\n")).collect();
-    terminal.print(&Stopped { robots: answers.iter().map(row).collect(), state: None, unsure: None }, &text)
+    let text: String = answered.map(|RemoteAnswer { text, robot: of }| format!("{of}: {text}\n")).collect();
+    terminal.print(&StopReport { robots: answers.iter().map(row).collect(), state: None, unsure: None }, &text)
 }

@@ -5,13 +5,13 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use dexterous_grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
+use dexterous_grasping::synthesis::collection::{self, Collection, ObjectGrasps, SearchSummary};
 use dexterous_grasping::synthesis::diversity::{self, Diversity};
 use dexterous_grasping::synthesis::grasp_file;
-use ftac_platform::data::write_whole;
-use grasp_verification::synthesis::parts::{Part, table};
+use ftac_platform::data::write_atomically;
+use grasp_verification::synthesis::parts::{CollectionPart, table};
 use grasp_verification::synthesis::search;
-use grasp_verification::synthesis::synthesizer::Request;
+use grasp_verification::synthesis::synthesizer::SynthesisRequest;
 use hand_model::RobotModel;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -51,22 +51,22 @@ pub struct CollectionArgs {
 
 /// Result for one object.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Line {
+struct CollectionRow {
     #[serde(flatten)]
-    summary: Summary,
+    summary: SearchSummary,
     diversity: Diversity,
 }
 
 /// JSON output of `grasps collection`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Answer {
+pub struct CollectionOutput {
     grasps: usize,
     /// Number of grasps asked for.
     wanted: usize,
     /// Wall time, s.
     wall_s: f64,
     /// One entry per object.
-    objects: Vec<Line>,
+    objects: Vec<CollectionRow>,
     all: Diversity,
 }
 
@@ -88,25 +88,28 @@ pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
     }
     std::fs::create_dir_all(&args.parts).with_context(|| format!("--parts {}", args.parts.display()))?;
     let start = Instant::now();
-    let request = Request { chains, enough: each, contacts, closings, seed: terminal.seed, table: false };
+    let request = SynthesisRequest { chains, max_grasps: each, contacts, closings, seed: terminal.seed, table: false };
     let mut objects = Vec::new();
     for name in names {
-        let entry = part(terminal, args, name, request)?;
+        let entry = object_grasps(terminal, args, name, request)?;
         if !terminal.quiet {
-            let Summary { object, kept, chains, short, .. } = &entry.summary;
+            let SearchSummary { object, kept, chains, short, .. } = &entry.summary;
             eprintln!("{object:16} {kept:4} grasps from {chains} chains {}", short.as_deref().unwrap_or(""));
         }
         objects.push(entry);
     }
-    let header =
-        collection::Header { version: collection::VERSION, command: command(terminal, args), seed: terminal.seed };
+    let header = collection::CollectionHeader {
+        version: collection::VERSION,
+        command: collection_command(terminal, args),
+        seed: terminal.seed,
+    };
     let collection = Collection { header, objects };
-    write_whole(&args.out, collection.to_text()?.as_bytes())?;
-    tell(terminal, &collection, start.elapsed().as_secs_f64())
+    write_atomically(&args.out, collection.to_text()?.as_bytes())?;
+    print_output(terminal, &collection, start.elapsed().as_secs_f64())
 }
 
 /// Returns the command that makes the whole collection.
-fn command(terminal: &Terminal, args: &CollectionArgs) -> String {
+fn collection_command(terminal: &Terminal, args: &CollectionArgs) -> String {
     let objects: String = args.object.iter().map(|name| format!(" --object {name}")).collect();
     format!(
         "ftac grasps collection{objects} --each {} --contacts {} --closings {} --chains {} --seed {}",
@@ -115,27 +118,34 @@ fn command(terminal: &Terminal, args: &CollectionArgs) -> String {
 }
 
 /// Returns the grasps of one object, from its part or from a search now.
-fn part(terminal: &Terminal, args: &CollectionArgs, object: &str, request: Request) -> Result<ObjectGrasps> {
+fn object_grasps(
+    terminal: &Terminal,
+    args: &CollectionArgs,
+    object: &str,
+    request: SynthesisRequest,
+) -> Result<ObjectGrasps> {
     let command = format!(
         "ftac grasps collection --object {object} --contacts {} --closings {} --seed {}",
         args.contacts, args.closings, terminal.seed
     );
     let file = args.parts.join(format!("{object}.jsonl"));
-    let header = grasp_file::Header::new(command, terminal.seed);
-    let part = Part { object, file: &file, header: &header };
+    let header = grasp_file::GraspFileHeader::new(command, terminal.seed);
+    let part = CollectionPart { object, file: &file, header: &header };
     if args.pack {
-        part.found(args.each)
+        part.found_so_far(args.each)
     } else {
         part.fill(&RobotModel::ftac_gen3().hand, request, &terminal.progress())
     }
 }
 
-fn tell(terminal: &Terminal, collection: &Collection, wall_s: f64) -> Outcome {
-    let line =
-        |entry: &ObjectGrasps| Line { summary: entry.summary.clone(), diversity: diversity::describe(&entry.grasps) };
+fn print_output(terminal: &Terminal, collection: &Collection, wall_s: f64) -> Outcome {
+    let line = |entry: &ObjectGrasps| CollectionRow {
+        summary: entry.summary.clone(),
+        diversity: diversity::describe(&entry.grasps),
+    };
     let (grasps, wanted) =
         (collection.grasps().count(), collection.objects.iter().map(|entry| entry.summary.wanted).sum());
-    let answer = Answer {
+    let answer = CollectionOutput {
         grasps,
         wanted,
         wall_s,

@@ -25,7 +25,7 @@ pub struct ExportArgs {
     /// Maximum number of grasps, in the file's order.
     #[arg(long, default_value_t = 10)]
     pub n: usize,
-    /// Grasp file of `collection` or `generate`; default: the built-in collection.
+    /// Grasp file of `collection` or `fill_repertoire`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
     /// Folder for the results: an MJCF scene and a JSON file with commands and test for each grasp.
@@ -35,7 +35,7 @@ pub struct ExportArgs {
 
 /// JSON output of `grasps export`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Exported {
+pub struct GraspExportOutput {
     /// Files written: scene and commands of each grasp.
     files: Vec<[PathBuf; 2]>,
 }
@@ -44,7 +44,7 @@ pub struct Exported {
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
-    let grasps = file.collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps);
+    let grasps = file.collection.for_object(&args.object).map_or(&[][..], |entry| &entry.grasps);
     ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
     let object = file.model(&args.object)?;
     let wanted = grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain));
@@ -57,6 +57,6 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     }
     let text =
         format!("{} grasps in {}; `python3 tests/mujoco/shake.py {1}` shakes them\n", files.len(), args.mjcf.display());
-    terminal.print(&Exported { files }, &text)?;
+    terminal.print(&GraspExportOutput { files }, &text)?;
     Ok(None)
 }

@@ -4,36 +4,36 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, ValueEnum};
-use dexterous_grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
+use dexterous_grasping::synthesis::grasp_file::{GraspFileHeader, GraspWriter, HandSource};
 use dexterous_grasping::synthesis::hand_use::HandUse;
 use dexterous_grasping::taxonomy::{GraspType, Taxonomy};
-use grasp_verification::synthesis::again;
 use grasp_verification::synthesis::evaluation::{self, Evaluation};
-use grasp_verification::synthesis::grasp_file::{GraspFile, source};
+use grasp_verification::synthesis::grasp_file::{GraspFile, source_file};
 use grasp_verification::synthesis::grasping_hand::GraspingHand;
-use grasp_verification::synthesis::search::{self, Start};
-use grasp_verification::synthesis::size::Opening;
-use grasp_verification::synthesis::subject::{Subject, TEST_FRICTION};
-use grasp_verification::synthesis::synthesizer::{Request, Synthesizer};
+use grasp_verification::synthesis::reevaluation;
+use grasp_verification::synthesis::search::{self, SearchStart};
+use grasp_verification::synthesis::size::HandOpening;
+use grasp_verification::synthesis::subject::{PreparedObject, TEST_FRICTION};
+use grasp_verification::synthesis::synthesizer::{SynthesisRequest, Synthesizer};
+use grasp_verification::synthesis::type_filter::GraspTypeFilter;
 use grasp_verification::synthesis::urdf_hand::describe;
-use grasp_verification::synthesis::wanted::WantedType;
 use hand_model::{Digit, RobotModel};
 
 use crate::options::object_name::object_name;
-use crate::options::own_hand;
+use crate::options::renamed_options;
 use crate::terminal::{Outcome, Terminal};
 
 /// Limits of the object: mass from that of a feather on, kg; density, kg/m3; friction coefficient.
-const LIGHTEST: f64 = 1e-4;
-const HEAVIEST: f64 = 10.0;
-const LEAST_DENSE: f64 = 1.0;
-const DENSEST: f64 = 25_000.0;
-const LEAST_FRICTION: f64 = 0.01;
-const MOST_FRICTION: f64 = 3.0;
+const MIN_MASS: f64 = 1e-4;
+const MAX_MASS: f64 = 10.0;
+const MIN_DENSITY: f64 = 1.0;
+const MAX_DENSITY: f64 = 25_000.0;
+const MIN_FRICTION: f64 = 0.01;
+const MAX_FRICTION: f64 = 3.0;
 
 /// A part of the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Part {
+pub enum HandPart {
     Thumb,
     Index,
     Middle,
@@ -42,35 +42,35 @@ pub enum Part {
     Palm,
 }
 
-impl Part {
+impl HandPart {
     fn digit(self) -> Option<Digit> {
         Digit::ALL.get(self as usize).copied()
     }
 }
 
 /// Returns the built-in hand, restricted to the parts of the arguments and to the use that grasps of type `kind` make of it.
-fn built_in(args: &SynthesisArgs, kind: Option<&str>) -> Result<GraspingHand> {
-    let hand = GraspingHand::of(RobotModel::ftac_gen3().hand);
+fn built_in_hand(args: &SynthesisArgs, kind: Option<&str>) -> Result<GraspingHand> {
+    let hand = GraspingHand::from_hand(RobotModel::ftac_gen3().hand);
     let is_wanted = |known: &GraspType| kind == Some(known.name.as_str());
     let form = Taxonomy::paper().types.into_iter().find(is_wanted).map(|kind| kind.form);
     if args.parts.is_empty() {
         return Ok(match form {
-            Some(form) => hand.limited(&form),
+            Some(form) => hand.limited_to(&form),
             None => hand,
         });
     }
     let digits: Vec<Digit> = args.parts.iter().filter_map(|part| part.digit()).collect();
-    let palm = args.parts.contains(&Part::Palm);
+    let palm = args.parts.contains(&HandPart::Palm);
     anyhow::ensure!(
         digits.len() + usize::from(palm) > 1 && !digits.is_empty(),
         "--parts: found one part, expected a digit and another part"
     );
-    let parts = HandUse::of(digits, palm);
+    let parts = HandUse::with_digits(digits, palm);
     let in_use = match form {
         Some(form) => HandUse { digits: parts.digits, palm, ..form },
         None => parts,
     };
-    Ok(hand.limited(&in_use))
+    Ok(hand.limited_to(&in_use))
 }
 
 /// Parses the name of a grasp type of the taxonomy, whatever its case and separators.
@@ -107,7 +107,7 @@ pub struct SynthesisArgs {
     pub table: bool,
     /// Parts of the hand that may touch the object, of thumb, index, middle, ring, little and palm; default: all. The other digits stay open.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PARTS")]
-    pub parts: Vec<Part>,
+    pub parts: Vec<HandPart>,
     /// Number of closings tried on the posture of each chain until one is verified: the plain one first, then varied
     /// tensions and small offsets.
     #[arg(long, default_value_t = 8)]
@@ -143,37 +143,42 @@ pub struct GenerateArgs {
 }
 
 /// Applies mass and friction of the arguments to the subject.
-fn loaded(subject: Subject, args: &SynthesisArgs) -> Result<Subject> {
+fn with_mass_and_friction(subject: PreparedObject, args: &SynthesisArgs) -> Result<PreparedObject> {
     let check = |name: &str, value: f64, least: f64, most: f64| {
         anyhow::ensure!((least..=most).contains(&value), "--{name}: found {value}, expected {least} to {most}");
         Ok(value)
     };
     let mass = match (args.mass, args.density) {
-        (Some(mass), _) => check("mass", mass, LIGHTEST, HEAVIEST)?,
+        (Some(mass), _) => check("mass", mass, MIN_MASS, MAX_MASS)?,
         (None, Some(density)) => {
             let volume = subject.model.shape.volume();
-            let mass = check("density", density, LEAST_DENSE, DENSEST)? * volume;
+            let mass = check("density", density, MIN_DENSITY, MAX_DENSITY)? * volume;
             anyhow::ensure!(
-                (LIGHTEST..=HEAVIEST).contains(&mass),
-                "--density: found an object of {mass:.2e} kg ({:.3} cm3), expected {LIGHTEST} to {HEAVIEST} kg",
+                (MIN_MASS..=MAX_MASS).contains(&mass),
+                "--density: found an object of {mass:.2e} kg ({:.3} cm3), expected {MIN_MASS} to {MAX_MASS} kg",
                 1e6 * volume
             );
             mass
         }
         (None, None) => subject.model.mass,
     };
-    Ok(subject.tested_at(mass, check("friction", args.friction, LEAST_FRICTION, MOST_FRICTION)?))
+    Ok(subject.tested_at(mass, check("friction", args.friction, MIN_FRICTION, MAX_FRICTION)?))
 }
 
-fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> Result<(Subject, Request)> {
+fn request(
+    terminal: &Terminal,
+    args: &SynthesisArgs,
+    n: u64,
+    enough: usize,
+) -> Result<(PreparedObject, SynthesisRequest)> {
     if n == 0 {
         bail!("--n: found 0, expected at least 1");
     }
     let contacts = search::parse_contacts(&args.contacts)?;
     let subject = match (&args.object, &args.mesh) {
-        (Some(name), _) => Subject::named(name)?,
+        (Some(name), _) => PreparedObject::from_set(name)?,
         (None, Some(path)) => {
-            let (subject, note) = Subject::from_mesh(path)?;
+            let (subject, note) = PreparedObject::from_mesh(path)?;
             if let Some(note) = note {
                 eprintln!("{}: {note}", path.display());
             }
@@ -184,9 +189,15 @@ fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> 
     if args.closings == 0 {
         bail!("--closings: found 0, expected at least 1");
     }
-    let subject = loaded(subject, args)?;
-    let request =
-        Request { chains: n, enough, contacts, closings: args.closings, seed: terminal.seed, table: args.table };
+    let subject = with_mass_and_friction(subject, args)?;
+    let request = SynthesisRequest {
+        chains: n,
+        max_grasps: enough,
+        contacts,
+        closings: args.closings,
+        seed: terminal.seed,
+        table: args.table,
+    };
     Ok((subject, request))
 }
 
@@ -195,20 +206,20 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     if let Some(out) = &args.out {
         search::check_writable(out)?;
     }
-    own_hand::say_renamed();
+    renamed_options::note_renamed_options();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     let hand = match (&args.hand, &args.pulls) {
         (Some(urdf), Some(pulls)) => describe::read(urdf, pulls)?,
-        _ => built_in(&args.synthesis, args.kind.as_deref())?,
+        _ => built_in_hand(&args.synthesis, args.kind.as_deref())?,
     };
-    let subject = sized(subject, &args.synthesis, &hand.opening)?;
+    let subject = fit_to_hand(subject, &args.synthesis, &hand.opening)?;
     if !terminal.json {
         hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
     let writer = writer(terminal, args, hand.name().into())?;
     let mut synthesizer = Synthesizer::new(&hand, subject, request);
-    synthesizer.wanted = args.kind.as_ref().and_then(|kind| WantedType::new(kind, &synthesizer.subject));
-    let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
+    synthesizer.type_filter = args.kind.as_ref().and_then(|kind| GraspTypeFilter::new(kind, &synthesizer.subject));
+    let (report, _) = search::search(&synthesizer, SearchStart::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     let found = report.of_type.unwrap_or(report.verified.all);
     let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" of type {kind}"));
@@ -216,10 +227,10 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
 }
 
 /// Fits a user's mesh to a hand of this opening. The objects of the set are known to fit.
-fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Subject> {
+fn fit_to_hand(subject: PreparedObject, args: &SynthesisArgs, opening: &HandOpening) -> Result<PreparedObject> {
     let Some(mesh) = &args.mesh else { return Ok(subject) };
     let subject = subject.for_opening(opening).with_context(|| format!("--mesh {}", mesh.display()))?;
-    if !subject.places.is_empty() {
+    if !subject.start_points.is_empty() {
         eprintln!(
             "{}: wider as a whole than {} opens ({:.0} mm); grasps begin where it is thin",
             subject.model.name,
@@ -230,20 +241,21 @@ fn sized(subject: Subject, args: &SynthesisArgs, opening: &Opening) -> Result<Su
     Ok(subject)
 }
 
-/// Creates the file of `--out` with its header; `name` is the hand's.
+/// Creates the file of `--out` with its header; `image_name` is the hand's.
 fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Option<GraspWriter>> {
     let Some(path) = &args.out else { return Ok(None) };
     let hand = match (&args.hand, &args.pulls) {
-        (Some(urdf), Some(pulls)) => Some(HandSource { name, urdf: source(urdf)?, pulls: source(pulls)? }),
+        (Some(urdf), Some(pulls)) => Some(HandSource { name, urdf: source_file(urdf)?, pulls: source_file(pulls)? }),
         _ => None,
     };
-    let mesh = args.synthesis.mesh.as_deref().map(source).transpose()?;
-    let header = Header { hand, mesh, ..Header::new(command(terminal, args), terminal.seed) };
+    let mesh = args.synthesis.mesh.as_deref().map(source_file).transpose()?;
+    let header =
+        GraspFileHeader { hand, mesh, ..GraspFileHeader::new(generate_command(terminal, args), terminal.seed) };
     Ok(Some(GraspWriter::create(path, &header)?))
 }
 
 /// Returns the command that makes the same file again.
-fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
+fn generate_command(terminal: &Terminal, args: &GenerateArgs) -> String {
     let GenerateArgs { synthesis, n, keep, kind, .. } = args;
     let what = match (&synthesis.object, &synthesis.mesh) {
         (Some(name), _) => format!("--object {name}"),
@@ -292,8 +304,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     }
     let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let hand = built_in(args, None)?;
-    let subject = sized(subject, args, &hand.opening)?;
+    let hand = built_in_hand(args, None)?;
+    let subject = fit_to_hand(subject, args, &hand.opening)?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(&hand, subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
@@ -304,7 +316,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
 fn eval_again(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let object = args.synthesis.object.as_deref();
-    let evaluations = again::evaluate(&file, object)?;
+    let evaluations = reevaluation::evaluate(&file, object)?;
     if let (true, Some(name)) = (evaluations.is_empty(), object) {
         bail!("--object: found no grasp of `{name}` in the file, expected some");
     }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use bench::recording::drawn;
+use bench::recording::drawn_object;
 use clap::Args;
 use dexterous_grasping::synthesis::diversity::{self, Diversity};
-use dexterous_grasping::synthesis::kind::{self, Kind};
+use dexterous_grasping::synthesis::kind::{self, GraspKind};
 use grasp_verification::synthesis::grasp_file::GraspFile;
 use grasp_verification::synthesis::parts::table;
 use grasp_verification::synthesis::subject::TEST_FRICTION;
@@ -14,8 +14,8 @@ use hand_model::RobotModel;
 use report::grasp_gallery;
 use schemars::JsonSchema;
 use serde::Serialize;
-use telemetry::Target;
-use telemetry::gallery::{self, ShownGrasp};
+use telemetry::RecordingTarget;
+use telemetry::gallery::{self, GalleryGrasp};
 
 use crate::options::object_name::object_name;
 use crate::terminal::{Outcome, Terminal};
@@ -26,7 +26,7 @@ pub struct ShowArgs {
     /// Object to show; default: a table of all objects.
     #[arg(value_parser = object_name)]
     pub object: Option<String>,
-    /// Grasp file of `collection` or `generate`; default: the built-in collection.
+    /// Grasp file of `collection` or `fill_repertoire`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
     /// Maximum number of kinds, the most frequent first.
@@ -48,12 +48,12 @@ struct ObjectKinds<'a> {
     /// Diversity of the grasps, for a hand whose digits have names.
     #[serde(skip_serializing_if = "Option::is_none")]
     diversity: Option<Diversity>,
-    kinds: &'a [Kind<'a>],
+    kinds: &'a [GraspKind<'a>],
 }
 
 /// JSON output of `grasps show`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Shown<'a> {
+pub struct ShowOutput<'a> {
     /// Name of the hand, if it comes from a URDF.
     #[serde(skip_serializing_if = "Option::is_none")]
     hand: Option<&'a str>,
@@ -66,14 +66,14 @@ pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
     let file = GraspFile::read_or_built_in(args.grasps.as_deref(), RobotModel::ftac_gen3().hand)?;
     let (object, hand) = (args.object.as_deref(), &file.hand);
     let entries = file.objects(object)?;
-    let by_object: Vec<(&str, Vec<Kind<'_>>)> =
+    let by_object: Vec<(&str, Vec<GraspKind<'_>>)> =
         entries.iter().map(|entry| (entry.summary.object.as_str(), file.kinds(entry))).collect();
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
         grasp_gallery::write(&file, object, args.kinds, folder)?;
         eprintln!("{}: grasps.html with its pictures", folder.display());
     }
-    let own = hand.named.is_some();
+    let own = hand.named_hand.is_some();
     let text = if own && object.is_none() {
         table(&file.collection)
     } else {
@@ -85,11 +85,11 @@ pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
         diversity: own.then(|| diversity::describe(&entry.grasps)),
         kinds,
     });
-    let answer = Shown { hand: (!own).then(|| hand.name()), objects: objects.collect() };
+    let answer = ShowOutput { hand: (!own).then(|| hand.name()), objects: objects.collect() };
     terminal.print(&answer, &text)?;
     if let (Some(_), [(name, kinds)], None) = (object, &by_object[..], &args.report) {
-        let shown: Vec<ShownGrasp> =
-            kinds.iter().take(args.kinds).map(|kind| grasp_gallery::shown(hand, kind)).collect();
+        let shown: Vec<GalleryGrasp> =
+            kinds.iter().take(args.kinds).map(|kind| grasp_gallery::gallery_grasp(hand, kind)).collect();
         // All grasps of a file come from one search, with one friction coefficient.
         let friction = kinds.first().map_or(TEST_FRICTION, grasp_gallery::friction);
         record(terminal, args, &file, name, friction, &shown)?;
@@ -103,14 +103,14 @@ fn record(
     grasps: &GraspFile,
     name: &str,
     friction: f64,
-    shown: &[ShownGrasp],
+    shown: &[GalleryGrasp],
 ) -> Result<()> {
     let model = grasps.model(name)?;
     let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/grasps_{name}.rrd")));
     gallery::write(
-        &[Target::File(file.clone())],
+        &[RecordingTarget::File(file.clone())],
         &RobotModel::ftac_gen3().hand,
-        &drawn(&model, name),
+        &drawn_object(&model, name),
         friction,
         shown,
     )?;
@@ -119,7 +119,7 @@ fn record(
     }
     // A user who names no file wants to see the recording.
     if args.out.is_none() {
-        let program = telemetry::viewer::find_viewer().ok_or(telemetry::StreamError::NoViewer)?;
+        let program = telemetry::viewer::find_viewer().ok_or(telemetry::TelemetryError::NoViewer)?;
         telemetry::viewer::open(&program, &[file])?;
     }
     Ok(())

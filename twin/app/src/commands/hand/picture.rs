@@ -23,10 +23,10 @@ pub struct PictureArgs {
     pub pose: String,
     /// Viewpoint; several are drawn side by side.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "palm")]
-    pub view: Vec<Side>,
+    pub view: Vec<Viewpoint>,
     /// Colour scheme of the pads.
-    #[arg(long, value_enum, default_value_t = Color::Configuration)]
-    pub color: Color,
+    #[arg(long, value_enum, default_value_t = ColorScheme::Configuration)]
+    pub color: ColorScheme,
     #[command(flatten)]
     pub robot: RobotArgs,
     /// Width and height of each view, pixels.
@@ -42,7 +42,7 @@ pub struct PictureArgs {
 
 /// Viewpoint of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Side {
+pub enum Viewpoint {
     /// View of the palm.
     Palm,
     /// View of the back.
@@ -53,21 +53,21 @@ pub enum Side {
     Tips,
 }
 
-impl Side {
+impl Viewpoint {
     fn view(self) -> View {
         let center = Point3::new(0.01, -0.005, 0.0);
         match self {
-            Self::Palm => View::palm().at(center, 0.25),
-            Self::Back => View::back().at(center, 0.25),
-            Self::Thumb => View::thumb_side().at(center, 0.25),
-            Self::Tips => View::tips().at(Point3::new(0.01, -0.03, -0.02), 0.19),
+            Self::Palm => View::palm().recentered(center, 0.25),
+            Self::Back => View::back().recentered(center, 0.25),
+            Self::Thumb => View::thumb_side().recentered(center, 0.25),
+            Self::Tips => View::tips().recentered(Point3::new(0.01, -0.03, -0.02), 0.19),
         }
     }
 }
 
 /// Colour scheme of the pads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Color {
+pub enum ColorScheme {
     /// By the sensor's configuration, a to f.
     Configuration,
     /// By digit, as in recordings.
@@ -76,7 +76,7 @@ pub enum Color {
 
 /// JSON output of `hand picture`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Pictured<'a> {
+pub struct PictureOutput<'a> {
     /// File of the picture.
     picture: &'a Path,
     /// Joint angles in the order of the hand file, degrees.
@@ -89,21 +89,21 @@ pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
     let angles = angles(&hand, &args.pose)?;
     let pictures: Vec<RgbImage> = args.view.iter().map(|side| draw(&hand, &angles, *side, args)).collect();
     let mut sheet = picture::tile(&pictures, pictures.len());
-    if !args.plain && args.color == Color::Configuration {
+    if !args.plain && args.color == ColorScheme::Configuration {
         legend(&mut sheet, &hand);
     }
     picture::save(&sheet, &args.out)?;
     let angles_deg = angles.iter().map(|angle| (angle.to_degrees() * 10.0).round() / 10.0).collect();
     let text = format!("{}: {} by {} pixels\n", args.out.display(), sheet.width(), sheet.height());
-    terminal.print(&Pictured { picture: &args.out, angles_deg }, &text)?;
+    terminal.print(&PictureOutput { picture: &args.out, angles_deg }, &text)?;
     Ok(None)
 }
 
-fn draw(hand: &Hand, angles: &[f64], side: Side, args: &PictureArgs) -> RgbImage {
+fn draw(hand: &Hand, angles: &[f64], side: Viewpoint, args: &PictureArgs) -> RgbImage {
     let mut picture = Picture::new(args.size, side.view());
     picture.hand_with(hand, angles, |pad| match args.color {
-        Color::Configuration => picture::configuration_color(pad),
-        Color::Digit => telemetry::scene::link_color(hand, pad.link).map(f64::from),
+        ColorScheme::Configuration => picture::configuration_color(pad),
+        ColorScheme::Digit => telemetry::scene::link_color(hand, pad.link).map(f64::from),
     });
     picture.finish("")
 }
@@ -145,7 +145,7 @@ fn angles(hand: &Hand, pose: &str) -> Result<HandVector> {
         Some(digits) => (digits.concat(), true),
         None => (numbers(hand, pose)?, false),
     };
-    let mut angles = hand.open();
+    let mut angles = hand.open_angles();
     for ((angle, degrees), joint) in angles.iter_mut().zip(&degrees).zip(&hand.tree.joints) {
         let (low, high) = (joint.lower.to_degrees(), joint.upper.to_degrees());
         // The angles of a named posture are clamped to the joint limits.

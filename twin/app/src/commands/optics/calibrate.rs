@@ -8,10 +8,10 @@ use clap::{Args, ValueEnum};
 use image::RgbImage;
 use indicatif::ProgressStyle;
 use schemars::JsonSchema;
-use sensor_calibration::calibration::figures::Figures;
-use sensor_calibration::calibration::presses::{CHECKERBOARDS, CheckedPresses, PressSource};
+use sensor_calibration::calibration::figures::CalibrationFigures;
+use sensor_calibration::calibration::presses::{CHECKERBOARD_FOLDER, CheckedPresses, PressSource};
 use sensor_calibration::calibration::scale::PixelSource;
-use sensor_calibration::calibration::{CalibrationRun, FitOptions, Split, sheet};
+use sensor_calibration::calibration::{CalibrationRun, FitOptions, HoldOutSplit, sheet};
 use serde::Serialize;
 
 use crate::terminal::{Outcome, Terminal};
@@ -35,7 +35,7 @@ pub struct CalibrateArgs {
     /// gel under each lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and
     /// `rows`, its inner corners). Or a video of presses one after another, which begins untouched.
     pub folder: PathBuf,
-    /// Image of the untouched gel, if it is not named `background`.
+    /// Image of the untouched gel, if it is not named `load_background`.
     #[arg(long)]
     pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (for presses whose label does not give it).
@@ -80,9 +80,9 @@ pub struct CalibrateArgs {
 
 /// JSON output of `optics calibrate`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Calibrated<'a> {
+pub struct CalibrateOutput<'a> {
     #[serde(flatten)]
-    figures: Figures<'a>,
+    figures: CalibrationFigures<'a>,
     /// Wall time, s.
     wall_s: f64,
 }
@@ -90,14 +90,14 @@ pub struct Calibrated<'a> {
 /// Runs `ftac optics calibrate`: fits, evaluates, and writes the calibration file.
 pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     let started = Instant::now();
-    let boards = args.folder.join(CHECKERBOARDS);
+    let boards = args.folder.join(CHECKERBOARD_FOLDER);
     if args.lens.is_some() && boards.exists() {
         bail!("--lens: found {} as well; expected one of the two", boards.display());
     }
     let split = match args.split {
-        SplitArg::Folds => Split::Folds,
-        SplitArg::EvenOdd => Split::EvenOdd,
-        SplitArg::Ball => Split::Ball,
+        SplitArg::Folds => HoldOutSplit::Folds,
+        SplitArg::EvenOdd => HoldOutSplit::EvenOdd,
+        SplitArg::Ball => HoldOutSplit::Ball,
     };
     let pixel = pixel_source(args)?;
     if let Some(path) = &args.out {
@@ -144,7 +144,7 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
         run.write(path)?;
     }
     let wall_s = started.elapsed().as_secs_f64();
-    terminal.print(&Calibrated { figures: run.figures(), wall_s }, &format!("{}{wall_s:.0} s\n", run.table()))?;
+    terminal.print(&CalibrateOutput { figures: run.figures(), wall_s }, &format!("{}{wall_s:.0} s\n", run.table()))?;
     Ok(short)
 }
 

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use bench::builtin::calibration_of;
+use bench::builtin::robot_calibration;
 use clap::Args;
 use schemars::JsonSchema;
 use sensor_calibration::calibration::figures::accuracy_table;
@@ -13,7 +13,7 @@ use sensor_calibration::pad_forces::{self, Agreement, PadForce};
 use sensor_calibration::reconstruction::Accuracy;
 use serde::Serialize;
 use tactile_optics::calibration::Similarity;
-use tactile_optics::calibration::recovery::Recovery;
+use tactile_optics::calibration::recovery::RecoveryErrors;
 
 use super::sensor_option::SensorOption;
 use crate::options::robot::RobotArgs;
@@ -27,7 +27,7 @@ pub struct EvalArgs {
     pub folder: Option<PathBuf>,
     #[command(flatten)]
     pub sensor: SensorOption,
-    /// Image of the untouched gel in FOLDER, if it is not named `background`.
+    /// Image of the untouched gel in FOLDER, if it is not named `load_background`.
     #[arg(long, requires = "folder")]
     pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (for presses whose label does not give it).
@@ -58,14 +58,14 @@ struct PadForces {
 
 /// Errors of reconstructed surfaces, by method.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Surfaces {
+struct SurfaceErrors {
     look_up: Accuracy,
     network: Accuracy,
 }
 
 /// JSON output of `optics eval`: the evaluations that were asked for.
 #[derive(Debug, Default, Serialize, JsonSchema)]
-pub struct Evaluation {
+pub struct OpticsEvalOutput {
     /// With --force: response of each gel to the paper's probe.
     #[serde(skip_serializing_if = "Option::is_none")]
     force: Option<Vec<GelResponse>>,
@@ -74,7 +74,7 @@ pub struct Evaluation {
     pads: Option<PadForces>,
     /// With --recovery: errors of fits.
     #[serde(skip_serializing_if = "Option::is_none")]
-    recovery: Option<Vec<Recovery>>,
+    recovery: Option<Vec<RecoveryErrors>>,
     /// With a folder: number of presses compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     presses: Option<usize>,
@@ -83,7 +83,7 @@ pub struct Evaluation {
     full: Option<Similarity>,
     /// With a folder: errors of reconstructed surfaces.
     #[serde(skip_serializing_if = "Option::is_none")]
-    reconstruction: Option<Surfaces>,
+    reconstruction: Option<SurfaceErrors>,
 }
 
 /// Runs the evaluations asked for.
@@ -92,7 +92,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         bail!("found nothing to evaluate; expected a FOLDER with --sensor, or --force, --pads or --recovery");
     }
     let robot = args.robot.model()?;
-    let mut result = Evaluation::default();
+    let mut result = OpticsEvalOutput::default();
     let mut short = None;
     let tell = |text: &str| {
         if !terminal.json {
@@ -108,7 +108,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         result.force = Some(rows);
     }
     if args.pads {
-        let rows = pad_forces::grip_all(&robot.hand, calibration_of(&robot)?)?;
+        let rows = pad_forces::grip_all(&robot.hand, robot_calibration(&robot)?)?;
         let all = pad_forces::agreement(&rows).context("--pads: no pad is loaded")?;
         tell(&pad_forces::table(&rows, &all));
         result.pads = Some(PadForces { rows, agreement: all });
@@ -130,7 +130,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         result.presses = Some(count);
         if let Some([look_up, network]) = found.surfaces {
             tell(&accuracy_table(&[&look_up, &network]));
-            result.reconstruction = Some(Surfaces { look_up, network });
+            result.reconstruction = Some(SurfaceErrors { look_up, network });
         }
         result.full = Some(mean);
     }

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tactile_optics::pads::PadOptics;
 
-use crate::options::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, instance_model};
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;
 
@@ -31,7 +31,7 @@ pub struct PadsArgs {
 
 /// JSON output of `optics pads`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Written {
+pub struct PadsOutput {
     /// Files written.
     files: Vec<PathBuf>,
 }
@@ -41,7 +41,7 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
         bail!("--out {}: found a file; expected a folder", args.out.display());
     }
-    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
     let mut files = Vec::new();
     for pad in &hand.pads {
         let design = PadOptics::nominal(&hand, pad);
@@ -58,6 +58,6 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if !terminal.json && !terminal.quiet {
         eprintln!("{} files in {}", files.len(), args.out.display());
     }
-    terminal.print(&Written { files: files.into_iter().map(|(path, _)| path).collect() }, "")?;
+    terminal.print(&PadsOutput { files: files.into_iter().map(|(path, _)| path).collect() }, "")?;
     Ok(None)
 }

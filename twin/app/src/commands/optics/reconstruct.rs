@@ -5,15 +5,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use ftac_platform::file::write_whole;
+use ftac_platform::file::write_atomically;
 use schemars::JsonSchema;
-use sensor_calibration::reconstruction::folder::{self, Arrivals, Inputs};
+use sensor_calibration::reconstruction::folder::{self, FolderWatcher, Inputs};
 use sensor_calibration::reconstruction::output::{self, ImageFigures};
-use sensor_calibration::reconstruction::photometry::untouched;
-use sensor_calibration::reconstruction::{Accuracy, Method, Photometry, Reconstructor};
+use sensor_calibration::reconstruction::photometry::untouched_photo;
+use sensor_calibration::reconstruction::{Accuracy, Photometry, Reconstructor, SlopeMethod};
 use sensor_calibration::video;
 use serde::Serialize;
-use tactile_optics::calibration::image_files::EXPECTED;
+use tactile_optics::calibration::image_files::IMAGE_FORMATS;
 use tactile_optics::calibration::{CalibratedSensor, Photo, press_checks};
 
 use crate::terminal::{Outcome, Terminal};
@@ -56,9 +56,9 @@ pub struct ReconstructArgs {
 /// JSON output of `optics reconstruct`, also written beside the images. For a watched folder each image is printed on
 /// its own.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Reconstruction<'a> {
+pub struct ReconstructOutput<'a> {
     /// Method that estimated the slopes.
-    method: Method,
+    method: SlopeMethod,
     /// Origin of the untouched gel's image.
     background: String,
     /// Errors on presses held out of the calibration.
@@ -71,26 +71,26 @@ pub struct Reconstruction<'a> {
 }
 
 /// Polling period of a watched folder.
-const LOOK: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Runs `ftac optics reconstruct`: all images, and with `--watch` those still to come.
 pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     let sensor = CalibratedSensor::read(&args.sensor)?;
     let photometry = Photometry::read(&args.sensor, &sensor)?;
     let method = match args.method {
-        Some(MethodArg::LookUp) => Method::LookUp,
-        Some(MethodArg::Network) => Method::Network,
-        None => photometry.better(),
+        Some(MethodArg::LookUp) => SlopeMethod::LookUp,
+        Some(MethodArg::Network) => SlopeMethod::Network,
+        None => photometry.better_method(),
     };
     if args.watch && !args.folder.is_dir() {
         bail!("{}: found no folder; expected one to watch", args.folder.display());
     }
     let Inputs { files, background: beside } = Inputs::find(&args.folder, args.background.as_deref())?;
     if files.is_empty() && !args.watch {
-        bail!("{}: found no images; expected {EXPECTED}, or a video", args.folder.display());
+        bail!("{}: found no images; expected {IMAGE_FORMATS}, or a video", args.folder.display());
     }
     folder::check_names(&files)?;
-    let (background, origin) = background(beside, &sensor)?;
+    let (background, origin) = load_background(beside, &sensor)?;
     let fault = photometry.accuracy(method).fault();
     if let Some(fault) = fault {
         bail!("{}: {} is of no use: {fault}", args.sensor.display(), method.name());
@@ -102,7 +102,8 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
         std::fs::create_dir_all(out).with_context(|| format!("--out {}", out.display()))?;
     }
     let reader = Reconstructor::new(&sensor, &photometry, &background, method);
-    let mut job = Job { terminal, args, sensor: &sensor, reader, background, rows: Vec::new(), failed: Vec::new() };
+    let mut job =
+        ReconstructionJob { terminal, args, sensor: &sensor, reader, background, rows: Vec::new(), failed: Vec::new() };
     if !terminal.quiet && !terminal.json {
         let accuracy = photometry.accuracy(method);
         eprintln!(
@@ -119,25 +120,25 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
         );
     }
     if args.watch {
-        let mut arrivals = Arrivals::default();
+        let mut arrivals = FolderWatcher::default();
         loop {
-            for file in arrivals.next(&args.folder, args.background.as_deref())? {
-                job.file(&file);
+            for file in arrivals.new_files(&args.folder, args.background.as_deref())? {
+                job.process_file(&file);
                 job.rows.drain(..).try_for_each(|row| terminal.print(&row, ""))?;
                 // A watched folder may hold anything; the next image may be good.
                 job.failed.drain(..).for_each(|error| eprintln!("{error}"));
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
-    files.iter().for_each(|file| job.file(file));
-    let Job { rows, failed, .. } = job;
-    let result = Reconstruction {
+    files.iter().for_each(|file| job.process_file(file));
+    let ReconstructionJob { rows, failed, .. } = job;
+    let result = ReconstructOutput {
         method,
         background: origin,
         accuracy: photometry.accuracy(method),
         steepest_deg: photometry.range().steepest_deg().into(),
-        height_png_level_m: output::LEVEL.into(),
+        height_png_level_m: output::HEIGHT_PER_LEVEL.into(),
         images: rows,
     };
     if result.images.is_empty() {
@@ -145,7 +146,7 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
     }
     if let Some(out) = &args.out {
         let path = out.join("reconstruction.json");
-        write_whole(&path, serde_json::to_string_pretty(&result)?.as_bytes())
+        write_atomically(&path, serde_json::to_string_pretty(&result)?.as_bytes())
             .with_context(|| format!("--out {}", path.display()))?;
     }
     terminal.print(&result, "")?;
@@ -154,8 +155,8 @@ pub fn reconstruct(terminal: &Terminal, args: &ReconstructArgs) -> Outcome {
 }
 
 /// Returns the image of the untouched gel, and its origin in words.
-fn background(found: Option<PathBuf>, sensor: &CalibratedSensor) -> Result<(Photo, String)> {
-    let Some(path) = found else { return Ok((untouched(sensor), "the calibration's".to_owned())) };
+fn load_background(found: Option<PathBuf>, sensor: &CalibratedSensor) -> Result<(Photo, String)> {
+    let Some(path) = found else { return Ok((untouched_photo(sensor), "the calibration's".to_owned())) };
     let mut photo = Photo::read(&path)?;
     let (columns, rows) = sensor.size();
     if (photo.width, photo.height) != (columns, rows) {
@@ -166,19 +167,19 @@ fn background(found: Option<PathBuf>, sensor: &CalibratedSensor) -> Result<(Phot
             photo.height
         );
     }
-    if photo.is_grey() && !untouched(sensor).is_grey() {
+    if photo.is_grey() && !untouched_photo(sensor).is_grey() {
         bail!("{}: found a grey image; expected colours, as in the calibration", path.display());
     }
     if let Some(lens) = &sensor.calibration().lens {
         photo = lens.rectify(&photo);
     }
-    if let Some(reason) = press_checks::unlike_background(&photo, &untouched(sensor)) {
+    if let Some(reason) = press_checks::background_mismatch(&photo, &untouched_photo(sensor)) {
         bail!("{}: {reason} of the calibration", path.display());
     }
     Ok((photo, path.display().to_string()))
 }
 
-struct Job<'a> {
+struct ReconstructionJob<'a> {
     terminal: &'a Terminal,
     args: &'a ReconstructArgs,
     sensor: &'a CalibratedSensor,
@@ -189,40 +190,40 @@ struct Job<'a> {
     failed: Vec<String>,
 }
 
-impl Job<'_> {
+impl ReconstructionJob<'_> {
     /// Reconstructs an image file, or the frames of a video.
-    fn file(&mut self, file: &Path) {
-        let name = folder::name(file);
+    fn process_file(&mut self, file: &Path) {
+        let name = folder::image_name(file);
         let done = if video::is_video(file) {
             video::frames(file, &mut |n, photo| {
                 let frame = video::frame_name(&name, n);
-                let done = self.photo(photo, &frame);
+                let done = self.process_photo(photo, &frame);
                 self.failed.extend(done.err().map(|error| format!("{}, frame {n}: {error:#}", file.display())));
                 Ok(true)
             })
         } else {
-            self.image(file, &name).with_context(|| file.display().to_string())
+            self.process_image(file, &name).with_context(|| file.display().to_string())
         };
         self.failed.extend(done.err().map(|error| format!("{error:#}")));
     }
 
-    fn image(&mut self, file: &Path, name: &str) -> Result<()> {
+    fn process_image(&mut self, file: &Path, name: &str) -> Result<()> {
         let (photo, depth) = Photo::read_deep(file)?;
         if let Some(depth) = depth.filter(|depth| depth.bits < 16 && !self.terminal.quiet) {
             eprintln!("{name}: {depth}");
         }
-        self.photo(photo, name)
+        self.process_photo(photo, name)
     }
 
     /// Reconstructs one image, and writes and prints the result.
-    fn photo(&mut self, mut photo: Photo, name: &str) -> Result<()> {
+    fn process_photo(&mut self, mut photo: Photo, name: &str) -> Result<()> {
         let started = Instant::now();
         let (columns, rows) = self.sensor.size();
         if let Some(lens) = self.sensor.calibration().lens.filter(|_| (photo.width, photo.height) == (columns, rows)) {
             photo = lens.rectify(&photo);
         }
         let surface = self.reader.surface(&photo)?;
-        if let Some(reason) = press_checks::unlike_background(&photo, &self.background) {
+        if let Some(reason) = press_checks::background_mismatch(&photo, &self.background) {
             bail!("{reason}");
         }
         let wall = 1e3 * started.elapsed().as_secs_f64();
@@ -233,8 +234,8 @@ impl Job<'_> {
             match &surface {
                 Some(found) => println!(
                     "{name:24} {:>10} {:>10} {:>12.2} {:>11.1} {wall:>8.1}",
-                    millimetres(found.deepest),
-                    millimetres(found.depth_error),
+                    format_millimetres(found.deepest),
+                    format_millimetres(found.depth_error),
                     1e6 * found.area(),
                     output::mean_error(found)
                 ),
@@ -250,6 +251,6 @@ impl Job<'_> {
 }
 
 /// Formats a length, given in m, in mm, or as `unknown`.
-fn millimetres(length: Option<f64>) -> String {
+fn format_millimetres(length: Option<f64>) -> String {
     length.map_or_else(|| "unknown".to_owned(), |length| format!("{:.3}", 1e3 * length))
 }

@@ -9,12 +9,12 @@ use schemars::JsonSchema;
 use sensor_calibration::render::{CameraRender, MeshPose, PadView, SensorSource, real_sensor};
 use sensor_calibration::shape_sheet::{PressedShape, shape_sheet};
 use serde::Serialize;
-use tactile_optics::Cover;
+use tactile_optics::PadCover;
 use tactile_optics::calibration::CalibratedSensor;
 use world::geometry::Mesh;
 
 use super::sensor_option::SensorOption;
-use crate::options::robot::{RobotArgs, individual_of};
+use crate::options::robot::{RobotArgs, instance_model};
 use crate::terminal::{Outcome, Terminal};
 
 /// Default depth of a mesh pressed into a real sensor, mm.
@@ -82,7 +82,7 @@ pub struct ShapesArgs {
 
 /// JSON output of `optics render` for a pad.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct PadRender<'a> {
+pub struct PadRenderOutput<'a> {
     pad: &'a str,
     /// Normal force, N.
     force: f64,
@@ -94,7 +94,7 @@ pub struct PadRender<'a> {
 
 /// JSON output of `optics shapes`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Shapes {
+pub struct ShapesOutput {
     shapes: Vec<PressedShape>,
 }
 
@@ -108,7 +108,7 @@ fn expect_png(out: &Path) -> Result<()> {
 /// Runs `ftac optics render`.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
-    let hand = individual_of(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
     let (mesh, repair) = Mesh::load(&args.mesh)?;
     if !repair.is_none() {
         eprintln!("{}: {repair}", args.mesh.display());
@@ -125,8 +125,8 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     }
     let pad = find_pad(&hand, &args.pad)?;
     let cover = match args.cover_radius_mm {
-        Some(mm) => Cover::cylinder(1e-3 * mm).and_then(|cover| cover.check(&hand.pads[pad]).map(|()| cover)),
-        None => Ok(Cover::FLAT),
+        Some(mm) => PadCover::cylinder(1e-3 * mm).and_then(|cover| cover.check(&hand.pads[pad]).map(|()| cover)),
+        None => Ok(PadCover::FLAT),
     };
     let source = sensor.map_or(SensorSource::Hand(args.unit), |path| SensorSource::Calibration(path));
     let view = PadView::new(&hand, pad, cover.context("--cover-radius-mm")?, &source, terminal.seed)?;
@@ -136,7 +136,8 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
         let time: f64 = rows.iter().map(|row| row.render_ms).sum();
         eprintln!("{} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
     }
-    let rendered = PadRender { pad: &args.pad, force: pressed.force, shift_mm: 1e3 * pressed.shift, cameras: rows };
+    let rendered =
+        PadRenderOutput { pad: &args.pad, force: pressed.force, shift_mm: 1e3 * pressed.shift, cameras: rows };
     terminal.print(&rendered, "")?;
     let short = (pressed.force - args.force).abs() > 0.01 * args.force;
     Ok(short.then(|| format!("the gel is pressed flat: it bears {:.2} N of {} N", pressed.force, args.force)))
@@ -169,12 +170,12 @@ pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
     let pad = find_pad(&hand, &args.pad)?;
     let (sheet, list) = shape_sheet(&hand, pad, args.force, args.unit, terminal.seed)?;
     sheet.save(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
-    terminal.print(&Shapes { shapes: list }, "")?;
+    terminal.print(&ShapesOutput { shapes: list }, "")?;
     Ok(None)
 }
 
 fn find_pad(hand: &Hand, name: &str) -> Result<usize> {
-    hand.pad(name).with_context(|| {
+    hand.find_pad(name).with_context(|| {
         let known: Vec<&str> = hand.pads.iter().map(|pad| pad.name.as_str()).collect();
         format!("--pad: found `{name}`; expected one of {}", known.join(", "))
     })

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::Serialize;
-use sweep::makespan::Point;
-use sweep::merge::Merged;
-use sweep::slurm::Task;
+use sweep::makespan::MakespanPoint;
+use sweep::merge::MergeResult;
+use sweep::slurm::SlurmTask;
 
 /// JSON output of `sweep plan`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Planned<'a> {
+pub struct SweepPlanOutput<'a> {
     /// Name of the sweep.
     pub(super) name: &'a str,
     /// Number of points: combinations of one value of each axis except seed, policy and ablation.
@@ -49,7 +49,7 @@ pub struct BrokenUnit {
 
 /// JSON output of `sweep merge`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Joined {
+pub struct MergeOutput {
     /// Number of merged units.
     pub(super) units: usize,
     /// Number of unfinished units.
@@ -66,9 +66,9 @@ pub struct Joined {
     pub(super) digest: String,
 }
 
-impl Joined {
-    pub(super) fn of(merged: Merged) -> Self {
-        let Merged { units, missing, broken, trials, tries, core_s, digest } = merged;
+impl MergeOutput {
+    pub(super) fn from_merged(merged: MergeResult) -> Self {
+        let MergeResult { units, missing, broken, trials, tries, core_s, digest } = merged;
         let broken = broken.into_iter().map(|(unit, reason)| BrokenUnit { unit, reason }).collect();
         Self { units, missing, broken, trials, tries, core_s, digest }
     }
@@ -76,7 +76,7 @@ impl Joined {
 
 /// JSON output of `sweep run`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Played {
+pub struct SweepRunOutput {
     /// The result folder.
     pub(super) folder: PathBuf,
     /// Number of units that this process played.
@@ -90,12 +90,12 @@ pub struct Played {
     /// Wall time of this process, s.
     pub(super) wall_s: f64,
     /// Merged results; none for a worker.
-    pub(super) merged: Option<Joined>,
+    pub(super) merged: Option<MergeOutput>,
 }
 
 /// JSON output of `sweep submit`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Handed {
+pub struct SubmitOutput {
     /// The result folder.
     pub(super) folder: PathBuf,
     /// Outcome: submitted, joined (jobs of this sweep are already under way) or finished.
@@ -121,7 +121,7 @@ pub struct FailedAttempt {
 
 /// JSON output of `sweep status`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Standing {
+pub struct StatusOutput {
     /// Name of the sweep.
     pub(super) name: String,
     /// Number of finished units.
@@ -141,14 +141,14 @@ pub struct Standing {
     /// Remaining time at that rate, s.
     pub(super) left_s: Option<f64>,
     /// States of the jobs as Slurm reports them.
-    pub(super) jobs: Vec<Task>,
+    pub(super) jobs: Vec<SlurmTask>,
     /// Error of the query to Slurm.
     pub(super) slurm_error: Option<String>,
 }
 
 /// JSON output of `sweep makespan`.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Replayed {
+pub struct MakespanOutput {
     /// One entry per number of cores.
-    pub(super) points: Vec<Point>,
+    pub(super) points: Vec<MakespanPoint>,
 }

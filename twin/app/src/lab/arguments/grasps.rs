@@ -22,7 +22,7 @@ pub enum GraspsLabCommand {
 }
 
 /// Value of --plans that stands for the built-in plans.
-pub const BUILT_IN: &str = "built-in";
+pub const BUILT_IN_PLANS: &str = "built-in";
 
 /// Source of the grasps.
 #[derive(Debug, Clone, Args)]
@@ -88,7 +88,7 @@ pub struct ClassifyArgs {
         long,
         value_name = "FILE",
         num_args = 0..=1,
-        default_missing_value = BUILT_IN,
+        default_missing_value = BUILT_IN_PLANS,
         conflicts_with_all = ["paths", "explain", "labels", "out", "like_people"]
     )]
     pub plans: Option<PathBuf>,

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 
 use crate::options::robot::RobotArgs;
 
-/// `hand` commands that `ftac-lab` runs.
+/// `apply_to_hand` commands that `ftac-lab` runs.
 #[derive(Debug, Subcommand)]
 pub enum HandLabCommand {
     /// Check the hand's figures against the paper's, in physics where they concern motion.

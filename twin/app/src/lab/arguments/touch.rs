@@ -17,7 +17,7 @@ pub enum TouchLabCommand {
 
 /// Architecture of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum KindArg {
+pub enum NetworkKindArg {
     /// Encoder-decoder: sees each pixel with its surroundings.
     EncoderDecoder,
     /// Per-pixel network: sees each pixel alone; the customary baseline.
@@ -31,8 +31,8 @@ pub struct TrainNetworkArgs {
     #[arg(long)]
     pub out: PathBuf,
     /// Architecture of the network.
-    #[arg(long, value_enum, default_value_t = KindArg::EncoderDecoder)]
-    pub kind: KindArg,
+    #[arg(long, value_enum, default_value_t = NetworkKindArg::EncoderDecoder)]
+    pub kind: NetworkKindArg,
     /// Number of presses to render.
     #[arg(long, default_value_t = 720)]
     pub presses: usize,

@@ -1,7 +1,7 @@
 //! Planning of a pick sequence: which objects to take, in which order and with which digits, so that the carried volume
 //! is largest.
 //!
-//! Every [`Pickup`] closes digits that are still free and keeps those that hold the object; the others open again. The
+//! Every [`PickSkill`] closes digits that are still free and keeps those that hold the object; the others open again. The
 //! value of a plan is the sum over its picks of the object's volume times the probability that this pick and all before
 //! it hold. The best plan is found by exhaustive search, which is quick because a hand has five digits. After each
 //! pick, touch determines which digits hold something, and the rest is replanned.
@@ -14,15 +14,15 @@ use hand_model::{Digit, Hand};
 use serde::{Deserialize, Serialize};
 use tactile_perception::PadTouch;
 
-use crate::perception::blocked;
-use crate::worth;
+use crate::perception::is_blocked;
+use crate::score;
 
 /// Conversion from m3 to cubic centimetres.
-const TO_CM3: f64 = 1e6;
+const CM3_PER_M3: f64 = 1e6;
 
 /// A way to pick up a ball while other digits hold something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Pickup {
+pub struct PickSkill {
     /// Diameter of the ball with which it was proven, m.
     pub diameter: f64,
     /// Digits that held something when it was proven.
@@ -35,13 +35,13 @@ pub struct Pickup {
 
 /// An object that is ready to be taken.
 #[derive(Debug, Clone)]
-pub struct Ready {
+pub struct ReachableObject {
     /// Number of the object among all objects.
     pub object: usize,
     /// Volume, m3.
     pub volume: f64,
     /// Indices of the suitable pickups within the arm's reach, each with its number of failures.
-    pub pickups: Vec<(usize, i32)>,
+    pub skills: Vec<(usize, i32)>,
 }
 
 /// One pick of a plan.
@@ -50,7 +50,7 @@ pub struct Pick {
     /// Index of the object.
     pub object: usize,
     /// Index of the pickup.
-    pub pickup: usize,
+    pub skill: usize,
     /// Probability that this pick holds, given that those before it do.
     pub score: f64,
 }
@@ -63,17 +63,18 @@ pub struct PickPlan {
     pub volume: f64,
 }
 
-/// Plan with the largest expected volume for a hand whose digits `holding` are occupied, with at most `most` picks.
-pub fn plan(pickups: &[Pickup], ready: &[Ready], holding: &[Digit], most: usize) -> PickPlan {
+/// Plan with the largest expected volume for a hand whose digits `holding_digits` are occupied, with at most `most` picks.
+pub fn plan_picks(pickups: &[PickSkill], ready: &[ReachableObject], holding: &[Digit], most: usize) -> PickPlan {
     if most == 0 {
         return PickPlan::default();
     }
     let mut best = PickPlan::default();
     for thing in ready {
-        for pick in distinct(pickups, thing, holding) {
-            let digits = &pickups[pick.pickup].keeps;
-            let rest: Vec<Ready> = ready.iter().filter(|other| other.object != thing.object).cloned().collect();
-            let then = plan(pickups, &rest, &[holding, digits].concat(), most - 1);
+        for pick in best_picks(pickups, thing, holding) {
+            let digits = &pickups[pick.skill].keeps;
+            let rest: Vec<ReachableObject> =
+                ready.iter().filter(|other| other.object != thing.object).cloned().collect();
+            let then = plan_picks(pickups, &rest, &[holding, digits].concat(), most - 1);
             let volume = pick.score * (thing.volume + then.volume);
             if volume > best.volume {
                 best = PickPlan { picks: std::iter::once(pick).chain(then.picks).collect(), volume };
@@ -84,21 +85,22 @@ pub fn plan(pickups: &[Pickup], ready: &[Ready], holding: &[Digit], most: usize)
 }
 
 /// Best pickup for `thing` for each set of free digits that will hold it.
-fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
+fn best_picks(pickups: &[PickSkill], thing: &ReachableObject, holding: &[Digit]) -> Vec<Pick> {
     let mut picks: Vec<Pick> = Vec::new();
-    for &(number, failures) in &thing.pickups {
+    for &(number, failures) in &thing.skills {
         let pickup = &pickups[number];
         if pickup.grasp.digits.iter().any(|digit| holding.contains(digit)) {
             continue;
         }
         let proven = pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
-        let score =
-            pickup.grasp.score * if proven { 1.0 } else { worth::UNPROVEN_BESIDE } * worth::FAILED.powi(failures);
-        if score < worth::LEAST {
+        let score = pickup.grasp.score
+            * if proven { 1.0 } else { score::UNVERIFIED_PICK_FACTOR }
+            * score::FAILURE_FACTOR.powi(failures);
+        if score < score::MIN_PICK_SCORE {
             continue;
         }
-        let pick = Pick { object: thing.object, pickup: number, score };
-        match picks.iter_mut().find(|other| pickups[other.pickup].keeps == pickup.keeps) {
+        let pick = Pick { object: thing.object, skill: number, score };
+        match picks.iter_mut().find(|other| pickups[other.skill].keeps == pickup.keeps) {
             Some(other) if other.score < score => *other = pick,
             Some(_) => {}
             None => picks.push(pick),
@@ -108,21 +110,21 @@ fn distinct(pickups: &[Pickup], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
 }
 
 /// Describes the plan in words; `names` are those of all objects.
-pub fn in_words(plan: &PickPlan, pickups: &[Pickup], names: &[String]) -> String {
+pub fn describe_plan(plan: &PickPlan, pickups: &[PickSkill], names: &[String]) -> String {
     let one = |pick: &Pick| {
-        let digits = digit_sets::in_words(&pickups[pick.pickup].keeps);
+        let digits = digit_sets::describe_digits(&pickups[pick.skill].keeps);
         format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
     };
     let picks: Vec<String> = plan.picks.iter().map(one).collect();
-    format!("{}, {:.0} cm3 expected", picks.join(", then "), plan.volume * TO_CM3)
+    format!("{}, {:.0} cm3 expected", picks.join(", then "), plan.volume * CM3_PER_M3)
 }
 
 /// Explains why `planned`, the remaining picks, are given up for `now`, given the digits that hold something. `None` if
 /// they stay.
-pub fn why_not(
+pub fn explain_replan(
     planned: &[Pick],
     now: &PickPlan,
-    pickups: &[Pickup],
+    pickups: &[PickSkill],
     holding: &[Digit],
     names: &[String],
 ) -> Option<String> {
@@ -130,24 +132,24 @@ pub fn why_not(
     if now.picks.first().is_some_and(|pick| pick.object == was.object) {
         return None;
     }
-    let needs = &pickups[was.pickup].grasp.digits;
+    let needs = &pickups[was.skill].grasp.digits;
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
         [] => "is worth less now".to_owned(),
         taken => format!(
             "needs {}, of which {} holds something already",
-            digit_sets::in_words(needs),
-            digit_sets::in_words(taken)
+            digit_sets::describe_digits(needs),
+            digit_sets::describe_digits(taken)
         ),
     };
     Some(format!("{} as planned {because}", names[was.object]))
 }
 
-/// Digits out of `pulled`, which close on one object, that hold it. A finger holds if its pads feel something, if a
+/// Digits out of `pulled_digits`, which close on one object, that hold it. A finger holds if its pads feel something, if a
 /// blind pad may hide a contact, or if its cable shows that something blocks it: fingers often hold with their sides,
 /// which bear no pads. The thumb closes against fingers, so only they can tell that it holds something. Alone it holds
 /// nothing.
-pub fn feeling(
+pub fn holding_digits(
     (hand, limits): (&Hand, &HoldLimits),
     touches: &[PadTouch],
     servos: &[ServoState],
@@ -155,9 +157,9 @@ pub fn feeling(
 ) -> Vec<Digit> {
     let felt = |digit: Digit| {
         let of = |touch: &&PadTouch| hand.digit_of(hand.pads[touch.pad].link) == Some(digit);
-        touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
+        touches.iter().filter(of).any(|touch| touch.is_touched() || touch.blind)
     };
-    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, limits, servos, digit));
+    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || is_blocked(hand, limits, servos, digit));
     if !pulled.iter().any(|digit| holds(*digit)) {
         return Vec::new();
     }
@@ -168,7 +170,7 @@ pub fn feeling(
 mod tests {
     use super::*;
     use crate::perception::tests::servos;
-    fn pickup(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Pickup {
+    fn pickup(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> PickSkill {
         let mut close_tension = [0.0; 5];
         for digit in digits {
             close_tension[digit.index()] = 10.0;
@@ -191,7 +193,7 @@ mod tests {
             held_spread: None,
             score,
         };
-        Pickup { diameter: 0.04, beside: beside.to_vec(), keeps: digits.to_vec(), grasp }
+        PickSkill { diameter: 0.04, beside: beside.to_vec(), keeps: digits.to_vec(), grasp }
     }
 
     const REST: [Digit; 4] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring];
@@ -199,53 +201,54 @@ mod tests {
 
     /// The example of the paper: the golf ball with the little finger, the softball with the rest. With another finger
     /// on the golf ball, the softball's grasp is impossible, and a smaller ball is taken.
-    fn story() -> (Vec<Pickup>, Vec<Ready>, Vec<String>) {
+    fn paper_example() -> (Vec<PickSkill>, Vec<ReachableObject>, Vec<String>) {
         let pickups = vec![
             pickup("golf", &[Digit::Little], &[], 0.9),
             pickup("soft", &REST, &[Digit::Little], 0.8),
             pickup("yoga", &THREE, &[Digit::Ring], 0.9),
         ];
-        let ready = |object: usize, volume: f64| Ready { object, volume, pickups: vec![(object, 0)] };
+        let ready = |object: usize, volume: f64| ReachableObject { object, volume, skills: vec![(object, 0)] };
         let names = ["golf", "soft", "yoga"].map(str::to_owned).to_vec();
         (pickups, vec![ready(0, 40e-6), ready(1, 480e-6), ready(2, 180e-6)], names)
     }
 
     #[test]
     fn the_largest_load_is_planned() {
-        let (pickups, ready, names) = story();
-        let best = plan(&pickups, &ready, &[], 2);
+        let (pickups, ready, names) = paper_example();
+        let best = plan_picks(&pickups, &ready, &[], 2);
         assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
         assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
         assert!(
-            in_words(&best, &pickups, &names).starts_with("golf with little finger (holds 0.90 of times), then soft")
+            describe_plan(&best, &pickups, &names)
+                .starts_with("golf with little finger (holds 0.90 of times), then soft")
         );
-        assert_eq!(plan(&pickups, &ready, &[], 0), PickPlan::default());
+        assert_eq!(plan_picks(&pickups, &ready, &[], 0), PickPlan::default());
     }
 
     #[test]
     fn another_object_where_a_digit_is_taken() {
-        let (pickups, ready, names) = story();
-        let planned = plan(&pickups, &ready, &[], 2);
-        let now = plan(&pickups, &ready[1..], &[Digit::Ring], 2);
+        let (pickups, ready, names) = paper_example();
+        let planned = plan_picks(&pickups, &ready, &[], 2);
+        let now = plan_picks(&pickups, &ready[1..], &[Digit::Ring], 2);
         assert_eq!(now.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [2]);
-        let why = why_not(&planned.picks[1..], &now, &pickups, &[Digit::Ring], &names).unwrap();
+        let why = explain_replan(&planned.picks[1..], &now, &pickups, &[Digit::Ring], &names).unwrap();
         assert_eq!(
             why,
             "soft as planned needs thumb, index, middle and ring finger, of which ring finger holds something already"
         );
         // With the little finger on it, the plan stays.
-        let as_planned = plan(&pickups, &ready[1..], &[Digit::Little], 2);
-        assert!(why_not(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
+        let as_planned = plan_picks(&pickups, &ready[1..], &[Digit::Little], 2);
+        assert!(explain_replan(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
     }
 
     /// Failed pickups and those never proven beside these digits count less, and improbable ones are not tried.
     #[test]
     fn doubts_count() {
-        let (pickups, mut ready, _) = story();
-        ready[2].pickups = vec![(2, 1)];
-        assert!((plan(&pickups, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
-        ready[2].pickups = vec![(2, 2)];
-        assert!(plan(&pickups, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
+        let (pickups, mut ready, _) = paper_example();
+        ready[2].skills = vec![(2, 1)];
+        assert!((plan_picks(&pickups, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
+        ready[2].skills = vec![(2, 2)];
+        assert!(plan_picks(&pickups, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
     }
 
     /// A digit with a blind pad, or a blocked finger, holds. A thumb holds only with fingers, and a digit that does not
@@ -258,10 +261,10 @@ mod tests {
         let closed = servos(&hand, [1.0; 5]);
         let pad = hand.pads.iter().position(|pad| hand.digit_of(pad.link) == Some(Digit::Ring)).unwrap();
         let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
-        assert_eq!(feeling(with, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
-        assert!(feeling(with, &blind, &closed, &[Digit::Little]).is_empty());
-        assert!(feeling(with, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
+        assert_eq!(holding_digits(with, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
+        assert!(holding_digits(with, &blind, &closed, &[Digit::Little]).is_empty());
+        assert!(holding_digits(with, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
         let stopped = servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]);
-        assert_eq!(feeling(with, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
+        assert_eq!(holding_digits(with, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
     }
 }

@@ -24,12 +24,12 @@ proptest! {
         let hand = Hand::ftac();
         let surface = HandSurface::new(&hand, 800);
         let field = ball(0.03);
-        let table = Plane { normal: Vector3::z_axis(), offset: -0.03 };
-        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), Some(table));
+        let table = TablePlane { normal: Vector3::z_axis(), offset: -0.03 };
+        let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), Some(table));
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let state = random_state(&mut rng);
         let contacts: Vec<usize> = (0..5).map(|_| rng.random_range(0..surface.candidates.len())).collect();
-        let mut frames = Frames::new(&hand.tree);
+        let mut frames = LinkFrames::new(&hand.tree);
         let (mut gradient, mut unused) = ([0.0; 21], [0.0; 21]);
         let here = energy.evaluate(&state, &contacts, &mut frames, &mut gradient);
         prop_assert!(here.total.is_finite());
@@ -56,9 +56,9 @@ fn early_out_is_exact() {
     let hand = Hand::ftac();
     let surface = HandSurface::new(&hand, 2000);
     let field = ball(0.03);
-    let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+    let energy = GraspEnergy::new(&hand, &surface, &field, EnergyWeights::default(), None);
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut frames = Frames::new(&hand.tree);
+    let mut frames = LinkFrames::new(&hand.tree);
     let mut met = 0;
     for _ in 0..40 {
         let state = random_state(&mut rng);
@@ -85,10 +85,10 @@ fn lines_of_mixed_sense() {
     let field = ball(0.03);
     let line = ActuatorLine { joints: vec![0, 3, 7], share: vec![1.0, -0.5, 1.5], offset: vec![0.0, 0.1, 0.0] };
     let mechanism = Mechanism { limits: vec![(-2.0, 2.0); 15], scale: vec![1.0; 15], lines: vec![line] };
-    let energy = GraspEnergy::of_mechanism(mechanism, &surface, &field, Weights::default(), None);
+    let energy = GraspEnergy::from_mechanism(mechanism, &surface, &field, EnergyWeights::default(), None);
     let at = |joints: &[f64], gradient: &mut [f64]| {
         let state = HandState { object_from_palm: Isometry3::identity(), joints: joints.to_vec() };
-        let mut terms = Terms::default();
+        let mut terms = EnergyTerms::default();
         energy.posture(&state, gradient, &mut terms);
         terms.posture
     };

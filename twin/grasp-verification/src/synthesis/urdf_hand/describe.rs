@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
 use dexterous_grasping::synthesis::mechanism::Mechanism;
-use dexterous_grasping::synthesis::surface::{Ball, Candidate, HandSurface};
+use dexterous_grasping::synthesis::surface::{ContactCandidate, HandSurface, LinkSphere};
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::JointKind;
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -21,32 +21,32 @@ use world::geometry::LINK_MESHES;
 
 use self::palm::{facing_warning, opening, palm_frame};
 use super::super::grasping_hand::{ContactModel, GraspingHand, SampledHand};
-use super::super::size::Opening;
-use super::found_surface::FoundSurface;
-use super::solids::{LinkShapes, SurfacePoint, fill, name, number, shapes, surface_points};
+use super::super::size::HandOpening;
+use super::derived_surface::DerivedSurface;
+use super::solids::{LinkShapes, LinkSurfacePoint, fill_with_spheres, link_name, link_number, shapes, surface_points};
 use super::true_surface::TrueSurfaces;
 
-const MOST_CANDIDATES: usize = 700;
+const MAX_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal above which it is a candidate.
-const FACES_MOTION: f64 = 0.5;
+const MIN_MOTION_COSINE: f64 = 0.5;
 /// Cosine between a palm point's normal and the direction to the closing point above which it is a candidate.
-const FACES_CLOSING_POINT: f64 = 0.7;
+const MIN_CLOSING_POINT_COSINE: f64 = 0.7;
 /// Least motion of a candidate in the middle quarter of the closing motion, m. It excludes points beside their own
 /// hinge.
-const LEAST_MOTION: f64 = 2e-3;
+const MIN_MOTION: f64 = 2e-3;
 /// Least motion of a candidate on a sliding link, m. Such a link has no hinge.
-const LEAST_SLIDE: f64 = 0.2e-3;
+const MIN_SLIDE: f64 = 0.2e-3;
 /// Steps into which the closing motion is divided.
-const STEPS: usize = 8;
+const CLOSING_STEPS: usize = 8;
 /// Largest distance of a candidate on a collision part from the link's own surface, m.
-const ON_SURFACE: f64 = 1.5e-3;
+const SURFACE_TOLERANCE: f64 = 1.5e-3;
 /// Arm of the torsional friction that a fingertip bears about its normal, m: 3 pi / 16 of the radius of its contact
 /// (Hertz), which is 5 mm for soft tips.
 const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
 /// Arm at which torques count as forces, m: the lever arm at which an object's weight may act.
 const TORQUE_ARM: f64 = 0.01;
 /// Tension below which a note says that an actuator is weak, N.
-const STRONG: f64 = 60.0;
+const WEAK_TENSION: f64 = 60.0;
 
 /// Reads and describes a hand.
 pub fn read(urdf: &Path, pulls: &Path) -> Result<GraspingHand> {
@@ -57,14 +57,14 @@ pub fn read(urdf: &Path, pulls: &Path) -> Result<GraspingHand> {
 fn describe(hand: HandMechanism) -> Result<GraspingHand> {
     let mut notes = Vec::new();
     check(&hand, &mut notes)?;
-    let mechanism = Mechanism::of_urdf(&hand);
+    let mechanism = Mechanism::from_urdf(&hand);
     let shapes = shapes(&hand)?;
     let by_link = surface_points(&shapes);
     for (link, points) in by_link.iter().enumerate() {
         if points.is_empty() {
             notes.push(format!(
                 "WARNING {}: no collision shape, it can neither touch nor be kept clear",
-                name(&hand, link)
+                link_name(&hand, link)
             ));
         }
     }
@@ -74,42 +74,47 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
     let place = closing_point(&hand, &mechanism, &closing_motion, &by_link)?;
     let palm_from_root = palm_frame(&hand, &shapes, &place, &mut notes)?;
     notes.extend(facing_warning(&hand, &mechanism, &closing_motion, &palm_from_root));
-    let mut candidates: Vec<Candidate> = Vec::new();
+    let mut candidates: Vec<ContactCandidate> = Vec::new();
     for (link, points) in by_link.iter().enumerate() {
-        let faces: Vec<&SurfacePoint> =
+        let faces: Vec<&LinkSurfacePoint> =
             points.iter().filter(|at| may_touch(&hand, &closing_motion, &place, link, at)).collect();
-        let on_surface = |at: &&&SurfacePoint| {
+        let on_surface = |at: &&&LinkSurfacePoint| {
             let point = Point3::from(at.point);
-            (true_surfaces.nearest(link, &point) - point).norm() <= ON_SURFACE
+            (true_surfaces.nearest(link, &point) - point).norm() <= SURFACE_TOLERANCE
         };
-        let faces: Vec<&SurfacePoint> = faces.iter().filter(on_surface).copied().collect();
-        candidates.extend(faces.iter().map(|at| Candidate { link, pad: link, point: at.point, normal: at.normal }));
-        notes.push(format!("{:32} {:5} points, {:4} candidates", name(&hand, link), points.len(), faces.len()));
+        let faces: Vec<&LinkSurfacePoint> = faces.iter().filter(on_surface).copied().collect();
+        candidates.extend(faces.iter().map(|at| ContactCandidate {
+            link,
+            pad: link,
+            point: at.point,
+            normal: at.normal,
+        }));
+        notes.push(format!("{:32} {:5} points, {:4} candidates", link_name(&hand, link), points.len(), faces.len()));
     }
     if !candidates.iter().any(|candidate| candidate.link > 0) {
         bail!(
             "contacts: found no point of a moving link that faces its closing motion, expected some: do the arms' signs close the hand?"
         );
     }
-    let every = candidates.len().div_ceil(MOST_CANDIDATES);
+    let every = candidates.len().div_ceil(MAX_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
-    let opening = Opening { width: opening(&hand, &closing_motion, &candidates), hand: hand.name.clone() };
+    let opening = HandOpening { width: opening(&hand, &closing_motion, &candidates), hand: hand.name.clone() };
     notes.push(format!("the fingers take up to {:.0} mm between them", 1e3 * opening.width));
-    let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
+    let balls: Vec<Vec<LinkSphere>> = shapes.iter().map(|own| fill_with_spheres(own)).collect();
     let hand = Arc::new(hand);
     let body = CollisionModel::new(hand.clone());
-    let pairs = pairs(&body, &balls, &mut notes);
+    let pairs = collision_pairs(&body, &balls, &mut notes);
     let root = |v: &Vector3<f64>| (palm_from_root * Point3::from(*v)).coords;
     let parts = by_link.iter().zip(balls).enumerate().map(|(link, (points, balls))| {
         let here = |v: &Vector3<f64>| if link == 0 { root(v) } else { *v };
-        let balls = balls.into_iter().map(|ball| Ball { center: here(&ball.center), ..ball }).collect();
+        let balls = balls.into_iter().map(|ball| LinkSphere { center: here(&ball.center), ..ball }).collect();
         (points.iter().map(|at| here(&at.point)).collect(), balls)
     });
     for candidate in candidates.iter_mut().filter(|candidate| candidate.link == 0) {
         candidate.point = root(&candidate.point);
         candidate.normal = palm_from_root * candidate.normal;
     }
-    let surface = HandSurface::of_points(parts.collect(), candidates, pairs);
+    let surface = HandSurface::from_points(parts.collect(), candidates, pairs);
     let mut tree = hand.tree.clone();
     for joint in tree.joints.iter_mut().filter(|joint| joint.parent.is_none()) {
         joint.origin = palm_from_root * joint.origin;
@@ -119,12 +124,12 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
         body,
         palm_from_root,
         sampled: SampledHand { tree, mechanism, surface },
-        may_close: vec![true; hand.pulls.len()],
+        may_close: vec![true; hand.actuators.len()],
         opening,
         tensions: (8.0, 60.0),
         contacts: ContactModel::Soft { torsion_arm: TORSION_ARM, torque_arm: TORQUE_ARM },
-        named: None,
-        found: Some(FoundSurface { root, true_surfaces }),
+        named_hand: None,
+        derived_surface: Some(DerivedSurface { root, true_surfaces }),
         notes,
     })
 }
@@ -132,7 +137,7 @@ fn describe(hand: HandMechanism) -> Result<GraspingHand> {
 /// Returns a warning about the parts that may bear an object if the pulls file does not name the palm.
 fn palm_note(hand: &HandMechanism, shapes: &LinkShapes) -> Option<String> {
     let mut owners: Vec<&str> =
-        hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.owner.as_str()).collect();
+        hand.solids.iter().filter(|solid| solid.link.is_none()).map(|solid| solid.link_name.as_str()).collect();
     owners.dedup();
     (!shapes[0].is_empty() && !shapes[0].iter().any(|part| part.bears)).then(|| {
         format!(
@@ -144,20 +149,20 @@ fn palm_note(hand: &HandMechanism, shapes: &LinkShapes) -> Option<String> {
 }
 
 fn check(hand: &HandMechanism, notes: &mut Vec<String>) -> Result<()> {
-    if hand.pulls.is_empty() {
+    if hand.actuators.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
     notes.extend(hand.notes.iter().cloned());
-    for (name, at) in &hand.held {
+    for (name, at) in &hand.held_joints {
         notes.push(format!("{name}: no actuator pulls it, it is held at {at:.3}"));
     }
-    for (name, (most, by)) in hand.pulls.iter().filter_map(|pull| Some((&pull.name, pull.most.as_ref()?))) {
-        if *most < STRONG {
+    for (name, (most, by)) in hand.actuators.iter().filter_map(|pull| Some((&pull.name, pull.max_tension.as_ref()?))) {
+        if *most < WEAK_TENSION {
             notes.push(format!("{name}: pulls with {most:.1} N at most: {by}"));
         }
     }
     for (index, joint) in hand.tree.joints.iter().enumerate() {
-        let pulled = hand.pulls.iter().any(|pull| pull.arms.iter().any(|(joint, _)| *joint == index));
+        let pulled = hand.actuators.iter().any(|pull| pull.levers.iter().any(|(joint, _)| *joint == index));
         let follows = hand.followers.iter().find(|follower| follower.joint == index);
         match (pulled, follows) {
             (true, _) => {}
@@ -185,8 +190,8 @@ fn check(hand: &HandMechanism, notes: &mut Vec<String>) -> Result<()> {
 
 /// Returns the joint coordinates of the closing motion, from open to closed.
 fn closing_motion(hand: &HandMechanism, mechanism: &Mechanism) -> Vec<Vec<f64>> {
-    let open = hand.rest();
-    (0..=STEPS)
+    let open = hand.rest_coordinates();
+    (0..=CLOSING_STEPS)
         .map(|step| {
             let mut joints = open.clone();
             for (line, own) in mechanism.lines.iter().enumerate() {
@@ -204,7 +209,7 @@ fn closing_motion(hand: &HandMechanism, mechanism: &Mechanism) -> Vec<Vec<f64>> 
                     .sum::<f64>()
                     / own.joints.len() as f64;
                 let start = mechanism.amount(line, &open);
-                mechanism.set_amount(line, start + (far - start) * step as f64 / STEPS as f64, &mut joints);
+                mechanism.set_amount(line, start + (far - start) * step as f64 / CLOSING_STEPS as f64, &mut joints);
             }
             joints
         })
@@ -221,12 +226,12 @@ fn closing_point(
     hand: &HandMechanism,
     mechanism: &Mechanism,
     closing_motion: &[Vec<f64>],
-    by_link: &[Vec<SurfacePoint>],
+    by_link: &[Vec<LinkSurfacePoint>],
 ) -> Result<Point3<f64>> {
     let moved: Vec<usize> = mechanism.lines.iter().flat_map(|line| line.joints.iter().copied()).collect();
     let last = |joint: &usize| !hand.tree.joints.iter().any(|other| other.parent == Some(*joint));
     let tips: Vec<usize> = moved.iter().filter(|joint| last(joint)).map(|joint| joint + 1).collect();
-    let half = &closing_motion[STEPS / 2];
+    let half = &closing_motion[CLOSING_STEPS / 2];
     let middles: Vec<Vector3<f64>> = tips
         .iter()
         .filter(|link| !by_link[**link].is_empty())
@@ -248,37 +253,37 @@ fn may_touch(
     closing_motion: &[Vec<f64>],
     place: &Point3<f64>,
     link: usize,
-    at: &SurfacePoint,
+    at: &LinkSurfacePoint,
 ) -> bool {
     if !at.bears {
         return false;
     }
     if link == 0 {
         let way = place.coords - at.point;
-        return at.normal.dot(&way) > FACES_CLOSING_POINT * way.norm();
+        return at.normal.dot(&way) > MIN_CLOSING_POINT_COSINE * way.norm();
     }
-    let half = STEPS / 2;
+    let half = CLOSING_STEPS / 2;
     let (before, after) = (pose(hand, &closing_motion[half - 1], link), pose(hand, &closing_motion[half + 1], link));
     let point = Point3::from(at.point);
     let motion = after * point - before * point;
     let normal = pose(hand, &closing_motion[half], link) * at.normal;
     let slides = hand.tree.chain(link - 1).iter().all(|joint| hand.tree.joints[*joint].kind == JointKind::Slide);
-    motion.norm() > if slides { LEAST_SLIDE } else { LEAST_MOTION }
-        && normal.dot(&motion) > FACES_MOTION * motion.norm()
+    motion.norm() > if slides { MIN_SLIDE } else { MIN_MOTION }
+        && normal.dot(&motion) > MIN_MOTION_COSINE * motion.norm()
 }
 
 /// Returns the pairs of links whose balls the sampler keeps apart. Links that are joined are left out, and so are links
 /// that already overlap at rest, as published boxes often do. The balls lie inside the shapes, so everything that
 /// collides in physics is among these pairs.
-fn pairs(body: &CollisionModel, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
+fn collision_pairs(body: &CollisionModel, balls: &[Vec<LinkSphere>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
     let hand = &**body.hand();
-    let open = hand.rest();
-    let placed: Vec<Vec<Ball>> = balls
+    let open = hand.rest_coordinates();
+    let placed: Vec<Vec<LinkSphere>> = balls
         .iter()
         .enumerate()
         .map(|(link, own)| {
             let pose = pose(hand, &open, link);
-            own.iter().map(|ball| Ball { center: (pose * Point3::from(ball.center)).coords, ..*ball }).collect()
+            own.iter().map(|ball| LinkSphere { center: (pose * Point3::from(ball.center)).coords, ..*ball }).collect()
         })
         .collect();
     let parent = |link: usize| hand.tree.joints[link - 1].parent.map_or(0, |joint| joint + 1);
@@ -292,7 +297,10 @@ fn pairs(body: &CollisionModel, balls: &[Vec<Ball>], notes: &mut Vec<String>) ->
             }
         }
     }
-    let overlap = body.passing().iter().map(|(a, b)| format!("{}+{}", name(hand, number(*a)), name(hand, number(*b))));
+    let overlap = body
+        .ignored_pairs()
+        .iter()
+        .map(|(a, b)| format!("{}+{}", link_name(hand, link_number(*a)), link_name(hand, link_number(*b))));
     let overlap: Vec<String> = overlap.collect();
     if !overlap.is_empty() {
         notes.push(format!("WARNING pass through each other, because they overlap at rest: {}", overlap.join(", ")));

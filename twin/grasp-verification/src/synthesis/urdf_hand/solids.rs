@@ -3,19 +3,19 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use dexterous_grasping::synthesis::surface::Ball;
+use dexterous_grasping::synthesis::surface::LinkSphere;
 use hand_model::hand_mechanism::{HandMechanism, SolidShape};
 use nalgebra::{Isometry3, Point3, Vector3};
-use world::geometry::{GeometryError, Mesh, Shape, hull_mesh};
+use world::geometry::{GeometryError, Mesh, ObjectShape, hull_mesh};
 
 /// Largest distance by which collinear corners of a hull are moved out, m.
-const SET_APART: f64 = 2e-5;
+const MAX_CORNER_SHIFT: f64 = 2e-5;
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
 /// Number of points on the whole hand.
-const POINTS: usize = 2000;
+const SURFACE_POINTS: usize = 2000;
 
 /// Surface point with its normal, in the link's frame (the root's for the palm).
-pub struct SurfacePoint {
+pub struct LinkSurfacePoint {
     pub point: Vector3<f64>,
     pub normal: Vector3<f64>,
     /// True if it may bear an object.
@@ -26,7 +26,7 @@ pub struct SurfacePoint {
 pub struct LinkPart {
     /// `link_from_shape`.
     pub pose: Isometry3<f64>,
-    pub shape: Shape,
+    pub shape: ObjectShape,
     /// True if it stands for a mesh or a part of one.
     pub of_mesh: bool,
     /// True if it may bear an object: every part of a moving link, and of the root the parts that the pulls file names
@@ -38,7 +38,7 @@ pub struct LinkPart {
 pub type LinkShapes = Vec<Vec<LinkPart>>;
 
 /// Returns the number of a link, with 0 for the root.
-pub fn number(link: Option<usize>) -> usize {
+pub fn link_number(link: Option<usize>) -> usize {
     link.map_or(0, |link| link + 1)
 }
 
@@ -47,45 +47,47 @@ pub fn shapes(hand: &HandMechanism) -> Result<LinkShapes> {
     let mut found: LinkShapes = Vec::new();
     found.resize_with(hand.tree.len() + 1, Vec::new);
     for solid in &hand.solids {
-        let link = number(solid.link);
+        let link = link_number(solid.link);
         let shape = match &solid.shape {
-            SolidShape::Cuboid(half) => Shape::Cuboid { half: *half, radius: 0.0 },
-            SolidShape::RoundedCuboid(half, radius) => Shape::Cuboid { half: *half, radius: *radius },
-            SolidShape::Sphere(radius) => Shape::Sphere { radius: *radius },
-            SolidShape::Cylinder(radius, half) => Shape::Cylinder { radius: *radius, half_height: *half },
+            SolidShape::Cuboid(half) => ObjectShape::Cuboid { half: *half, radius: 0.0 },
+            SolidShape::RoundedCuboid(half, radius) => ObjectShape::Cuboid { half: *half, radius: *radius },
+            SolidShape::Sphere(radius) => ObjectShape::Sphere { radius: *radius },
+            SolidShape::Cylinder(radius, half) => ObjectShape::Cylinder { radius: *radius, half_height: *half },
             SolidShape::Capsule(radius, half) => {
-                Shape::Cuboid { half: Vector3::new(*radius, *radius, half + radius), radius: *radius }
+                ObjectShape::Cuboid { half: Vector3::new(*radius, *radius, half + radius), radius: *radius }
             }
             SolidShape::Hull(points) => {
-                let mesh = hull(points).with_context(|| format!("the collision hull of {}", name(hand, link)))?;
-                Shape::Mesh(Arc::new(mesh))
+                let mesh = hull(points).with_context(|| format!("the collision hull of {}", link_name(hand, link)))?;
+                ObjectShape::Mesh(Arc::new(mesh))
             }
         };
         found[link].push(LinkPart {
             pose: solid.link_from_solid,
             shape,
             of_mesh: matches!(solid.shape, SolidShape::Hull(_)),
-            bears: link > 0 || hand.palm.links.contains(&solid.owner),
+            bears: link > 0 || hand.palm.links.contains(&solid.link_name),
         });
     }
     Ok(found)
 }
 
 /// Computes the hull of points as a mesh. Corners of a cut are collinear with others, which gives triangles without
-/// area. They are then moved apart by up to [`SET_APART`].
+/// area. They are then moved apart by up to [`MAX_CORNER_SHIFT`].
 fn hull(points: &[Point3<f64>]) -> Result<Mesh, GeometryError> {
     hull_mesh(points).or_else(|_| {
         let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let out = |(n, point): (usize, &Point3<f64>)| {
             // Quasi-random shares, the same in every run.
             let share = (n as f64 * GOLDEN_RATIO).fract();
-            point + (point.coords - middle).try_normalize(1e-9).unwrap_or_else(Vector3::zeros) * (SET_APART * share)
+            point
+                + (point.coords - middle).try_normalize(1e-9).unwrap_or_else(Vector3::zeros)
+                    * (MAX_CORNER_SHIFT * share)
         };
         hull_mesh(&points.iter().enumerate().map(out).collect::<Vec<_>>())
     })
 }
 
-fn surface_area(shape: &Shape) -> f64 {
+fn surface_area(shape: &ObjectShape) -> f64 {
     let (points, triangles, _) = shape.triangles();
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|index| points[index as usize]);
@@ -95,12 +97,12 @@ fn surface_area(shape: &Shape) -> f64 {
 }
 
 /// Returns points spread evenly over all links, without those inside another shape of the same link.
-pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
+pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<LinkSurfacePoint>> {
     let total: f64 = shapes.iter().flatten().map(|part| surface_area(&part.shape)).sum();
     let on_link = |parts: &Vec<LinkPart>| {
         let mut points = Vec::new();
         for (n, LinkPart { pose, shape, bears, .. }) in parts.iter().enumerate() {
-            let count = (POINTS as f64 * surface_area(shape) / total).ceil() as usize;
+            let count = (SURFACE_POINTS as f64 * surface_area(shape) / total).ceil() as usize;
             for point in shape.surface_samples(count) {
                 let (_, normal) = shape.signed_distance(&point);
                 let at = pose * point;
@@ -108,7 +110,7 @@ pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
                     other != n && part.shape.signed_distance(&part.pose.inverse_transform_point(&at)).0 < -1e-4
                 });
                 if !buried {
-                    points.push(SurfacePoint { point: at.coords, normal: pose * normal, bears: *bears });
+                    points.push(LinkSurfacePoint { point: at.coords, normal: pose * normal, bears: *bears });
                 }
             }
         }
@@ -118,12 +120,12 @@ pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<SurfacePoint>> {
 }
 
 /// Returns the name of a link (0 is the root).
-pub fn name(hand: &HandMechanism, link: usize) -> String {
+pub fn link_name(hand: &HandMechanism, link: usize) -> String {
     link.checked_sub(1).map_or("root".into(), |joint| hand.tree.joints[joint].name.clone())
 }
 
 /// Fills the shapes of one link with balls, centred on the grid points that are nearly as deep as any.
-pub fn fill(shapes: &[LinkPart]) -> Vec<Ball> {
+pub fn fill_with_spheres(shapes: &[LinkPart]) -> Vec<LinkSphere> {
     let mut balls = Vec::new();
     for LinkPart { pose, shape, .. } in shapes {
         let (low, high) = shape.aabb();
@@ -139,7 +141,7 @@ pub fn fill(shapes: &[LinkPart]) -> Vec<Ball> {
         }
         let deepest = inside.iter().map(|(_, depth)| *depth).fold(0.0, f64::max);
         let deep = inside.into_iter().filter(|(_, depth)| *depth > 0.6 * deepest && *depth > 0.0);
-        balls.extend(deep.map(|(at, radius)| Ball { center: (pose * at).coords, radius }));
+        balls.extend(deep.map(|(at, radius)| LinkSphere { center: (pose * at).coords, radius }));
     }
     balls
 }

@@ -2,9 +2,9 @@
 
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};
-use world::geometry::{Shape, TriangleSurface};
+use world::geometry::{ObjectShape, TriangleSurface};
 
-use super::solids::{LinkShapes, number};
+use super::solids::{LinkShapes, link_number};
 
 /// Surfaces by link (0 is the root).
 pub struct TrueSurfaces(Vec<LinkSurface>);
@@ -14,7 +14,7 @@ struct LinkSurface {
     /// Meshes with `link_from_mesh`.
     meshes: Vec<(Isometry3<f64>, TriangleSurface)>,
     /// Boxes, spheres and cylinders, which are their own surface, with `link_from_shape`.
-    simple: Vec<(Isometry3<f64>, Shape)>,
+    simple: Vec<(Isometry3<f64>, ObjectShape)>,
 }
 
 impl TrueSurfaces {
@@ -24,7 +24,7 @@ impl TrueSurfaces {
         found.resize_with(hand.tree.len() + 1, LinkSurface::default);
         for own in &hand.surfaces {
             let surface = TriangleSurface::new(&own.triangles.0, &own.triangles.1);
-            found[number(own.link)].meshes.extend(surface.map(|surface| (own.link_from_mesh, surface)));
+            found[link_number(own.link)].meshes.extend(surface.map(|surface| (own.link_from_mesh, surface)));
         }
         for (link, parts) in shapes.iter().enumerate() {
             let simple = parts.iter().filter(|part| !part.of_mesh);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use ftac::lab::arguments::hand::CloseArgs;
-use ftac::options::own_hand;
+use ftac::options::renamed_options;
 use ftac::terminal::{Outcome, Terminal};
 use hand_model::hand_mechanism::HandMechanism;
 use lab::closing::BallGrip;
@@ -14,16 +14,16 @@ use world::geometry::LINK_MESHES;
 /// Closes the hand, prints the contact forces and draws the grip.
 pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
     let hand = Arc::new(HandMechanism::read(&args.urdf, &args.pulls, LINK_MESHES)?);
-    own_hand::say_renamed();
+    renamed_options::note_renamed_options();
     let asked = tensions(&hand, &args.tensions)?;
-    let (tensions, above) = hand.within_efforts(&asked);
+    let (tensions, above) = hand.limit_tensions(&asked);
     for n in above {
         eprintln!(
             "note: {}: {} N asked for, {:.1} N taken: {}",
-            hand.pulls[n].name,
+            hand.actuators[n].name,
             asked[n],
             tensions[n],
-            hand.pulls[n].most.as_ref().map_or("the efforts of its joints", |(_, by)| by)
+            hand.actuators[n].max_tension.as_ref().map_or("the efforts of its joints", |(_, by)| by)
         );
     }
     let (at, radius) = ball(args)?;
@@ -39,7 +39,7 @@ pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
 }
 
 fn tensions(hand: &HandMechanism, given: &[f64]) -> Result<Vec<f64>> {
-    let names: Vec<&str> = hand.pulls.iter().map(|pull| pull.name.as_str()).collect();
+    let names: Vec<&str> = hand.actuators.iter().map(|pull| pull.name.as_str()).collect();
     let all = match given {
         [one] => vec![*one; names.len()],
         several => several.to_vec(),

@@ -13,7 +13,7 @@ use world::geometry::LINK_MESHES;
 
 /// Output for a URDF tree with the joints of our own hand.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Tree<'a> {
+pub struct TreeOutput<'a> {
     /// URDF file.
     urdf: &'a Path,
     /// Number of joints.
@@ -54,7 +54,7 @@ struct Actuator {
 
 /// Output for a hand.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Inspected<'a> {
+pub struct InspectionOutput<'a> {
     /// Name of the hand.
     hand: &'a str,
     /// One row per joint.
@@ -79,7 +79,7 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
         let names: Vec<&str> = ours.iter().map(String::as_str).collect();
         let tree = urdf::read_tree(path, &names)?;
         let text = format!("{}: {} joints, all of the hand's joints are there\n", path.display(), tree.len());
-        terminal.print(&Tree { urdf: path, joints: tree.len() }, &text)?;
+        terminal.print(&TreeOutput { urdf: path, joints: tree.len() }, &text)?;
         return Ok(None);
     }
     let (hand, notes) = match pulls {
@@ -88,12 +88,12 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
             ((**described.mechanism()).clone(), described.notes)
         }
         None => {
-            let hand = HandMechanism::read_unpulled(path, LINK_MESHES)?;
+            let hand = HandMechanism::read_unactuated(path, LINK_MESHES)?;
             let notes = hand.notes.clone();
             (hand, notes)
         }
     };
-    terminal.print(&answer(&hand, &notes), &text(&hand, &notes))?;
+    terminal.print(&inspection_output(&hand, &notes), &text(&hand, &notes))?;
     let warnings = notes.iter().filter(|note| note.starts_with("WARNING")).count();
     Ok((warnings > 0).then(|| format!("{warnings} warnings")))
 }
@@ -104,7 +104,7 @@ fn leader(hand: &HandMechanism, joint: usize) -> Option<String> {
     Some(format!("{} times {}", hand.tree.joints[follower.leader].name, follower.multiplier))
 }
 
-fn answer<'a>(hand: &'a HandMechanism, notes: &'a [String]) -> Inspected<'a> {
+fn inspection_output<'a>(hand: &'a HandMechanism, notes: &'a [String]) -> InspectionOutput<'a> {
     let joints = hand.tree.joints.iter().enumerate().map(|(n, joint)| {
         let finite = |limit: f64| limit.is_finite().then_some(limit);
         JointRow {
@@ -116,23 +116,23 @@ fn answer<'a>(hand: &'a HandMechanism, notes: &'a [String]) -> Inspected<'a> {
             unit: joint.kind.unit(),
             lower: finite(joint.lower),
             upper: finite(joint.upper),
-            effort: hand.efforts[n],
+            effort: hand.effort_limits[n],
             follows: leader(hand, n),
             mass_kg: hand.masses[n].mass,
             shapes: hand.solids.iter().filter(|solid| solid.link == Some(n)).count(),
         }
     });
-    let actuators = hand.pulls.iter().map(|pull| Actuator {
+    let actuators = hand.actuators.iter().map(|pull| Actuator {
         name: pull.name.clone(),
-        joints: pull.arms.len(),
-        most_tension_n: pull.most.as_ref().map(|(most, _)| *most),
+        joints: pull.levers.len(),
+        most_tension_n: pull.max_tension.as_ref().map(|(most, _)| *most),
     });
-    Inspected {
+    InspectionOutput {
         hand: &hand.name,
         joints: joints.collect(),
         actuators: actuators.collect(),
         shapes_of_the_root: hand.solids.iter().filter(|solid| solid.link.is_none()).count(),
-        links_without_shape: &hand.bare,
+        links_without_shape: &hand.links_without_collision,
         notes,
     }
 }
@@ -148,12 +148,13 @@ fn range(joint: &Joint) -> String {
 }
 
 fn text(hand: &HandMechanism, notes: &[String]) -> String {
-    let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
+    let mut text = format!("{}: {} moving joints, {} actuators\n", hand.name, hand.tree.len(), hand.actuators.len());
     let width = hand.tree.joints.iter().map(|joint| joint.name.chars().count()).fold(5, usize::max);
     text +=
         &format!("{:width$} {:>18} {:>12} {:>9} {:>6}  follows\n", "joint", "range", "effort", "its link", "shapes");
     for (n, joint) in hand.tree.joints.iter().enumerate() {
-        let effort = hand.efforts[n].map_or("-".into(), |effort| format!("{effort} {}", joint.kind.effort_unit()));
+        let effort =
+            hand.effort_limits[n].map_or("-".into(), |effort| format!("{effort} {}", joint.kind.effort_unit()));
         let shapes = hand.solids.iter().filter(|solid| solid.link == Some(n)).count();
         text += &format!(
             "{:width$} {:>18} {effort:>12} {:>7.1} g {shapes:>6}  {}\n",

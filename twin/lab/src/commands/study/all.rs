@@ -9,46 +9,46 @@ use anyhow::{Context, Result};
 use clap::Args;
 use ftac::lab::arguments::grasps::{ClassifyArgs, HandsArgs, LandscapeArgs, MapArgs};
 use ftac::lab::arguments::study::StudyArgs;
-use ftac::options::own_hand;
-use ftac::terminal::{Made, Outcome, Terminal};
+use ftac::options::renamed_options;
+use ftac::terminal::{CommandOutput, Outcome, Terminal};
 use indicatif::HumanDuration;
 
-use super::source::Source;
+use super::source::GraspSource;
 use super::{classify, hands, landscape, map, report};
 
 /// Result of a part in words, and the reason why it falls short, if it does.
-type Told = (String, Option<String>);
+type PartResult = (String, Option<String>);
 
-fn told<T>(made: Made<T>) -> Told {
+fn part_result<T>(made: CommandOutput<T>) -> PartResult {
     (made.text, made.shortfall)
 }
 
 /// A part of the study.
-struct Part {
+struct StudyPart {
     name: &'static str,
     /// Expected time on two idle cores, s: quick and full.
     expected: [f64; 2],
-    make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<Told>,
+    make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<PartResult>,
 }
 
 /// Parts in order. The times are for the built-in grasps and our hand alone; they only weigh the parts against each
 /// other.
-const PARTS: [Part; 4] = [
-    Part { name: "types of grasps", expected: [1.0, 1.0], make: types },
-    Part { name: "contact maps", expected: [30.0, 30.0], make: maps },
-    Part { name: "energy landscape", expected: [60.0, 2500.0], make: basins },
-    Part { name: "hands compared", expected: [60.0, 200.0], make: compared },
+const PARTS: [StudyPart; 4] = [
+    StudyPart { name: "types of grasps", expected: [1.0, 1.0], make: classify_types },
+    StudyPart { name: "contact maps", expected: [30.0, 30.0], make: draw_maps },
+    StudyPart { name: "energy landscape", expected: [60.0, 2500.0], make: map_basins },
+    StudyPart { name: "hands compared", expected: [60.0, 200.0], make: compare_hands },
 ];
 
 /// Runs `ftac study`.
 pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
-    own_hand::say_renamed();
+    renamed_options::note_renamed_options();
     let standard = if args.full { "recordings/study-full" } else { "recordings/study" };
     let out = args.out.clone().unwrap_or_else(|| standard.into());
     // Checks the hands first, so that an error in the last part appears at once.
-    hands::compared(&hands_args(args, out.clone())?)?;
+    hands::compared_hands(&hands_args(args, out.clone())?)?;
     std::fs::create_dir_all(&out).with_context(|| format!("--out {}", out.display()))?;
-    let expected = |part: &Part| part.expected[usize::from(args.full)];
+    let expected = |part: &StudyPart| part.expected[usize::from(args.full)];
     let began = Instant::now();
     let mut shortfalls = Vec::new();
     for (n, part) in PARTS.iter().enumerate() {
@@ -65,45 +65,45 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
         }
         shortfalls.extend(shortfall);
     }
-    shortfalls.extend(report::of_folders(terminal, &[out])?);
+    shortfalls.extend(report::report_folders(terminal, &[out])?);
     Ok((!shortfalls.is_empty()).then(|| shortfalls.join("; ")))
 }
 
-fn types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
+fn classify_types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<PartResult> {
     let grasps = args.grasps.clone();
     let args =
         ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out), like_people: None, plans: None };
-    classify::make(&args).map(told)
+    classify::make(&args).map(part_result)
 }
 
-fn maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
+fn draw_maps(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<PartResult> {
     let grasps = args.grasps.clone();
-    map::make(terminal, &MapArgs { grasps, out, ..standard()? }).map(told)
+    map::make(terminal, &MapArgs { grasps, out, ..default_args()? }).map(part_result)
 }
 
-fn basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
-    let standard: LandscapeArgs = standard()?;
+fn map_basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<PartResult> {
+    let standard: LandscapeArgs = default_args()?;
     let each = if args.full { standard.each } else { 24 };
     let sweep = args.full.then_some(24);
     let (grasps, out) = (args.grasps.clone(), out.join("landscape"));
     // Those of the paper's objects for which there are grasps.
-    let known = Source::read(&grasps.paths)?.classification.objects;
+    let known = GraspSource::read(&grasps.paths)?.classification.objects;
     let objects = standard.objects.into_iter().filter(|object| known.contains(object)).collect();
-    landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard }).map(told)
+    landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard }).map(part_result)
 }
 
-fn compared(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Told> {
-    hands::make(terminal, &hands_args(args, out)?).map(told)
+fn compare_hands(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<PartResult> {
+    hands::make(terminal, &hands_args(args, out)?).map(part_result)
 }
 
 fn hands_args(args: &StudyArgs, out: PathBuf) -> Result<HandsArgs> {
-    let standard: HandsArgs = standard()?;
+    let standard: HandsArgs = default_args()?;
     let n = if args.full { standard.n } else { 4 };
     Ok(HandsArgs { hand: args.hand.clone(), pulls: args.pulls.clone(), n, out, ..standard })
 }
 
 /// Returns a command's default arguments.
-fn standard<A: Args>() -> Result<A> {
+fn default_args<A: Args>() -> Result<A> {
     let command = A::augment_args(clap::Command::new("ftac"));
     Ok(A::from_arg_matches(&command.try_get_matches_from(["ftac"])?)?)
 }

@@ -4,53 +4,53 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use dexterous_grasping::synthesis::collection::{Collection, Header, ObjectGrasps, Summary, VERSION};
+use dexterous_grasping::synthesis::collection::{Collection, CollectionHeader, ObjectGrasps, SearchSummary, VERSION};
 use dexterous_grasping::synthesis::held::HeldGrasp;
 use ftac::lab::arguments::grasps::ClassifyArgs;
-use ftac::terminal::{Made, Outcome, Terminal};
-use ftac_platform::data::write_whole;
+use ftac::terminal::{CommandOutput, Outcome, Terminal};
+use ftac_platform::data::write_atomically;
 use grasp_analysis::classification::Classification;
 use grasp_analysis::explanation::{self, Explanation};
 use grasp_analysis::labels::Labels;
-use grasp_analysis::people::{self, People};
+use grasp_analysis::people::{self, HumanGraspShares};
 use grasp_analysis::raters::{RaterPair, agreements};
-use grasp_analysis::summary::{self, Figures};
+use grasp_analysis::summary::{self, ClassificationFigures};
 use lab::study_pages::types;
 use report::chart;
 
 use super::pick_ups;
-use super::source::Source;
+use super::source::GraspSource;
 
 /// Runs `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
     if let Some(file) = &args.plans {
-        return terminal.finish(pick_ups::make(terminal, file)?);
+        return terminal.print_result(pick_ups::make(terminal, file)?);
     }
     match &args.explain {
-        Some(id) => explain(terminal, &Source::read(&args.grasps.paths)?.classification, id),
-        None => terminal.finish(make(args)?),
+        Some(id) => explain(terminal, &GraspSource::read(&args.grasps.paths)?.classification, id),
+        None => terminal.print_result(make(args)?),
     }
 }
 
 /// Classifies all grasps.
-pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
-    let classification = Source::read(&args.grasps.paths)?.classification;
+pub fn make(args: &ClassifyArgs) -> Result<CommandOutput<ClassificationFigures>> {
+    let classification = GraspSource::read(&args.grasps.paths)?.classification;
     let mut choice = String::new();
     if let Some(file) = &args.like_people {
-        choice = choose(&classification, file)?;
+        choice = write_selection(&classification, file)?;
     }
-    let pairs = agreements(&classification, &labels(&classification, &args.labels)?);
-    let summary = summary::Summary::of(&classification);
+    let pairs = agreements(&classification, &read_labels(&classification, &args.labels)?);
+    let summary = summary::ClassificationSummary::from_classification(&classification);
     let agreement: String = pairs.iter().map(RaterPair::text).map(|line| line + "\n").collect();
     let answer = summary.figures(&classification, pairs);
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
-        write_whole(&folder.join("classes.json"), serde_json::to_string(&answer)?.as_bytes())?;
+        write_atomically(&folder.join("classes.json"), serde_json::to_string(&answer)?.as_bytes())?;
         let figure = types::svg(&classification.taxonomy, &summary.distribution);
-        write_whole(&folder.join("types.svg"), chart::standalone(&figure).as_bytes())?;
+        write_atomically(&folder.join("types.svg"), chart::standalone(&figure).as_bytes())?;
     }
     let (present, all) = (summary.present(), summary.types.len());
-    Ok(Made {
+    Ok(CommandOutput {
         json: answer,
         text: summary.table(&classification) + &agreement + &choice,
         shortfall: (present < all).then(|| format!("{present} of the {all} types are present")),
@@ -58,8 +58,8 @@ pub fn make(args: &ClassifyArgs) -> Result<Made<Figures>> {
 }
 
 /// Writes a selection of grasps whose types have the same shares as people's, and describes it.
-fn choose(classification: &Classification, file: &Path) -> Result<String> {
-    let (grasps, people) = (&classification.grasps, People::known(&classification.taxonomy));
+fn write_selection(classification: &Classification, file: &Path) -> Result<String> {
+    let (grasps, people) = (&classification.grasps, HumanGraspShares::builtin(&classification.taxonomy));
     let types: Vec<usize> = grasps.iter().map(|grasp| grasp.decision.kind).collect();
     // Objects in turn, for each its clearest grasps first.
     let mut by_object: Vec<Vec<usize>> = vec![Vec::new(); classification.objects.len()];
@@ -75,12 +75,13 @@ fn choose(classification: &Classification, file: &Path) -> Result<String> {
         let own = chosen.iter().filter(|grasp| grasps[**grasp].object == number);
         let own: Vec<HeldGrasp> = own.map(|grasp| grasps[*grasp].grasp.clone()).collect();
         let chains = own.iter().map(|grasp| grasp.chain + 1).max().unwrap_or(0);
-        let summary = Summary { object: object.clone(), wanted: own.len(), kept: own.len(), chains, short: None };
+        let summary = SearchSummary { object: object.clone(), wanted: own.len(), kept: own.len(), chains, short: None };
         ObjectGrasps { summary, grasps: own }
     });
-    let header = Header { version: VERSION, command: "ftac grasps classify --like-people".into(), seed: 0 };
+    let header = CollectionHeader { version: VERSION, command: "ftac grasps classify --like-people".into(), seed: 0 };
     let collection = Collection { header, objects: objects.collect() };
-    write_whole(file, collection.to_text()?.as_bytes()).with_context(|| format!("--like-people {}", file.display()))?;
+    write_atomically(file, collection.to_text()?.as_bytes())
+        .with_context(|| format!("--like-people {}", file.display()))?;
     let mut counts = vec![0; classification.taxonomy.types.len()];
     chosen.iter().for_each(|grasp| counts[types[*grasp]] += 1);
     Ok(format!("{}: {} grasps\n{}", file.display(), chosen.len(), people::table(&people.compare(&counts))))
@@ -92,12 +93,12 @@ fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Ou
         let known: Vec<&str> = grasps.iter().take(3).map(|grasp| grasp.id.as_str()).collect();
         bail!("--explain: found {id:?}, expected one of {} grasps such as {}", grasps.len(), known.join(", "));
     };
-    terminal.print(&Explanation::of(classification, grasp), &explanation::text(classification, grasp))?;
+    terminal.print(&Explanation::new(classification, grasp), &explanation::text(classification, grasp))?;
     Ok(None)
 }
 
 /// Reads people's labels as exported by the annotation page.
-fn labels(classification: &Classification, files: &[PathBuf]) -> Result<Vec<Labels>> {
+fn read_labels(classification: &Classification, files: &[PathBuf]) -> Result<Vec<Labels>> {
     let known: BTreeSet<&str> = classification.grasps.iter().map(|grasp| grasp.id.as_str()).collect();
     let read = |file: &PathBuf| {
         let text = ftac_platform::file::read_text(file).with_context(|| format!("--labels {}", file.display()))?;

@@ -6,12 +6,12 @@
 
 use anyhow::{Context, Result, ensure};
 use ftac::lab::arguments::grasps::HandsArgs;
-use ftac::options::own_hand;
-use ftac::terminal::{Made, Outcome, Terminal};
-use ftac_platform::data::write_whole;
-use grasp_verification::synthesis::hands::{self, Cell, ComparedHand, Comparison};
+use ftac::options::renamed_options;
+use ftac::terminal::{CommandOutput, Outcome, Terminal};
+use ftac_platform::data::write_atomically;
+use grasp_verification::synthesis::hands::{self, ComparedHand, ComparisonCell, HandComparison};
 use grasp_verification::synthesis::search;
-use grasp_verification::synthesis::synthesizer::Request;
+use grasp_verification::synthesis::synthesizer::SynthesisRequest;
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
 use lab::study_pages;
@@ -19,14 +19,14 @@ use world::objects::ObjectSet;
 
 /// Runs `ftac grasps hands`.
 pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
-    own_hand::say_renamed();
-    terminal.finish(make(terminal, args)?)
+    renamed_options::note_renamed_options();
+    terminal.print_result(make(terminal, args)?)
 }
 
 /// Makes the comparison.
-pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
-    let request = request(terminal, args)?;
-    let hands = compared(args)?;
+pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<CommandOutput<HandComparison>> {
+    let request = search_request(terminal, args)?;
+    let hands = compared_hands(args)?;
     let folder = args.out.join("hands");
     std::fs::create_dir_all(&folder).with_context(|| format!("--out {}", folder.display()))?;
     let bar = terminal.progress();
@@ -36,17 +36,17 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
     for hand in &hands {
         for object in &args.objects {
             bar.set_message(progress::printable(&format!("{} on {object}", hand.hand.name())).into_owned());
-            cells.push(Cell::resume(hand, object, &request, &folder)?);
+            cells.push(ComparisonCell::resume(hand, object, &request, &folder)?);
             bar.inc(1);
         }
     }
     bar.finish_and_clear();
     study_pages::hands::write(&hands, &cells, &args.out.join("hands.png"))?;
-    let answer = Comparison::of(&cells);
-    write_whole(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
+    let answer = HandComparison::from_cells(&cells);
+    write_atomically(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let table = hands::table(&hands, &args.objects, &cells);
     let nothing = hands.iter().find(|hand| hands::total(&cells, hand.hand.name()).count == 0);
-    Ok(Made {
+    Ok(CommandOutput {
         json: answer,
         text: format!("{table}{}/hands.png, hands.json\n", args.out.display()),
         shortfall: nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.hand.name())),
@@ -54,7 +54,7 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made<Comparison>> {
 }
 
 /// Returns the search settings, which are the same for every hand and object.
-fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
+fn search_request(terminal: &Terminal, args: &HandsArgs) -> Result<SynthesisRequest> {
     let contacts = search::parse_contacts(&args.contacts)?;
     let (chains, closings) = (args.n, args.closings);
     ensure!(
@@ -68,12 +68,12 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
         ensure!(set.get(name).is_some(), "--objects: found `{name}`, expected one of {}", set.names().join(", "));
         ensure!(!args.objects[..n].contains(name), "--objects: found `{name}` twice, expected each once");
     }
-    Ok(Request { chains, enough: usize::MAX, contacts, closings, seed: terminal.seed, table: false })
+    Ok(SynthesisRequest { chains, max_grasps: usize::MAX, contacts, closings, seed: terminal.seed, table: false })
 }
 
 /// Returns our hand and those of the arguments.
-pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
-    let mut hands = vec![ComparedHand::of(RobotModel::ftac_gen3().hand)];
+pub fn compared_hands(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
+    let mut hands = vec![ComparedHand::from_hand(RobotModel::ftac_gen3().hand)];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;
         let known = hands.iter().any(|other| other.hand.name() == hand.hand.name());

@@ -5,33 +5,33 @@
 //! the same command resumes after an interruption.
 
 use anyhow::{Context, Result, bail, ensure};
-use dexterous_grasping::synthesis::energy::{GraspEnergy, Weights};
+use dexterous_grasping::synthesis::energy::{EnergyWeights, GraspEnergy};
 use dexterous_grasping::synthesis::surface::HandSurface;
 use ftac::lab::arguments::grasps::LandscapeArgs;
-use ftac::terminal::{Made, Outcome, Terminal};
-use ftac_platform::data::write_whole;
+use ftac::terminal::{CommandOutput, Outcome, Terminal};
+use ftac_platform::data::write_atomically;
 use grasp_analysis::classification::Classification;
-use grasp_analysis::landscape::attraction::Attraction;
-use grasp_analysis::landscape::basins::{Figures, MappedGrasps};
-use grasp_analysis::landscape::calibration::{Calibration, Question, STRONGEST};
+use grasp_analysis::landscape::attraction::AttractionSettings;
+use grasp_analysis::landscape::basins::{LandscapeFigures, MappedGrasps};
+use grasp_analysis::landscape::calibration::{CalibrationRequest, INITIAL_PULL, PullCalibration};
 use grasp_analysis::landscape::disconnectivity::tree;
 use grasp_analysis::landscape::exploration;
 use grasp_analysis::landscape::grasps::{GraspLandscape, GraspState};
-use grasp_verification::synthesis::subject::Subject;
+use grasp_verification::synthesis::subject::PreparedObject;
 use lab::study_pages;
 
-use super::source::Source;
+use super::source::GraspSource;
 
 /// Number of points on the hand's surface: coarser than in synthesis, whose energy is used here.
 const SURFACE_POINTS: usize = 1000;
 
 /// Runs `ftac grasps landscape`.
 pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
-    terminal.finish(make(terminal, args)?)
+    terminal.print_result(make(terminal, args)?)
 }
 
 /// Maps the tree of basins and barriers.
-pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> {
+pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<CommandOutput<LandscapeFigures>> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
     ensure!(
         args.each > 0 && positive(args.temperature) && args.pull.is_none_or(positive),
@@ -40,19 +40,19 @@ pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> 
         args.temperature,
         args.pull
     );
-    let source = Source::read(&args.grasps.paths)?;
+    let source = GraspSource::read(&args.grasps.paths)?;
     let classification = &source.classification;
-    let chosen = choose(classification, args)?;
+    let chosen = choose_grasps(classification, args)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     let progress = terminal.progress();
-    let subjects = args.objects.iter().map(|name| Subject::named(name)).collect::<Result<Vec<_>>>()?;
+    let subjects = args.objects.iter().map(|name| PreparedObject::from_set(name)).collect::<Result<Vec<_>>>()?;
     let surface = HandSurface::new(&source.hand, SURFACE_POINTS);
     let energies = subjects
         .iter()
-        .map(|subject| GraspEnergy::new(&source.hand, &surface, &subject.field, Weights::default(), None))
+        .map(|subject| GraspEnergy::new(&source.hand, &surface, &subject.field, EnergyWeights::default(), None))
         .collect();
     let landscape = GraspLandscape::new(&source.hand, energies);
-    let minima = exploration::minima(&landscape, classification, &chosen, args.temperature, terminal.seed);
+    let minima = exploration::find_minima(&landscape, classification, &chosen, args.temperature, terminal.seed);
     ensure!(
         minima.len() >= 2,
         "--objects: found {} grasps with two links that touch, expected at least 2",
@@ -60,34 +60,34 @@ pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made<Figures>> 
     );
     let states: Vec<GraspState> = minima.iter().map(|minimum| minimum.state.clone()).collect();
     let subject = format!("{} from {} grasps, temperature {}", args.objects.join(","), minima.len(), args.temperature);
-    let attraction = exploration::attraction(STRONGEST, args.temperature);
+    let attraction = exploration::attraction(INITIAL_PULL, args.temperature);
     let calibration = match args.pull {
-        Some(_) => Calibration::none(&subject),
+        Some(_) => PullCalibration::empty(&subject),
         None => {
-            let question = Question { subject: &subject, attraction, seed: terminal.seed };
-            Calibration::resume(&landscape, &states, &question, &args.out.join("calibration.json"), &progress)?
+            let question = CalibrationRequest { subject: &subject, attraction, seed: terminal.seed };
+            PullCalibration::resume(&landscape, &states, &question, &args.out.join("calibration.json"), &progress)?
         }
     };
     let Some(pull) = args.pull.or(calibration.pull()) else {
-        bail!("--pull: no chain arrived in the calibration even at {STRONGEST}; give a pull");
+        bail!("--pull: no chain arrived in the calibration even at {INITIAL_PULL}; give a pull");
     };
-    let plan = exploration::plan(Attraction { pull, ..attraction }, terminal.seed, subject);
+    let plan = exploration::mapping_parameters(AttractionSettings { pull, ..attraction }, terminal.seed, subject);
     let map = exploration::explore(&landscape, &states, plan.clone(), &args.out.join("journal.jsonl"), &progress)?;
     let few = |n: usize| &states[..n.clamp(2, states.len())];
-    let sweep = args.sweep.map(|n| exploration::sweep(&landscape, few(n), &plan, &progress)).transpose()?;
+    let sweep = args.sweep.map(|n| exploration::sweep_basins(&landscape, few(n), &plan, &progress)).transpose()?;
     let energies: Vec<f64> = map.basins.iter().map(|basin| basin.energy).collect();
     let tree = tree(&energies, &map.edges());
     let found = MappedGrasps { classification, minima: &minima, map: &map, tree: &tree };
     let answer = found.figures(calibration, sweep);
     study_pages::landscape::write(&args.out, (&source.hand, &source.objects), &found)?;
-    write_whole(&args.out.join("landscape.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
+    write_atomically(&args.out.join("landscape.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let files = format!("{}/landscape.html, landscape.svg, growth.png, landscape.json", args.out.display());
     let text = format!("{}{files}\n", answer.text());
-    Ok(Made { json: answer, text, shortfall: None })
+    Ok(CommandOutput { json: answer, text, shortfall: None })
 }
 
 /// Returns pairs (index of the object on the command line, grasp), with the objects in turn.
-fn choose(classification: &Classification, args: &LandscapeArgs) -> Result<Vec<(usize, usize)>> {
+fn choose_grasps(classification: &Classification, args: &LandscapeArgs) -> Result<Vec<(usize, usize)>> {
     let mut by_object = Vec::new();
     for (n, name) in args.objects.iter().enumerate() {
         let is_of = |k: &usize| classification.object(&classification.grasps[*k]) == name;
@@ -97,5 +97,5 @@ fn choose(classification: &Classification, args: &LandscapeArgs) -> Result<Vec<(
         ensure!(!args.objects[..n].contains(name), "--objects: found `{name}` twice, expected each once");
         by_object.push(own);
     }
-    Ok(exploration::in_turn(&by_object))
+    Ok(exploration::interleave(&by_object))
 }

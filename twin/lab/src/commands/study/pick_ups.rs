@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use dexterous_grasping::taxonomy::attributes::{Attributes, FORM_POINTS, Hold, ObjectForm};
-use dexterous_grasping::taxonomy::rules::Rules;
+use dexterous_grasping::taxonomy::attributes::{Attributes, FORM_POINTS, HoldingState, ObjectForm};
+use dexterous_grasping::taxonomy::rules::TypeRules;
 use dexterous_grasping::taxonomy::{Category, Taxonomy};
-use ftac::lab::arguments::grasps::BUILT_IN;
-use ftac::terminal::{Made, Terminal};
-use grasp_analysis::people::{self, People, WayShare};
-use grasp_analysis::summary::rounded;
-use grasp_verification::plan::{Plans, holds};
-use grasp_verification::simulated_world::World;
+use ftac::lab::arguments::grasps::BUILT_IN_PLANS;
+use ftac::terminal::{CommandOutput, Terminal};
+use grasp_analysis::people::{self, HoldingWayShare, HumanGraspShares};
+use grasp_analysis::summary::round_margin;
+use grasp_verification::grasp_pair::{GraspPairTable, holds};
+use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::RobotModel;
 use scenarios::Scenario;
 use schemars::JsonSchema;
@@ -21,7 +21,7 @@ use serde::Serialize;
 
 /// A pick-up with its type.
 #[derive(Debug, Serialize, JsonSchema)]
-struct TypedPickUp {
+struct TypedGrasp {
     /// Names of the objects of its combination.
     combination: [String; 2],
     /// Position of its object in the combination, from 1.
@@ -49,15 +49,15 @@ struct TypeRow {
 
 /// Grasp types of the plans' pick-ups.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct PickUpTypes {
+pub struct RepertoireTypes {
     /// Grasp types of the paper.
     types: Vec<TypeRow>,
     /// Comparison with the shares in which people use each way of holding.
-    people: Vec<WayShare>,
-    pick_ups: Vec<TypedPickUp>,
+    people: Vec<HoldingWayShare>,
+    pick_ups: Vec<TypedGrasp>,
 }
 
-impl PickUpTypes {
+impl RepertoireTypes {
     fn text(&self) -> String {
         let present = self.types.iter().filter(|kind| kind.places != [0, 0]).count();
         let mut text = format!("{} pick-ups of {present} of {} types\n", self.pick_ups.len(), self.types.len());
@@ -70,14 +70,18 @@ impl PickUpTypes {
 }
 
 /// Simulates the pick-ups of the plan file, or of the built-in plans, and assigns each its type.
-pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
-    let plans = if file == Path::new(BUILT_IN) { grasp_verification::builtin::plans()? } else { Plans::read(file)? };
+pub fn make(terminal: &Terminal, file: &Path) -> Result<CommandOutput<RepertoireTypes>> {
+    let plans = if file == Path::new(BUILT_IN_PLANS) {
+        grasp_verification::builtin::grasp_pairs()?
+    } else {
+        GraspPairTable::read(file)?
+    };
     let robot = RobotModel::ftac_gen3();
-    let world = World::new(&robot, Scenario::benchmark())?;
+    let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
     let quiet = terminal.quiet || terminal.json;
-    let held = holds::of_plans(&world, &grasp_verification::builtin::repertoire()?, &plans, quiet)?;
+    let held = holds::holds_of_pairs(&world, &grasp_verification::builtin::repertoire()?, &plans, quiet)?;
     let taxonomy = Taxonomy::paper();
-    let rules = Rules::shipped(&taxonomy);
+    let rules = TypeRules::builtin(&taxonomy);
     let mut forms: BTreeMap<&str, ObjectForm> = BTreeMap::new();
     let mut pick_ups = Vec::new();
     let mut types: Vec<TypeRow> = taxonomy
@@ -88,23 +92,24 @@ pub fn make(terminal: &Terminal, file: &Path) -> Result<Made<PickUpTypes>> {
     for one in &held {
         let object = one.grasp.object.as_str();
         if !forms.contains_key(object) {
-            forms.insert(object, ObjectForm::of(&world.object(object)?.shape.surface_samples(FORM_POINTS)));
+            forms.insert(object, ObjectForm::from_points(&world.object(object)?.shape.surface_samples(FORM_POINTS)));
         }
-        let hold = Hold { palm_from_object: one.palm_from_object, joints: &one.joints, contacts: &one.contacts };
-        let decision = rules.decide(&taxonomy, &Attributes::of(&robot.hand, &forms[object], hold));
+        let hold =
+            HoldingState { palm_from_object: one.palm_from_object, joints: &one.joints, contacts: &one.contacts };
+        let decision = rules.decide(&taxonomy, &Attributes::measure(&robot.hand, &forms[object], hold));
         let row = &mut types[decision.kind];
         row.places[one.place] += 1;
         row.fit += usize::from(decision.margin >= 0.0);
-        pick_ups.push(TypedPickUp {
+        pick_ups.push(TypedGrasp {
             combination: one.combination.clone(),
             place: one.place + 1,
             grasp: one.grasp.id,
             kind: row.name.clone(),
-            margin: rounded(decision.margin),
+            margin: round_margin(decision.margin),
             ambiguous: decision.ambiguous,
         });
     }
     let counts: Vec<usize> = types.iter().map(|kind| kind.places.iter().sum()).collect();
-    let answer = PickUpTypes { types, people: People::known(&taxonomy).compare(&counts), pick_ups };
-    Ok(Made { text: answer.text(), json: answer, shortfall: None })
+    let answer = RepertoireTypes { types, people: HumanGraspShares::builtin(&taxonomy).compare(&counts), pick_ups };
+    Ok(CommandOutput { text: answer.text(), json: answer, shortfall: None })
 }

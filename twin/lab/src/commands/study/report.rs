@@ -5,31 +5,31 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ftac::terminal::{Outcome, Terminal};
-use ftac_platform::data::write_whole;
-use grasp_analysis::sensors::{Array, array};
+use ftac_platform::data::write_atomically;
+use grasp_analysis::sensors::{TactileArray, tactile_array};
 use hand_model::RobotModel;
 use lab::hand_check::figures;
-use lab::study_pages::comparison::{Line, Parts, Sensing, lines};
+use lab::study_pages::comparison::{PaperComparisonRow, SensorFigures, StudyParts, comparison_rows};
 use lab::study_pages::overview;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-use tactile_optics::Foundation;
+use tactile_optics::GelFoundation;
 use tactile_optics::foundation::{probe_response, sensitivity};
 
 /// Output once the page is written.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Study<'a> {
+pub struct StudyOutput<'a> {
     /// One entry per row of the table.
-    rows: &'a [Line],
+    rows: &'a [PaperComparisonRow],
     /// Tactile sensors of the hand.
-    sensors: &'a Array,
+    sensors: &'a TactileArray,
     /// Commands whose results are missing.
     missing: &'a [&'a str],
 }
 
 /// Reads the result file of one part of the study; `None` if it is missing.
-fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
+fn read_part(folder: &Path, file: &str) -> Result<Option<Value>> {
     let path = folder.join(file);
     match std::fs::read_to_string(&path) {
         Ok(text) => Ok(Some(serde_json::from_str(&text).with_context(|| path.display().to_string())?)),
@@ -39,7 +39,7 @@ fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
 }
 
 /// Reports on the study in the named folder, or in the default one.
-pub fn of_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
+pub fn report_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
     match folders {
         [] => run(terminal, Path::new("recordings/study")),
         [folder] => run(terminal, folder),
@@ -55,14 +55,14 @@ fn run(terminal: &Terminal, folder: &Path) -> Outcome {
             folder.display()
         );
     }
-    let parts = Parts {
-        classes: part(folder, "classes.json")?,
-        map: part(folder, "map.json")?,
-        landscape: part(folder, "landscape/landscape.json")?,
-        hands: part(folder, "hands.json")?,
+    let parts = StudyParts {
+        classes: read_part(folder, "classes.json")?,
+        map: read_part(folder, "map.json")?,
+        landscape: read_part(folder, "landscape/landscape.json")?,
+        hands: read_part(folder, "hands.json")?,
     };
     let sensing = sensing()?;
-    let lines = lines(&parts, &sensing);
+    let lines = comparison_rows(&parts, &sensing);
     let missing: Vec<&str> = [
         (parts.classes.is_none(), "grasps classify"),
         (parts.map.is_none(), "grasps map"),
@@ -73,22 +73,22 @@ fn run(terminal: &Terminal, folder: &Path) -> Outcome {
     .filter_map(|(missing, command)| missing.then_some(command))
     .collect();
     let page = overview::page(folder, &lines, parts.hands.as_ref(), &sensing);
-    write_whole(&folder.join("study.html"), page.as_bytes())?;
-    let row = |Line { what, theirs, ours, difference, why }: &Line| {
+    write_atomically(&folder.join("study.html"), page.as_bytes())?;
+    let row = |PaperComparisonRow { what, theirs, ours, difference, why }: &PaperComparisonRow| {
         format!("{what:48} {theirs:>18} {ours:>36} {difference:>13}  {why}\n")
     };
     let text: String = lines.iter().map(row).collect();
-    let study = Study { rows: &lines, sensors: &sensing.array, missing: &missing };
+    let study = StudyOutput { rows: &lines, sensors: &sensing.array, missing: &missing };
     terminal.print(&study, &format!("{text}{}/study.html\n", folder.display()))?;
     Ok((!missing.is_empty()).then(|| format!("parts are missing: run `ftac {}`", missing.join("`, `ftac "))))
 }
 
 /// Computes the key figures of the hand's tactile sensors.
-fn sensing() -> Result<Sensing> {
+fn sensing() -> Result<SensorFigures> {
     let hand = RobotModel::ftac_gen3().hand;
-    let gel = Foundation::paper(hand.gel().thickness);
-    Ok(Sensing {
-        array: array(&hand),
+    let gel = GelFoundation::paper(hand.gel().thickness);
+    Ok(SensorFigures {
+        array: tactile_array(&hand),
         coverage: figures::coverage(&hand, None)?.ours,
         response: sensitivity(&probe_response(&gel, 160.0, 161), 50.0).per_kpa,
     })

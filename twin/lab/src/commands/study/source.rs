@@ -13,7 +13,7 @@ use hand_model::{Hand, RobotModel};
 use world::objects::{ObjectModel, ObjectSet};
 
 /// Grasps with their hand and objects.
-pub struct Source {
+pub struct GraspSource {
     pub hand: Arc<Hand>,
     /// Objects for which there are grasps, in the order of the set.
     pub objects: Vec<Arc<ObjectModel>>,
@@ -41,7 +41,7 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-impl Source {
+impl GraspSource {
     /// Reads and classifies the grasps of `paths`; without paths, those of the built-in collection.
     pub fn read(paths: &[PathBuf]) -> Result<Self> {
         let set = ObjectSet::repertoire();
@@ -65,7 +65,7 @@ impl Source {
         let objects: Vec<Arc<ObjectModel>> = set.iter().filter(is_held).cloned().collect();
         let mut classification = Classification::default();
         for object in &objects {
-            let form = ObjectForm::of(&object.shape.surface_samples(FORM_POINTS));
+            let form = ObjectForm::from_points(&object.shape.surface_samples(FORM_POINTS));
             classification.add_object(&object.name);
             for (grasp, file) in grasps.iter().filter(|(grasp, _)| grasp.object == object.name) {
                 let added = classification.add(&hand, &form, grasp.clone());
@@ -77,7 +77,7 @@ impl Source {
 }
 
 /// Returns an error if the folder of an output file does not exist, before any work is done.
-pub fn writable(out: &Path) -> Result<()> {
+pub fn check_output_folder(out: &Path) -> Result<()> {
     if let Some(folder) = out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         anyhow::ensure!(folder.is_dir(), "--out {}: found no folder {}, expected one", out.display(), folder.display());
     }

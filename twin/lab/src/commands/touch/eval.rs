@@ -3,50 +3,50 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use bench::builtin::{HAND_UNIT, make_bench, read_pads_by};
+use bench::builtin::{HAND_UNIT, make_bench, replace_calibration};
 use ftac::lab::arguments::touch::EvalArgs;
-use ftac::options::robot::{individual_of, pads};
+use ftac::options::robot::{instance_model, pad_calibration_text};
 use ftac::terminal::{Outcome, Terminal};
 use lab::touch::evaluation::{TouchEvaluation, table, under_changes};
-use lab::touch::grasps::{Played, grasps};
-use lab::touch::images::{Change, Eyes};
+use lab::touch::grasps::{SimulatedGrasps, grasps};
+use lab::touch::images::{CameraUnit, OpticsChange};
 use lab::touch::networks::Networks;
-use lab::touch::normals::{RealSource, real};
+use lab::touch::normals::{RealSource, evaluate_real_presses};
 use lab::touch::pictures;
-use lab::touch::poses::feel;
+use lab::touch::poses::evaluate_poses;
 use scenarios::Scenario;
 
 /// Default folder of the GelSight presses known to the program's networks, beside a checkout, with the ball's diameter
 /// and the pixel size (mm).
-const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
+const KNOWN_REAL_PRESSES: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
 /// Origin of these presses.
-const REAL_SOURCE: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
+const KNOWN_REAL_PRESSES_ORIGIN: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
 
 /// Perceives the grasps, evaluates and prints.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let scenario = Scenario::benchmark();
-    if args.combos == 0 || args.trials == 0 || args.combos > scenario.combinations() {
+    if args.combos == 0 || args.trials == 0 || args.combos > scenario.combination_count() {
         bail!(
             "--combos and --trials: found {} and {}, expected 1 to {} and at least 1",
             args.combos,
             args.trials,
-            scenario.combinations()
+            scenario.combination_count()
         );
     }
-    let own = individual_of(args.individual.as_deref(), &args.robot.model()?)?;
+    let own = instance_model(args.individual.as_deref(), &args.robot.model()?)?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
-    let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
-    let pads = pads(args.pads.as_deref(), &own)?;
+    let real = source.map(|source| evaluate_real_presses(&source, &networks).map(|rows| (source, rows))).transpose()?;
+    let pads = pad_calibration_text(args.pads.as_deref(), &own)?;
     let mut bench = make_bench(&own, scenario, args.combos, terminal.seed, quiet)?;
-    read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
-    let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
+    replace_calibration(&mut bench, pads.as_deref(), Path::new("--pads"))?;
+    let played = SimulatedGrasps { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);
-    let eyes = Eyes::new(&bench.world.cell.robot.hand, HAND_UNIT, &Change::NONE)?
-        .drifting(bench.world.scenario.effects.pads, terminal.seed);
-    let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
+    let eyes = CameraUnit::new(&bench.world.cell.robot.hand, HAND_UNIT, &OpticsChange::NONE)?
+        .with_drift(bench.world.scenario.effects.pads, terminal.seed);
+    let felt = evaluate_poses(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();
     if let Some(folder) = &args.out {
         let objects = pictures::write(&bench, &eyes, &grasps, folder)?;
@@ -64,13 +64,13 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
 fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
     let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
     else {
-        let (folder, ball_diameter_mm, pixel_mm) = REAL;
+        let (folder, ball_diameter_mm, pixel_mm) = KNOWN_REAL_PRESSES;
         let known = RealSource { folder: folder.into(), ball_diameter_mm, pixel_mm };
         if known.folder.is_dir() {
             return Ok(Some(known));
         }
         eprintln!(
-            "left out: a real GelSight, whose presses are not at {folder}; they come from {REAL_SOURCE}, and --real FOLDER names them or those \
+            "left out: a real GelSight, whose presses are not at {folder}; they come from {KNOWN_REAL_PRESSES_ORIGIN}, and --real FOLDER names them or those \
              of another sensor"
         );
         return Ok(None);

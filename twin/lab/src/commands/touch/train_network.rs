@@ -3,20 +3,20 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use ftac::lab::arguments::touch::{KindArg, TrainNetworkArgs};
+use ftac::lab::arguments::touch::{NetworkKindArg, TrainNetworkArgs};
 use ftac::terminal::{Outcome, Terminal};
-use ftac_platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use hand_model::RobotModel;
 use indicatif::ProgressStyle;
-use lab::touch::network_training::{Schedule, Training};
+use lab::touch::network_training::{Training, TrainingSchedule};
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tactile_perception::network::Kind;
+use tactile_perception::network::NetworkKind;
 
 /// Output once the network is written.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Trained<'a> {
+pub struct TrainingOutput<'a> {
     /// Number of training samples.
     squares: usize,
     /// Number of held-out samples.
@@ -31,11 +31,17 @@ pub struct Trained<'a> {
 pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     check(args)?;
     let kind = match args.kind {
-        KindArg::EncoderDecoder => Kind::EncoderDecoder,
-        KindArg::PerPixel => Kind::PerPixel,
+        NetworkKindArg::EncoderDecoder => NetworkKind::EncoderDecoder,
+        NetworkKindArg::PerPixel => NetworkKind::PerPixel,
     };
-    let schedule =
-        Schedule { kind, epochs: args.epochs, batch: args.batch, rate: args.rate, halving: 5, seed: terminal.seed };
+    let schedule = TrainingSchedule {
+        kind,
+        epochs: args.epochs,
+        batch: args.batch,
+        rate: args.rate,
+        halving: 5,
+        seed: terminal.seed,
+    };
     let state = args.out.with_extension("training");
     let mut training = if args.resume { resume(&state, &schedule)? } else { Training::new(schedule.clone()) };
     training.schedule = schedule;
@@ -53,9 +59,9 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     bar.reset();
     bar.set_length((args.epochs * steps) as u64);
     bar.set_position((training.losses.len() * steps) as u64);
-    while !training.done() {
+    while !training.is_finished() {
         training.epoch(&samples, &held_out, || bar.inc(1))?;
-        write_whole(&state, &serde_json::to_vec(&training)?)?;
+        write_atomically(&state, &serde_json::to_vec(&training)?)?;
         if let Some([learned, held]) = training.losses.last() {
             bar.set_message(format!("loss {learned:.4}, held out {held:.4}"));
         }
@@ -63,11 +69,11 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     bar.finish_and_clear();
     let mut network = training.network(recipe(args, terminal.seed))?;
     network.conditioning = conditioning;
-    write_whole(&args.out, &serde_json::to_vec(&network)?)?;
+    write_atomically(&args.out, &serde_json::to_vec(&network)?)?;
     let curve = args.out.with_extension("png");
     let mut png = std::io::Cursor::new(Vec::new());
     loss_curves(&training).draw().write_to(&mut png, image::ImageFormat::Png)?;
-    write_whole(&curve, png.get_ref())?;
+    write_atomically(&curve, png.get_ref())?;
     let [learned, held] = training.losses.last().copied().unwrap_or([f64::NAN; 2]);
     let text = format!(
         "{}: {} squares, loss {learned:.4}, on {} held out {held:.4}; curves in {}\n",
@@ -77,7 +83,7 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
         curve.display()
     );
     let trained =
-        Trained { squares: samples.len(), held_out: held_out.len(), losses: &training.losses, out: &args.out };
+        TrainingOutput { squares: samples.len(), held_out: held_out.len(), losses: &training.losses, out: &args.out };
     terminal.print(&trained, &text)?;
     Ok(None)
 }
@@ -110,7 +116,7 @@ fn source<'a>(args: &'a TrainNetworkArgs, robot: &'a RobotModel) -> TrainingSour
 /// Returns the command that reproduces the network.
 fn recipe(args: &TrainNetworkArgs, seed: u64) -> String {
     let mut text = "ftac touch train-network".to_owned();
-    if args.kind == KindArg::PerPixel {
+    if args.kind == NetworkKindArg::PerPixel {
         text += " --kind per-pixel";
     }
     let TrainNetworkArgs { presses, crops, epochs, batch, rate, .. } = args;

@@ -10,14 +10,14 @@ use serde::Serialize;
 use super::types::GraspType;
 
 /// Largest cable tension, N: half of the servo's stall tension, which the servo can sustain.
-pub const STRONGEST: f64 = 57.5;
+pub const MAX_TENSION: f64 = 57.5;
 /// Ranges of the thumb's opposition, rad.
-const ABDUCTED: (f64, f64) = (0.7, 1.65);
-const ADDUCTED: (f64, f64) = (0.0, 0.5);
+const ABDUCTED_RANGE: (f64, f64) = (0.7, 1.65);
+const ADDUCTED_RANGE: (f64, f64) = (0.0, 0.5);
 
 /// One placement with its commands.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct Attempt {
+pub struct GraspAttempt {
     /// Position of the object, held there while the digits close, palm frame, m.
     pub position: [f64; 3],
     /// Orientation of the object as a rotation vector, palm frame, rad.
@@ -34,7 +34,7 @@ pub struct Attempt {
     pub locked: bool,
 }
 
-impl Attempt {
+impl GraspAttempt {
     /// Creates an attempt that closes from the open hand with constant tensions.
     pub fn new(place: &Isometry3<f64>, tensions: DigitVector, opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
@@ -48,17 +48,17 @@ impl Attempt {
 }
 
 /// Draws uniformly from a range.
-pub fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
+pub fn draw_in_range(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
     rng.random_range(low..high)
 }
 
 /// Draws a tension (N) uniformly in the logarithm.
-pub fn tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    within(rng, (low.ln(), high.ln())).exp()
+pub fn draw_tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    draw_in_range(rng, (low.ln(), high.ln())).exp()
 }
 
 /// Returns the rotation that brings the object's x to `across` and its z as near to `along` as possible.
-pub fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
+pub fn aligning_rotation(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
     let x = across.normalize();
     let rest = along - x * x.dot(along);
     let z = rest.try_normalize(1e-6).unwrap_or_else(|| x.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize());
@@ -72,7 +72,7 @@ pub fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
 }
 
 /// Draws a neighbour of an attempt; `step` scales the usual distance.
-pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
+pub fn vary(attempt: &GraspAttempt, step: f64, rng: &mut ChaCha8Rng) -> GraspAttempt {
     let mut next = attempt.clone();
     // Vary the placement, the commands, or both.
     let what = rng.random_range(0..3);
@@ -86,22 +86,23 @@ pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
         next.tensions = next
             .tensions
             .iter()
-            .map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST))
+            .map(|tension| (tension * (step * draw_in_range(rng, (-0.35, 0.35))).exp()).min(MAX_TENSION))
             .collect();
-        next.before = next.before.iter().map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp()).collect();
-        next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+        next.before =
+            next.before.iter().map(|tension| tension * (step * draw_in_range(rng, (-0.2, 0.2))).exp()).collect();
+        next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED_RANGE.1);
     }
     next
 }
 
 /// Returns the range of the opposition command that the type requires, rad.
 pub fn opposition_range(kind: &GraspType) -> (f64, f64) {
-    if kind.abducted { ABDUCTED } else { ADDUCTED }
+    if kind.abducted { ABDUCTED_RANGE } else { ADDUCTED_RANGE }
 }
 
 /// Draws a command within that range, rad.
-pub fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
-    within(rng, opposition_range(kind))
+pub fn draw_opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
+    draw_in_range(rng, opposition_range(kind))
 }
 
 #[cfg(test)]
@@ -114,6 +115,6 @@ mod tests {
     fn the_strongest_pull_is_half_the_stall_torque() {
         let parameters = Hand::ftac().parameters;
         let stall = parameters.servo.stall_torque / parameters.cable.spool_radius;
-        assert!((STRONGEST - 0.5 * stall).abs() < 1e-9, "{stall} N");
+        assert!((MAX_TENSION - 0.5 * stall).abs() < 1e-9, "{stall} N");
     }
 }

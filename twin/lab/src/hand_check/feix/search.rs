@@ -10,27 +10,27 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::aim::propose;
-use super::attempt::{Attempt, vary};
-use super::curl::Curls;
-use super::trial::{self, BURIED, Trial};
+use super::attempt::{GraspAttempt, vary};
+use super::free_postures::FreePostureTable;
+use super::trial::{self, AttemptResult, MAX_START_PENETRATION};
 use super::types::GraspType;
 
-const KEPT: usize = 4;
+const LINEAGES_KEPT: usize = 4;
 /// Number of attempts after which the search restarts.
-const ANEW: usize = 100;
+const RESTART_INTERVAL: usize = 100;
 /// Interval of fresh proposals, attempts.
-const FRESH: usize = 4;
+const FRESH_PROPOSAL_INTERVAL: usize = 4;
 /// Maximum number of draws until a proposal's object does not start inside the hand.
-const DRAWS: usize = 24;
+const MAX_DRAWS: usize = 24;
 /// Range of step sizes, in units of the usual one, and factors on success and on failure.
-const STEPS: (f64, f64) = (0.15, 1.6);
-const GROWS: f64 = 1.6;
-const SHRINKS: f64 = 0.9;
+const STEP_RANGE: (f64, f64) = (0.15, 1.6);
+const STEP_GROWTH: f64 = 1.6;
+const STEP_SHRINKAGE: f64 = 0.9;
 
 /// A lineage: its best attempt, the result, and the size of the next step.
 struct Lineage {
-    attempt: Attempt,
-    trial: Trial,
+    attempt: GraspAttempt,
+    trial: AttemptResult,
     step: f64,
 }
 
@@ -42,41 +42,47 @@ impl Lineage {
 }
 
 /// Result of a search.
-pub struct Found {
+pub struct SearchResult {
     /// Number of attempts made.
     pub tries: usize,
     /// First attempt that holds, or the best one.
-    pub attempt: Attempt,
+    pub attempt: GraspAttempt,
     /// Result of that attempt.
-    pub trial: Trial,
+    pub trial: AttemptResult,
 }
 
 /// Makes at most `tries` attempts. Returns `None` if `tries` is 0.
-pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: usize) -> Option<Found> {
+pub fn run(
+    hand: &Arc<Hand>,
+    curls: &FreePostureTable,
+    kind: &GraspType,
+    seed: u64,
+    tries: usize,
+) -> Option<SearchResult> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(kind.number as u64);
     let mut kept: Vec<Lineage> = Vec::new();
     let mut best: Option<Lineage> = None;
     let mut made = 0;
     while made < tries && !kept.first().is_some_and(|first| first.trial.held()) {
-        if made % ANEW == 0 {
+        if made % RESTART_INTERVAL == 0 {
             best = kept.drain(..).chain(best).min_by(Lineage::order);
         }
-        if kept.len() < KEPT || made % FRESH == 0 {
-            let attempt = outside(hand, curls, kind, &mut rng, |rng| propose(hand, curls, kind, rng));
-            let enough = if kept.len() < KEPT { f64::INFINITY } else { kept[KEPT - 1].trial.cost };
+        if kept.len() < LINEAGES_KEPT || made % FRESH_PROPOSAL_INTERVAL == 0 {
+            let attempt = draw_outside_hand(hand, curls, kind, &mut rng, |rng| propose(hand, curls, kind, rng));
+            let enough = if kept.len() < LINEAGES_KEPT { f64::INFINITY } else { kept[LINEAGES_KEPT - 1].trial.cost };
             if let Some(trial) = trial::run(hand, kind, &attempt, enough) {
-                kept.truncate(KEPT - 1);
+                kept.truncate(LINEAGES_KEPT - 1);
                 kept.push(Lineage { attempt, trial, step: 1.0 });
             }
         } else {
             // Better lineages are chosen more often.
-            let chosen = rng.random_range(0..KEPT).min(rng.random_range(0..KEPT));
+            let chosen = rng.random_range(0..LINEAGES_KEPT).min(rng.random_range(0..LINEAGES_KEPT));
             let parent = &mut kept[chosen];
-            let attempt = outside(hand, curls, kind, &mut rng, |rng| vary(&parent.attempt, parent.step, rng));
+            let attempt = draw_outside_hand(hand, curls, kind, &mut rng, |rng| vary(&parent.attempt, parent.step, rng));
             let better = trial::run(hand, kind, &attempt, parent.trial.cost);
-            let factor = if better.is_some() { GROWS } else { SHRINKS };
-            parent.step = (parent.step * factor).clamp(STEPS.0, STEPS.1);
+            let factor = if better.is_some() { STEP_GROWTH } else { STEP_SHRINKAGE };
+            parent.step = (parent.step * factor).clamp(STEP_RANGE.0, STEP_RANGE.1);
             if let Some(trial) = better {
                 (parent.attempt, parent.trial) = (attempt, trial);
             }
@@ -84,7 +90,7 @@ pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: 
         kept.sort_by(Lineage::order);
         made += 1;
     }
-    kept.into_iter().chain(best).min_by(Lineage::order).map(|best| Found {
+    kept.into_iter().chain(best).min_by(Lineage::order).map(|best| SearchResult {
         tries: made,
         attempt: best.attempt,
         trial: best.trial,
@@ -92,17 +98,17 @@ pub fn run(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: 
 }
 
 /// Draws a proposal whose object does not start inside the hand, or the last one drawn if there is none.
-fn outside(
+fn draw_outside_hand(
     hand: &Hand,
-    curls: &Curls,
+    curls: &FreePostureTable,
     kind: &GraspType,
     rng: &mut ChaCha8Rng,
-    draw: impl Fn(&mut ChaCha8Rng) -> Attempt,
-) -> Attempt {
+    draw: impl Fn(&mut ChaCha8Rng) -> GraspAttempt,
+) -> GraspAttempt {
     let mut attempt = draw(rng);
-    for _ in 1..DRAWS {
+    for _ in 1..MAX_DRAWS {
         let angles: HandVector = curls.posture(hand, &attempt.before, attempt.opposition);
-        if curls.buried(&hand.tree.forward(&angles), &kind.prop, &attempt.place()) <= BURIED {
+        if curls.penetration(&hand.tree.forward(&angles), &kind.prop, &attempt.place()) <= MAX_START_PENETRATION {
             break;
         }
         attempt = draw(rng);

@@ -7,36 +7,36 @@ use hand_model::robot::ServoGoal;
 use hand_model::{ActuatorVector, Digit, Hand, HandVector};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, tension_goals};
+use sim::test_stand::{HandTestStand, tension_goals};
 
-use super::attempt::Attempt;
+use super::attempt::GraspAttempt;
 use super::types::{GraspType, Opposition};
 
 /// Times to turn the thumb, to close, and to let the object settle after release, s.
-const TURN: f64 = 0.4;
-const CLOSE: f64 = 1.4;
-const SETTLE: f64 = 0.8;
+const THUMB_TURN_TIME: f64 = 0.4;
+const CLOSING_TIME: f64 = 1.4;
+const SETTLING_TIME: f64 = 0.8;
 /// Time of gravity from each direction, and interval of the checks on the object, s.
-const PULL: f64 = 0.8;
-const LOOK: f64 = 0.1;
+const PULL_TIME: f64 = 0.8;
+const CHECK_INTERVAL: f64 = 0.1;
 /// Hold criteria: maximum displacement of the object, m, and its maximum speed at the end, m/s.
-const STAYS: f64 = 0.01;
-const STILL: f64 = 0.01;
+const MAX_DISPLACEMENT: f64 = 0.01;
+const MAX_FINAL_SPEED: f64 = 0.01;
 /// Boundary between an abducted thumb, which opposes by more, and an adducted one, rad.
-const ABDUCTED: f64 = 0.6;
+const ABDUCTION_LIMIT: f64 = 0.6;
 /// Maximum sum of the flexions of the two last joints of a straight finger, rad.
-const STRETCHED: f64 = 0.6;
+const MAX_STRAIGHT_FLEXION: f64 = 0.6;
 /// Cost of excess flexion of a straight finger, as a gap of its digit, m per rad.
-const BEND: f64 = 0.02;
+const BEND_COST: f64 = 0.02;
 /// Contact threshold on a force, N.
-const TOUCH: f64 = 0.01;
+const CONTACT_FORCE_THRESHOLD: f64 = 0.01;
 /// Maximum penetration of the object into the open hand at the start, m.
-pub const BURIED: f64 = 1e-3;
+pub const MAX_START_PENETRATION: f64 = 1e-3;
 /// Cost of a fault, and gap of a missing digit that costs 1 in addition, m.
-const FAULT: f64 = 10.0;
-const MISSING: f64 = 0.005;
+const FAULT_COST: f64 = 10.0;
+const MISSING_DIGIT_GAP: f64 = 0.005;
 /// Directions of gravity with their names.
-const WAYS: [(Vector3<f64>, &str); 6] = [
+const GRAVITY_DIRECTIONS: [(Vector3<f64>, &str); 6] = [
     (Vector3::new(1.0, 0.0, 0.0), "thumb side"),
     (Vector3::new(-1.0, 0.0, 0.0), "little side"),
     (Vector3::new(0.0, 1.0, 0.0), "fingers"),
@@ -47,7 +47,7 @@ const WAYS: [(Vector3<f64>, &str); 6] = [
 
 /// Result of an attempt.
 #[derive(Debug, Clone)]
-pub struct Trial {
+pub struct AttemptResult {
     /// Reasons why the posture is not of its type, in words.
     pub faults: Vec<String>,
     /// Directions of gravity in which the object is lost; none are tried if the posture is not of the type.
@@ -62,7 +62,7 @@ pub struct Trial {
     pub cost: f64,
 }
 
-impl Trial {
+impl AttemptResult {
     /// True if all virtual fingers touch and nothing else does.
     pub fn formed(&self) -> bool {
         self.faults.is_empty()
@@ -74,38 +74,41 @@ impl Trial {
     }
 }
 
-/// Makes the attempt. Returns `None` if its cost is above `enough`, as early as this is known.
-pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -> Option<Trial> {
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-    stand.run(&tension_goals(hand, &attempt.before, attempt.opposition), TURN);
-    let prop = stand.put(kind.prop.clone(), &attempt.place());
-    let buried = stand.prop_penetration(prop) > BURIED;
-    if buried && enough < FAULT {
+/// Makes the attempt. Returns `None` if its cost is above `max_grasps`, as early as this is known.
+pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &GraspAttempt, enough: f64) -> Option<AttemptResult> {
+    let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
+    stand.run(&tension_goals(hand, &attempt.before, attempt.opposition), THUMB_TURN_TIME);
+    let prop = stand.add_prop(kind.prop.clone(), &attempt.place());
+    let buried = stand.prop_penetration(prop) > MAX_START_PENETRATION;
+    if buried && enough < FAULT_COST {
         return None;
     }
     let mut goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
-    stand.run(&goals, CLOSE);
+    stand.run(&goals, CLOSING_TIME);
     if attempt.locked {
         goals = lock(&stand, goals);
     }
-    stand.release(prop);
-    stand.run(&goals, SETTLE);
+    stand.release_prop(prop);
+    stand.run(&goals, SETTLING_TIME);
     let mut faults = faults(kind, &stand);
     if buried {
         faults.push("the object starts inside the hand".into());
     }
-    let (angles, place) = (stand.angles(), stand.pose(prop));
+    let (angles, place) = (stand.angles(), stand.prop_pose(prop));
     let contacts = stand.contacts().iter().map(|contact| contact.point).collect();
     let mut lost = Vec::new();
     let away = |digit: &Digit| match kind.extended.contains(digit) {
-        true => gap(&stand, &digit.ftac_joints()[1..]) + BEND * (bent(&stand, *digit) - STRETCHED).max(0.0),
+        true => {
+            gap(&stand, &digit.ftac_joints()[1..])
+                + BEND_COST * (flexion_sum(&stand, *digit) - MAX_STRAIGHT_FLEXION).max(0.0)
+        }
         false => gap(&stand, &digit.ftac_joints()),
     };
     let missing: f64 = kind.digits.iter().map(away).sum();
-    let mut cost = FAULT * faults.len() as f64 + (missing / MISSING).min(FAULT - 1.0);
+    let mut cost = FAULT_COST * faults.len() as f64 + (missing / MISSING_DIGIT_GAP).min(FAULT_COST - 1.0);
     if faults.is_empty() {
-        cost = -FAULT;
-        for (way, name) in WAYS {
+        cost = -FAULT_COST;
+        for (way, name) in GRAVITY_DIRECTIONS {
             if cost > enough {
                 return None;
             }
@@ -116,28 +119,28 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
             }
         }
     }
-    (cost <= enough).then_some(Trial { faults, lost, angles, place, contacts, cost })
+    (cost <= enough).then_some(AttemptResult { faults, lost, angles, place, contacts, cost })
 }
 
 /// Applies gravity along `way`. Returns true if the object stays and is still at the end, and the cost: its
-/// displacement over [`STAYS`], or, if that exceeds 1, 1 plus the share of the time that was left.
-fn pull(mut stand: HandStand, goals: &[ServoGoal], way: &Vector3<f64>) -> (bool, f64) {
-    let from = stand.pose(0).translation.vector;
+/// displacement over [`MAX_DISPLACEMENT`], or, if that exceeds 1, 1 plus the share of the time that was left.
+fn pull(mut stand: HandTestStand, goals: &[ServoGoal], way: &Vector3<f64>) -> (bool, f64) {
+    let from = stand.prop_pose(0).translation.vector;
     stand.set_gravity(&(way * 9.81));
     let mut moved = 0.0;
-    let looks = (PULL / LOOK).round() as usize;
+    let looks = (PULL_TIME / CHECK_INTERVAL).round() as usize;
     for look in 1..=looks {
-        stand.run(goals, LOOK);
-        moved = (stand.pose(0).translation.vector - from).norm();
-        if moved > STAYS {
+        stand.run(goals, CHECK_INTERVAL);
+        moved = (stand.prop_pose(0).translation.vector - from).norm();
+        if moved > MAX_DISPLACEMENT {
             return (false, 1.0 + (looks - look) as f64 / looks as f64);
         }
     }
-    (stand.prop_velocity(0).norm() <= STILL, moved / STAYS)
+    (stand.prop_velocity(0).norm() <= MAX_FINAL_SPEED, moved / MAX_DISPLACEMENT)
 }
 
 /// Locks the servos that pull a cable: they hold their present angle instead of their current.
-fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVector<ServoGoal> {
+fn lock(stand: &HandTestStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVector<ServoGoal> {
     let current_limit = stand.hand().parameters.servo.current_limit;
     for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
         if matches!(goal, ServoGoal::Current(current) if *current > 0.0) {
@@ -148,24 +151,24 @@ fn lock(stand: &HandStand, mut goals: ActuatorVector<ServoGoal>) -> ActuatorVect
 }
 
 /// Returns the sum of the flexions of a digit's two last joints, rad.
-fn bent(stand: &HandStand, digit: Digit) -> f64 {
+fn flexion_sum(stand: &HandTestStand, digit: Digit) -> f64 {
     let [_, middle, last] = digit.ftac_joints();
     stand.angles()[middle] + stand.angles()[last]
 }
 
 /// Returns the gap between the skin of the links `own` and the object, m.
-fn gap(stand: &HandStand, own: &[usize]) -> f64 {
-    let (links, pose) = (stand.links(), stand.pose(0));
-    let skin = own
-        .iter()
-        .flat_map(|link| stand.hand().covers[*link].skin(0.004).into_iter().map(move |element| (*link, element.point)));
+fn gap(stand: &HandTestStand, own: &[usize]) -> f64 {
+    let (links, pose) = (stand.links(), stand.prop_pose(0));
+    let skin = own.iter().flat_map(|link| {
+        stand.hand().covers[*link].skin_elements(0.004).into_iter().map(move |element| (*link, element.point))
+    });
     skin.map(|(link, point)| stand.prop(0).signed_distance(&pose.inverse_transform_point(&(links[link] * point))).0)
         .fold(f64::INFINITY, f64::min)
         .max(0.0)
 }
 
 /// Lists the reasons why the posture is not of its type.
-fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
+fn faults(kind: &GraspType, stand: &HandTestStand) -> Vec<String> {
     let mut forces = [0.0; 6];
     let mut sideways = [0.0; 6];
     let links = stand.links();
@@ -178,8 +181,8 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
     }
     let mut faults = Vec::new();
     for digit in kind.extended {
-        let (bent, [_, middle, last]) = (bent(stand, *digit), digit.ftac_joints());
-        if bent > STRETCHED {
+        let (bent, [_, middle, last]) = (flexion_sum(stand, *digit), digit.ftac_joints());
+        if bent > MAX_STRAIGHT_FLEXION {
             faults.push(format!("{} is bent by {:.0} deg", digit.name(), bent.to_degrees()));
         }
         if !stand.contacts().iter().any(|contact| contact.link == Some(middle) || contact.link == Some(last)) {
@@ -187,7 +190,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         }
     }
     for digit in Digit::ALL {
-        let touches = forces[digit.index()] > TOUCH;
+        let touches = forces[digit.index()] > CONTACT_FORCE_THRESHOLD;
         let named = kind.digits.contains(&digit);
         if named && !touches {
             faults.push(format!(
@@ -200,7 +203,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
             faults.push(format!("{} touches", digit.name()));
         }
     }
-    let palm = forces[5] > TOUCH;
+    let palm = forces[5] > CONTACT_FORCE_THRESHOLD;
     match kind.opposition {
         Opposition::Palm if !palm => faults.push("the palm does not touch".into()),
         Opposition::Pad if palm => faults.push("the palm touches".into()),
@@ -219,10 +222,10 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
     }
     let opposed = stand.angles()[Digit::Thumb.ftac_joints()[0]];
     if kind.digits.contains(&Digit::Thumb) || kind.helpers.contains(&Digit::Thumb) {
-        if kind.abducted && opposed < ABDUCTED {
+        if kind.abducted && opposed < ABDUCTION_LIMIT {
             faults.push("the thumb is not abducted".into());
         }
-        if !kind.abducted && opposed > ABDUCTED {
+        if !kind.abducted && opposed > ABDUCTION_LIMIT {
             faults.push("the thumb is not adducted".into());
         }
     }
@@ -234,14 +237,14 @@ mod tests {
     use super::super::types;
     use super::*;
 
-    fn hook(tension: f64) -> (GraspType, Attempt) {
-        let kind = types::all().swap_remove(14);
+    fn hook(tension: f64) -> (GraspType, GraspAttempt) {
+        let kind = types::all_types().swap_remove(14);
         let hand = Hand::ftac();
         let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
         let across = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
         let place = Isometry3::from_parts(Vector3::new(0.003, 0.0, skin - kind.half - 1e-3).into(), across);
         let fingers = [0.0, tension, tension, tension, tension];
-        (kind, Attempt::new(&place, fingers.into(), 0.0))
+        (kind, GraspAttempt::new(&place, fingers.into(), 0.0))
     }
 
     /// Four fingers around a rod at the palm hold it there; of an open hand, each is reported as off, with its gap.
@@ -272,9 +275,9 @@ mod tests {
     #[test]
     fn only_pulled_cables_lock() {
         let hand = Arc::new(Hand::ftac());
-        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
         let goals = tension_goals(&hand, &[0.0, 8.0, 0.0, 0.0, 0.0], 0.3);
-        stand.run(&goals, CLOSE);
+        stand.run(&goals, CLOSING_TIME);
         let locked = lock(&stand, goals);
         assert!(matches!(locked[1], ServoGoal::Position { angle, .. } if angle == stand.servos()[1].position));
         assert!(locked[0] == goals[0] && locked[2..] == goals[2..]);

@@ -9,17 +9,17 @@ use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Tolerance on the overlap of covers, m: the engine's contacts yield a little.
-pub const OVERLAP: f64 = 5e-4;
+pub const OVERLAP_TOLERANCE: f64 = 5e-4;
 /// Distances of creases from their joints, m, centres of the measured ranges: DIP, PIP, distal palmar crease from the
 /// MCP joints.
 const DIP_CREASE: f64 = 0.0075;
 const PIP_CREASE: f64 = 0.0025;
 const PALMAR_CREASE: f64 = 0.0085;
 /// Number of points of a crease that runs across the palm.
-const ALONG: usize = 24;
+const CREASE_POINT_COUNT: usize = 24;
 
 /// One of the ten target points.
-pub struct Target {
+pub struct KapandjiTarget {
     pub name: &'static str,
     /// Link that carries it; `None` is the palm.
     pub link: Option<usize>,
@@ -28,7 +28,7 @@ pub struct Target {
 }
 
 /// Returns the ten points, in the order of the test.
-pub fn targets(hand: &Hand) -> Vec<Target> {
+pub fn targets(hand: &Hand) -> Vec<KapandjiTarget> {
     let side = |link: usize| {
         // Radial is the thumb's side: minus z of a finger's link.
         let cover = &hand.covers[link];
@@ -48,16 +48,19 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
     let palm = &hand.palm_cover;
     let (skin, end) =
         (palm.link_from_cover.translation.z - palm.half.z, palm.link_from_cover.translation.y + palm.half.y);
-    let on =
-        |name: &'static str, link: usize, point: Point3<f64>| Target { name, link: Some(link), points: vec![point] };
+    let on = |name: &'static str, link: usize, point: Point3<f64>| KapandjiTarget {
+        name,
+        link: Some(link),
+        points: vec![point],
+    };
     let [dip, pip] = [l2, l1].map(|link| hand.tree.joints[link].origin.translation.x);
     // Across the palm through the MCP joints of little, ring and middle finger, starting at the ulnar edge of the flat
     // part.
     let knuckles = [Digit::Little, Digit::Ring, Digit::Middle].map(mcp);
     let edge = palm.link_from_cover.translation.x - palm.half.x + palm.radius;
-    let palmar_crease = (0..ALONG)
+    let palmar_crease = (0..CREASE_POINT_COUNT)
         .map(|n| {
-            let x = edge + (knuckles[2].x - edge) * n as f64 / (ALONG - 1) as f64;
+            let x = edge + (knuckles[2].x - edge) * n as f64 / (CREASE_POINT_COUNT - 1) as f64;
             let [a, b] = if x < knuckles[1].x { [knuckles[0], knuckles[1]] } else { [knuckles[1], knuckles[2]] };
             let y = a.y + (b.y - a.y) * ((x - a.x) / (b.x - a.x)).max(0.0);
             Point3::new(x, y - PALMAR_CREASE, skin)
@@ -73,7 +76,7 @@ pub fn targets(hand: &Hand) -> Vec<Target> {
         on("DIP crease of little", l1, Point3::new(dip - DIP_CREASE, palmar(l1), 0.0)),
         on("PIP crease of little", l0, Point3::new(pip - PIP_CREASE, 0.5 * (palmar(l0) + palmar(l1)), 0.0)),
         on("proximal crease of little", l0, Point3::new(end - mcp(Digit::Little).y, palmar(l0), 0.0)),
-        Target { name: "distal palmar crease", link: None, points: palmar_crease },
+        KapandjiTarget { name: "distal palmar crease", link: None, points: palmar_crease },
     ]
 }
 
@@ -83,19 +86,19 @@ pub fn thumb_tip(hand: &Hand) -> Vec<Point3<f64>> {
     let middle = cover.link_from_cover.translation.x;
     let on_pad = |n: &Vector3<f64>| n.y >= 0.25 || n.x >= 0.5;
     cover
-        .skin(0.001)
+        .skin_elements(0.001)
         .into_iter()
         .filter(|element| element.point.x >= middle && on_pad(&element.normal))
         .map(|element| element.point)
         .collect()
 }
 
-pub fn distance(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> f64 {
+pub fn distance(target: &KapandjiTarget, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> f64 {
     nearest(target, tip, links).0
 }
 
 /// Returns the smallest distance (m) of the thumb's tip from the target, and the target's nearest point, palm frame.
-pub fn nearest(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> (f64, Point3<f64>) {
+pub fn nearest(target: &KapandjiTarget, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> (f64, Point3<f64>) {
     let carrier = target.link.map_or(Isometry3::identity(), |link| links[link]);
     let mut best = (f64::INFINITY, Point3::origin());
     for place in target.points.iter().map(|point| carrier * point) {

@@ -6,21 +6,23 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use statistics::percentile;
 
-use super::{ChangedOptics, TouchEvaluation, of_method, steps};
-use crate::touch::networks::{IN_USE, Method};
-use crate::touch::normals::{Measured, RealRow, RealSource};
-use crate::touch::poses::{Causes, Class, FeltGrasp, MedianP95, PoseSource, Spread, causes, spread};
+use super::{ChangedOptics, TouchEvaluation, of_method, step_latencies};
+use crate::touch::networks::{METHOD_IN_USE, NormalMethod};
+use crate::touch::normals::{NormalErrors, RealRow, RealSource};
+use crate::touch::poses::{
+    Causes, ErrorPercentiles, MedianP95, PoseEvaluation, PoseSource, SymmetryClass, causes, error_percentiles,
+};
 
 /// Errors of normals.
 #[derive(Serialize, JsonSchema)]
 struct Normals<'a> {
     /// Method that trials use for normals.
-    method: Method,
+    method: NormalMethod,
     /// Errors on shapes that were not trained on.
-    unseen_shapes: Option<Measured>,
+    unseen_shapes: Option<NormalErrors>,
     /// Errors on presses of a real sensor.
-    real: Option<Measured>,
-    unseen_shapes_by_method: BTreeMap<&'static str, Measured>,
+    real: Option<NormalErrors>,
+    unseen_shapes_by_method: BTreeMap<&'static str, NormalErrors>,
     real_by_method: Option<&'a [RealRow]>,
     real_source: Option<&'a RealSource>,
 }
@@ -29,13 +31,13 @@ struct Normals<'a> {
 #[derive(Serialize, JsonSchema)]
 struct Poses {
     #[serde(flatten)]
-    touch: Spread,
+    touch: ErrorPercentiles,
     /// Shares of the grasps: truth in the 95 % region, large errors, and their causes.
     causes: Causes,
     /// Errors of the plan's prior.
-    plan: Spread,
+    plan: ErrorPercentiles,
     /// Errors of the estimate from servos and felt points alone.
-    points_only: Spread,
+    points_only: ErrorPercentiles,
 }
 
 /// Errors of in-hand poses by class of object.
@@ -66,7 +68,7 @@ struct Latency {
 
 /// Results of the evaluation.
 #[derive(Serialize, JsonSchema)]
-pub struct Figures<'a> {
+pub struct TouchEvaluationFigures<'a> {
     /// Seed of all random numbers.
     seed: u64,
     grasps: usize,
@@ -84,28 +86,28 @@ pub struct Figures<'a> {
 
 impl TouchEvaluation {
     /// Collects the results.
-    pub fn figures(&self, seed: u64) -> Figures<'_> {
+    pub fn figures(&self, seed: u64) -> TouchEvaluationFigures<'_> {
         let rows = self.as_built();
         let ratios: Vec<f64> = self.felt.iter().map(|felt| felt.ratio).collect();
         let latency = |times: &[f64]| Latency { p50: percentile(times, 50.0), p99: percentile(times, 99.0) };
-        Figures {
+        TouchEvaluationFigures {
             seed,
             grasps: self.felt.len(),
             normals: normals(rows, self.real.as_ref()),
-            height_rms_um: of_method(rows, IN_USE).and_then(|row| row.height_rms_um),
+            height_rms_um: of_method(rows, METHOD_IN_USE).and_then(|row| row.height_rms_um),
             pose: poses_by_class(&self.felt),
             error_over_sigma: MedianP95::of(&ratios),
-            latency_ms: steps(&self.felt).into_iter().map(|(name, times)| (name, latency(&times))).collect(),
+            latency_ms: step_latencies(&self.felt).into_iter().map(|(name, times)| (name, latency(&times))).collect(),
             changed: &self.changed,
         }
     }
 }
 
-fn normals<'a>(rows: &[(Method, Measured)], real: Option<&'a (RealSource, Vec<RealRow>)>) -> Normals<'a> {
-    let best = real.and_then(|(_, real)| real.iter().find(|row| row.method == IN_USE && !row.simulated));
+fn normals<'a>(rows: &[(NormalMethod, NormalErrors)], real: Option<&'a (RealSource, Vec<RealRow>)>) -> Normals<'a> {
+    let best = real.and_then(|(_, real)| real.iter().find(|row| row.method == METHOD_IN_USE && !row.simulated));
     Normals {
-        method: IN_USE,
-        unseen_shapes: of_method(rows, IN_USE),
+        method: METHOD_IN_USE,
+        unseen_shapes: of_method(rows, METHOD_IN_USE),
         real: best.map(|row| row.error),
         unseen_shapes_by_method: rows.iter().map(|(method, measured)| (method.name(), *measured)).collect(),
         real_by_method: real.map(|(_, rows)| rows.as_slice()),
@@ -113,24 +115,24 @@ fn normals<'a>(rows: &[(Method, Measured)], real: Option<&'a (RealSource, Vec<Re
     }
 }
 
-fn poses(felt: &[FeltGrasp], pick: &dyn Fn(&FeltGrasp) -> bool) -> Poses {
+fn poses(felt: &[PoseEvaluation], pick: &dyn Fn(&PoseEvaluation) -> bool) -> Poses {
     Poses {
-        touch: spread(felt, PoseSource::Touch, pick),
+        touch: error_percentiles(felt, PoseSource::Touch, pick),
         causes: causes(felt, pick),
-        plan: spread(felt, PoseSource::Plan, pick),
-        points_only: spread(felt, PoseSource::Points, pick),
+        plan: error_percentiles(felt, PoseSource::Plan, pick),
+        points_only: error_percentiles(felt, PoseSource::Points, pick),
     }
 }
 
-fn poses_by_class(felt: &[FeltGrasp]) -> PosesByClass {
-    let of = |class: Class| poses(felt, &|felt| felt.class == class);
+fn poses_by_class(felt: &[PoseEvaluation]) -> PosesByClass {
+    let of = |class: SymmetryClass| poses(felt, &|felt| felt.class == class);
     let objects: BTreeSet<&str> = felt.iter().map(|felt| felt.object.as_str()).collect();
     PosesByClass {
         all: poses(felt, &|_| true),
-        ball: of(Class::Ball),
-        round: of(Class::Round),
-        cuboid: of(Class::Box),
-        irregular: of(Class::Irregular),
+        ball: of(SymmetryClass::Ball),
+        round: of(SymmetryClass::Round),
+        cuboid: of(SymmetryClass::Box),
+        irregular: of(SymmetryClass::Irregular),
         objects: objects.into_iter().map(|name| (name.to_owned(), poses(felt, &|felt| felt.object == name))).collect(),
     }
 }

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use crate::touch::networks::{IN_USE, Method};
+use crate::touch::networks::{METHOD_IN_USE, NormalMethod};
 use statistics::percentile;
 
-use super::{ChangedOptics, TouchEvaluation, steps};
-use crate::touch::normals::{Measured, RealRow, RealSource};
-use crate::touch::poses::{Causes, Class, FAR, FeltGrasp, PoseSource, Spread, causes, spread};
+use super::{ChangedOptics, TouchEvaluation, step_latencies};
+use crate::touch::normals::{NormalErrors, RealRow, RealSource};
+use crate::touch::poses::{
+    Causes, ErrorPercentiles, LARGE_ERROR, PoseEvaluation, PoseSource, SymmetryClass, causes, error_percentiles,
+};
 
 const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSource::Touch];
 
@@ -21,7 +23,7 @@ pub fn to_text(found: &TouchEvaluation) -> String {
 
 fn changes(rows: &[ChangedOptics]) -> String {
     let mut text = format!("{:20}", "normals, mean deg");
-    for method in Method::ALL {
+    for method in NormalMethod::ALL {
         text += &format!(" {:>20}", method.name());
     }
     text.push('\n');
@@ -33,7 +35,7 @@ fn changes(rows: &[ChangedOptics]) -> String {
         text.push('\n');
     }
     text.push('\n');
-    for (change, (method, Spread { grasps, mm, deg })) in
+    for (change, (method, ErrorPercentiles { grasps, mm, deg })) in
         rows.iter().flat_map(|row| row.poses.iter().map(|pose| (row.change, pose)))
     {
         let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
@@ -49,10 +51,10 @@ fn changes(rows: &[ChangedOptics]) -> String {
     text
 }
 
-fn normals(rows: &[(Method, Measured)], real: Option<&(RealSource, Vec<RealRow>)>) -> String {
+fn normals(rows: &[(NormalMethod, NormalErrors)], real: Option<&(RealSource, Vec<RealRow>)>) -> String {
     let mut text =
         format!("{:52} {:>9} {:>9} {:>9}   {:>9}\n", "angular error, deg", "mean", "median", "p95", "samples");
-    let mut row = |name: String, measured: &Measured| {
+    let mut row = |name: String, measured: &NormalErrors| {
         text += &format!(
             "{name:52} {:9.2} {:9.2} {:9.2}   {:9}",
             measured.mean_deg, measured.median_deg, measured.p95_deg, measured.samples
@@ -61,7 +63,7 @@ fn normals(rows: &[(Method, Measured)], real: Option<&(RealSource, Vec<RealRow>)
         text.push('\n');
     };
     for (method, measured) in rows {
-        let used = if *method == IN_USE { " (used in trials)" } else { "" };
+        let used = if *method == METHOD_IN_USE { " (used in trials)" } else { "" };
         row(format!("unseen shapes, {}{used}", method.name()), measured);
     }
     for RealRow { method, simulated, error } in real.map_or(&[][..], |(_, rows)| rows) {
@@ -78,7 +80,7 @@ fn normals(rows: &[(Method, Measured)], real: Option<&(RealSource, Vec<RealRow>)
     text
 }
 
-fn poses(felt: &[FeltGrasp]) -> String {
+fn poses(felt: &[PoseEvaluation]) -> String {
     let mut text = format!(
         "{:16} {:>6}   {:^27}   {:^27}   {:^27}\n{:16} {:>6}",
         "in-hand pose", "", "plan", "felt points alone", "touch", "", "grasps"
@@ -87,10 +89,11 @@ fn poses(felt: &[FeltGrasp]) -> String {
         text += &format!("   {:>6} {:>6} {:>6} {:>6}", "mm", "p95", "deg", "p95");
     }
     text.push('\n');
-    let mut row = |name: &str, pick: &dyn Fn(&FeltGrasp) -> bool| {
-        let spreads: Vec<Spread> = SOURCES.iter().map(|source| spread(felt, *source, pick)).collect();
+    let mut row = |name: &str, pick: &dyn Fn(&PoseEvaluation) -> bool| {
+        let spreads: Vec<ErrorPercentiles> =
+            SOURCES.iter().map(|source| error_percentiles(felt, *source, pick)).collect();
         text += &format!("{name:16} {:>6}", spreads[0].grasps);
-        for Spread { mm, deg, .. } in spreads {
+        for ErrorPercentiles { mm, deg, .. } in spreads {
             for value in [mm.median, mm.p95, deg.median, deg.p95] {
                 text += if value == mm.median { "   " } else { " " };
                 text += &value.map_or_else(|| format!("{:>6}", "-"), |value| format!("{value:6.2}"));
@@ -99,7 +102,7 @@ fn poses(felt: &[FeltGrasp]) -> String {
         text.push('\n');
     };
     row("all", &|_| true);
-    for class in Class::ALL {
+    for class in SymmetryClass::ALL {
         row(class.name(), &|felt| felt.class == class);
         let objects: BTreeSet<&str> =
             felt.iter().filter(|felt| felt.class == class).map(|felt| felt.object.as_str()).collect();
@@ -111,32 +114,32 @@ fn poses(felt: &[FeltGrasp]) -> String {
 }
 
 /// Formats the causes of large pose errors, by class of object.
-fn error_causes(felt: &[FeltGrasp]) -> String {
+fn error_causes(felt: &[PoseEvaluation]) -> String {
     let mut text = format!(
         "{:16} {:>9} {:>11} {:>12} {:>12} {:>12}\n",
         "share, %",
         "in 95 %",
-        format!("over {FAR} mm"),
+        format!("over {LARGE_ERROR} mm"),
         "misled",
         "missed",
         "untold"
     );
-    let mut row = |name: &str, pick: &dyn Fn(&FeltGrasp) -> bool| {
+    let mut row = |name: &str, pick: &dyn Fn(&PoseEvaluation) -> bool| {
         let Causes { covered, far, misled, missed } = causes(felt, pick);
         let [covered, far, misled, missed] = [covered, far, misled, missed].map(|share| 100.0 * share);
         let untold = far - misled - missed;
         text += &format!("{name:16} {covered:9.1} {far:11.1} {misled:12.1} {missed:12.1} {untold:12.1}\n");
     };
     row("all", &|_| true);
-    for class in Class::ALL {
+    for class in SymmetryClass::ALL {
         row(class.name(), &|felt| felt.class == class);
     }
     text
 }
 
-fn latency(felt: &[FeltGrasp]) -> String {
+fn latency(felt: &[PoseEvaluation]) -> String {
     let mut text = String::new();
-    for (name, times) in steps(felt) {
+    for (name, times) in step_latencies(felt) {
         let at = |percent| percentile(&times, percent).unwrap_or(f64::NAN);
         text += &format!("{name:8} {:7.2} ms p50 {:7.2} ms p99\n", at(50.0), at(99.0));
     }

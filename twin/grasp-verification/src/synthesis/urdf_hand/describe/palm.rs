@@ -3,16 +3,16 @@
 use anyhow::{Context, Result};
 use dexterous_grasping::synthesis::frames::PIVOT;
 use dexterous_grasping::synthesis::mechanism::Mechanism;
-use dexterous_grasping::synthesis::surface::Candidate;
+use dexterous_grasping::synthesis::surface::ContactCandidate;
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::super::solids::LinkShapes;
-use super::{LEAST_MOTION, STEPS, pose};
+use super::{CLOSING_STEPS, MIN_MOTION, pose};
 
 /// Cosine between a contact candidate's normal and the direction to another candidate above which the two face each
 /// other.
-const FACE_EACH_OTHER: f64 = 0.8;
+const MIN_FACING_COSINE: f64 = 0.8;
 
 /// Returns the palm frame. Its pivot is on `place`, and its -z is the direction of the pulls file, or else away from
 /// the palm's nearest surface.
@@ -71,7 +71,7 @@ pub fn facing_warning(
     let moved = mechanism.lines.iter().flat_map(|line| line.joints.iter().copied());
     let tips: Vec<usize> =
         moved.filter(|joint| !hand.tree.joints.iter().any(|other| other.parent == Some(*joint))).collect();
-    let (before, after) = (&closing_motion[STEPS / 2], &closing_motion[STEPS]);
+    let (before, after) = (&closing_motion[CLOSING_STEPS / 2], &closing_motion[CLOSING_STEPS]);
     let way: Vector3<f64> = tips
         .iter()
         .map(|tip| {
@@ -80,7 +80,7 @@ pub fn facing_warning(
         })
         .sum();
     let away = -(palm_from_root * way).z / tips.len() as f64;
-    (away > LEAST_MOTION).then(|| {
+    (away > MIN_MOTION).then(|| {
         format!(
             "WARNING palm: the closing fingertips go {:.0} mm the way it faces; is an arm's sign wrong, or its facing, which `facing` in the \
              pulls file's [palm] says?",
@@ -92,7 +92,7 @@ pub fn facing_warning(
 /// Returns the opening, m: the largest distance of two candidates that face each other, on different digits or on a
 /// digit and the palm, which is the width of the widest object between them. Without such a pair, it is the largest
 /// distance of candidates on different digits.
-pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[Candidate]) -> f64 {
+pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[ContactCandidate]) -> f64 {
     let digit = |link: usize| link.checked_sub(1).map(|joint| hand.tree.chain(joint)[0]);
     let (mut facing, mut any) = (0.0f64, 0.0f64);
     for joints in closing_motion {
@@ -111,7 +111,7 @@ pub fn opening(hand: &HandMechanism, closing_motion: &[Vec<f64>], candidates: &[
                     any = any.max(distance);
                 }
                 let (out, home) = (normal.dot(&way), -back.dot(&way));
-                if out.min(home) > FACE_EACH_OTHER * distance {
+                if out.min(home) > MIN_FACING_COSINE * distance {
                     // Across the object, not along a diagonal.
                     facing = facing.max(out.min(home));
                 }

@@ -1,0 +1,36 @@
+//! The robots that the bridge and its emulated devices can drive.
+
+use ftac_platform::data::DataError;
+use hand_model::RobotModel;
+
+use kortex::joints::JOINTS;
+
+/// Number of servos on the bus: those of the F-TAC Hand, in the order of its actuators.
+pub const SERVOS: usize = 6;
+/// Name of the arm model that the bridge and its emulators drive.
+const SUPPORTED_ARM: &str = "gen3";
+
+/// Rejects robots with an arm other than a Gen3, or with a hand whose actuators are not those of the F-TAC Hand.
+///
+/// # Errors
+/// A [`TaxonomyError`] that names the robot's file.
+pub fn check_supported(robot: &RobotModel) -> Result<(), DataError> {
+    let refused = |field: &str, found: String, expected: &str| {
+        let expected = format!(
+            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` plays this one"
+        );
+        Err(DataError::field(robot.file(), field, found, expected))
+    };
+    if robot.arm.name != SUPPORTED_ARM || robot.arm.joints() != JOINTS {
+        return refused("arm", format!("`{}`", robot.arm.name), "`gen3`");
+    }
+    let (servos, opposition) = (robot.hand.servos.len(), robot.hand.transmission.opposition);
+    if servos != SERVOS || opposition.is_none() {
+        return refused(
+            "hand",
+            format!("{servos} actuators"),
+            &format!("{SERVOS}, the last of which opposes the thumb"),
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,248 @@
+//! `ftac grasps pick-ups` and `ftac grasps plan`: make the benchmark's repertoire and plans.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use dexterous_grasping::{Repertoire, digit_sets};
+use grasp_verification::cache::SearchSteps;
+use grasp_verification::grasp_pair::{self, GraspPairTable, other_order, outcomes, variations, verification};
+use grasp_verification::preparation::SEARCH_EFFORT;
+use grasp_verification::repertoire_search::{self, RepertoireEffort, RepertoireRequest, SearchProgress};
+use grasp_verification::simulated_world::SimulatedWorld;
+use scenarios::Scenario;
+use schemars::JsonSchema;
+use serde::Serialize;
+use sim::tactile::TactileBoard;
+use world::phase::ordinal;
+
+use crate::options::object_name::object_name;
+use crate::options::robot::RobotArgs;
+use crate::terminal::{Outcome, Terminal};
+
+/// Arguments of `grasps pick-ups`.
+#[derive(Debug, Args)]
+pub struct RepertoireArgs {
+    #[command(flatten)]
+    pub robot: RobotArgs,
+    /// Object (repeatable); default: all of the scenario.
+    #[arg(long, value_parser = object_name)]
+    pub object: Vec<String>,
+    /// Search only grasps for this place in a trial; those for the other place stay as they are.
+    #[arg(long, value_enum)]
+    pub role: Option<RoleArg>,
+    /// Maximum number of random proposals for each object and place.
+    #[arg(long, default_value_t = 128)]
+    pub n: u32,
+    /// Repertoire file to write (an existing one is extended).
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `grasps plan`.
+#[derive(Debug, Args)]
+pub struct PairsArgs {
+    #[command(flatten)]
+    pub robot: RobotArgs,
+    /// Number of combinations.
+    #[arg(long, default_value_t = 60)]
+    pub combos: usize,
+    /// Repertoire file; default: the built-in one.
+    #[arg(long)]
+    pub repertoire: Option<PathBuf>,
+    /// Plan file whose combinations and grasps are kept; only their success rates under errors are rehearsed again.
+    #[arg(long, conflicts_with = "combos")]
+    pub of: Option<PathBuf>,
+    /// Keep the success rates of that file too; search a combination's own grasps only where none of the known ones
+    /// succeeds.
+    #[arg(long, requires = "of")]
+    pub vary: bool,
+    /// Keep that file as it is; plan only the reverse order of objects where no sequence of grasps is sure.
+    #[arg(long, requires = "of", conflicts_with = "vary")]
+    pub reverse: bool,
+    /// Keep that file as it is; search second grasps and prove them under random circumstances, for combinations with
+    /// no proof yet, or with an unsure one that took less effort.
+    #[arg(long, requires = "of", conflicts_with_all = ["vary", "reverse"])]
+    pub prove: bool,
+    /// Effort of that search: at 1 it takes 3 to 12 minutes of a core per combination; each level above adds as many
+    /// proposals again.
+    #[arg(long, requires = "prove", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
+    pub effort: u32,
+    /// Plan file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Number of grasps of an object for a place in a trial.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RoleGrasps<'a> {
+    /// Name of the object.
+    object: &'a str,
+    /// Place in the trial: first or second.
+    role: Cow<'static, str>,
+    grasps: usize,
+}
+
+/// JSON output of `grasps pick-ups`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct RepertoireOutput<'a> {
+    /// File of the repertoire.
+    repertoire: &'a Path,
+    /// One entry per object and place.
+    objects: Vec<RoleGrasps<'a>>,
+}
+
+/// JSON output of `grasps plan`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct PairsOutput<'a> {
+    /// File of the plans.
+    plans: &'a Path,
+    /// Number of combinations.
+    combinations: usize,
+    /// Number of pairs that failed without noise and were replaced.
+    rejected: usize,
+}
+
+/// Place in a trial of the object that a grasp takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RoleArg {
+    /// Ring and little finger against the palm.
+    First,
+    /// Thumb, index and middle finger.
+    Second,
+}
+
+/// Rehearses grasps of objects (rollouts) and adds those that hold to the repertoire file.
+pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
+    let places = args.role.map_or(vec![0, 1], |role| vec![role as usize]);
+    let (n, out) = (args.n, &args.out);
+    let robot = args.robot.model()?;
+    let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
+    let names = if args.object.is_empty() { world.scenario.object_names() } else { args.object.clone() };
+    for name in &names {
+        world.object(name)?;
+    }
+    let mut repertoire = if out.exists() { Repertoire::read_for(&robot, out)? } else { Repertoire::default() };
+    repertoire.robot = Repertoire::robot_identity(&robot);
+    repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
+    repertoire.seed = terminal.seed;
+    let effort = RepertoireEffort { proposals: n, variations: n / 2, ..SEARCH_EFFORT };
+    let wanted = RepertoireRequest { names: &names, places: &places, effort };
+    let bar = terminal.progress();
+    let progress = SearchProgress { bar: &bar, steps: &SearchSteps::in_memory(), report_pace: &|_| {} };
+    let (mut done, all) = (0, names.len() * places.len());
+    let begun = Instant::now();
+    // The file grows object by object: an interruption loses the present one, and the others can be asked for by name.
+    repertoire_search::fill_repertoire(
+        &world,
+        &wanted,
+        &mut repertoire,
+        &progress,
+        |name, place, digits, repertoire| {
+            repertoire.write(out)?;
+            done += 1;
+            if !terminal.quiet {
+                let count = repertoire.for_digits(name, digits).count();
+                let minutes = begun.elapsed().as_secs_f64() / 60.0;
+                let role = ordinal(place);
+                bar.suspend(|| {
+                    eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
+                });
+            }
+            Ok(())
+        },
+    )?;
+    bar.finish_and_clear();
+    let sets = digit_sets(&robot.hand, 2);
+    let counts = names.iter().flat_map(|name| places.iter().map(move |place| (name, *place))).map(|(name, place)| {
+        RoleGrasps { object: name, role: ordinal(place), grasps: repertoire.for_digits(name, &sets[place]).count() }
+    });
+    terminal
+        .print(&RepertoireOutput { repertoire: out, objects: counts.collect() }, &format!("{}\n", out.display()))?;
+    Ok(None)
+}
+
+/// Chooses grasps for each combination and proves them in an ideal run.
+pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
+    let robot = args.robot.model()?;
+    let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
+    let repertoire = match &args.repertoire {
+        Some(file) => Repertoire::read_for(&robot, file)?,
+        None if !grasp_verification::builtin::fits_robot(&robot)? => {
+            bail!(
+                "--repertoire: found none, expected grasps of {} (ftac grasps pick-ups --robot-model FILE)",
+                robot.name
+            )
+        }
+        None => grasp_verification::builtin::repertoire()?,
+    };
+    let quiet = terminal.quiet || terminal.json;
+    let mut plans = match &args.of {
+        Some(file) => GraspPairTable::read(file)?,
+        None => {
+            let board = TactileBoard::unit(&world.cell.robot.hand, 0);
+            let plans = grasp_pair::make_pairs(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
+                grasp_pair::plan_combination(&world, &repertoire, &board, pair)
+            })?;
+            anyhow::ensure!(
+                plans.plans.len() == args.combos,
+                "--combos: found {}, expected at most {}: no more of the scenario's pairs can be done without noise",
+                args.combos,
+                plans.plans.len()
+            );
+            // The success rates take longer than the plans: after an interruption the plans are there for --of.
+            plans.write(&args.out)?;
+            eprintln!(
+                "{} combinations; {} pairs could not be done without noise and were replaced",
+                plans.plans.len(),
+                plans.rejected.len()
+            );
+            plans
+        }
+    };
+    if args.prove {
+        // The file is written after each combination: an interruption loses only those in progress, and `--of` this
+        // file resumes.
+        let written = Mutex::new(plans.clone());
+        verification::verify_pairs(
+            &world,
+            &repertoire,
+            &mut plans,
+            verification::VerificationEffort::of_level(args.effort),
+            quiet,
+            |proven| {
+                let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(pair) = written.plans.iter_mut().find(|pair| pair.objects() == proven.objects()) {
+                    *pair = proven.clone();
+                }
+                written.write(&args.out)
+            },
+        )?;
+        return write_pairs(terminal, args, &plans);
+    }
+    if args.reverse {
+        other_order::plan_reversed(&world, &repertoire, &mut plans, quiet)?;
+        return write_pairs(terminal, args, &plans);
+    }
+    if !args.vary {
+        outcomes::roll_out_pairs(&world, &repertoire, &mut plans, quiet)?;
+        plans.write(&args.out)?;
+        outcomes::roll_out_alternatives(&world, &repertoire, &mut plans, quiet)?;
+        plans.write(&args.out)?;
+    }
+    variations::search_variations(&world, &repertoire, &mut plans, quiet)?;
+    plans.write(&args.out)?;
+    other_order::plan_reversed(&world, &repertoire, &mut plans, quiet)?;
+    write_pairs(terminal, args, &plans)
+}
+
+/// Writes `grasp_pairs` and prints the result.
+fn write_pairs(terminal: &Terminal, args: &PairsArgs, plans: &GraspPairTable) -> Outcome {
+    plans.write(&args.out)?;
+    let made = PairsOutput { plans: &args.out, combinations: plans.plans.len(), rejected: plans.rejected.len() };
+    terminal.print(&made, &format!("{}\n", args.out.display()))?;
+    Ok(None)
+}

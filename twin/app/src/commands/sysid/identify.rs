@@ -1,0 +1,204 @@
+//! `ftac twin identify`: identifies parameters from sessions of an excitation; writes `individual.toml` and a page about it.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use identification::identify::calibrate_pads;
+use identification::{Identification, Trace, identify};
+use plant::identified::SessionSource;
+use report::identified::{ActuatorRow, ParameterRow};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tactile_perception::ball_press::SelfCalibrationReport;
+use tactile_perception::{PhotometricCalibration, TouchError};
+
+use super::NominalModel;
+use crate::commands::sessions::sessions_in;
+use crate::options::robot::RobotArgs;
+use crate::terminal::{Outcome, Terminal};
+
+/// Threshold for the RMS residual of a servo angle, rad: a servo above it does not fit the drawing.
+const MAX_RESIDUAL: f64 = 0.0175;
+
+/// Arguments of `twin identify`.
+#[derive(Debug, Args)]
+pub struct IdentifyArgs {
+    #[command(flatten)]
+    pub model: RobotArgs,
+    /// Sessions of `ftac twin excite`, or folders of them.
+    #[arg(required = true)]
+    pub sessions: Vec<PathBuf>,
+    /// File for the parameters.
+    #[arg(long, default_value = "individual.toml")]
+    pub out: PathBuf,
+    /// File for the photometric calibration of the robot's own pads, if the sessions press pads on a ball; default:
+    /// beside --out, with the ending pads.json.
+    #[arg(long)]
+    pub pads: Option<PathBuf>,
+    /// File for the page; default: beside --out, with the ending html.
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+}
+
+/// JSON output of `twin identify`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct IdentifyOutput<'a> {
+    /// Number of touches of the ball that push every link onto its stop.
+    touches: usize,
+    /// RMS distance of the touches from one ball, m: nominal, identified; null without touches.
+    touches_rms_m: Option<[f64; 2]>,
+    /// Number of postures with a weighed object in the hand.
+    weighed_postures: usize,
+    /// RMS difference between the arm's torques and those of the weight, N m: nominal, identified; null if nothing was
+    /// weighed.
+    weight_rms_nm: Option<[f64; 2]>,
+    /// File with the calibration of the robot's own pads; null if there is none.
+    pads: Option<String>,
+    /// File with the parameters.
+    individual: String,
+    /// Page about the parameters.
+    page: String,
+    /// Sessions used for the identification.
+    sessions: &'a [SessionSource],
+    /// One entry per actuator.
+    actuators: &'a [ActuatorRow],
+    /// One entry per parameter.
+    parameters: &'a [ParameterRow],
+}
+
+pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
+    let drawing = NominalModel::new(args.model.model()?)?;
+    let mut traces = Vec::new();
+    for path in session_files(&args.sessions)? {
+        let trace = Trace::read(&path, &drawing.robot)?;
+        if !trace.is_complete {
+            eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
+        }
+        traces.push(trace);
+    }
+    let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
+    let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
+    let text = found.robot.to_toml(&drawing.robot, &program)?;
+    ftac_platform::data::write_atomically(&args.out, text.as_bytes())?;
+    let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
+    let (actuators, parameters) = result_rows(&drawing, &found);
+    ftac_platform::data::write_atomically(
+        &page,
+        report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
+    )?;
+    let (pads, told) = write_pad_calibration(args, calibrate_pads(&drawing.robot.hand, &drawing.pads, &traces))?;
+    let kinematics = &found.kinematics;
+    let identified = IdentifyOutput {
+        touches: kinematics.touches,
+        touches_rms_m: (kinematics.touches > 0).then_some(kinematics.residuals),
+        weighed_postures: found.gains.postures,
+        weight_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
+        pads: pads.map(|path| path.display().to_string()),
+        individual: args.out.display().to_string(),
+        page: page.display().to_string(),
+        sessions: &found.robot.sessions,
+        actuators: &actuators,
+        parameters: &parameters,
+    };
+    let mut words = report::identified::text(&actuators, &parameters);
+    if kinematics.touches > 0 {
+        let [drawn, identified] = kinematics.residuals.map(|residual| 1e3 * residual);
+        words += &format!(
+            "\n{} touches stay {identified:.2} mm from one ball (root mean square), {drawn:.2} mm as drawn\n",
+            kinematics.touches
+        );
+    }
+    let gains = &found.gains;
+    if gains.postures > 0 {
+        let [drawn, identified] = gains.residuals.map(|residual| 1e3 * residual);
+        words += &format!(
+            "\n{} postures with the weighed object: the arm's torques are {identified:.1} mN m off its weight (root mean square), {drawn:.1} mN m as drawn\n",
+            gains.postures
+        );
+    }
+    words += &told;
+    words += &format!("{} and {} written\n", args.out.display(), page.display());
+    terminal.print(&identified, &words)?;
+    let off: Vec<String> = actuators
+        .iter()
+        .filter(|row| row.residual_after > MAX_RESIDUAL)
+        .map(|row| format!("{} by {:.1} deg", row.actuator, row.residual_after.to_degrees()))
+        .collect();
+    Ok((!off.is_empty()).then(|| format!("the twin does not move as the sessions show: {}", off.join(", "))))
+}
+
+/// Calibration of the robot's own pads, or the reason why there is none.
+type PadCalibrationResult = Result<(PhotometricCalibration, SelfCalibrationReport), TouchError>;
+
+/// Writes the calibration of the robot's own pads, if there is one. Returns its file, and the message to print.
+fn write_pad_calibration(
+    args: &IdentifyArgs,
+    found: Option<PadCalibrationResult>,
+) -> Result<(Option<PathBuf>, String)> {
+    Ok(match found {
+        None => (None, String::new()),
+        Some(Err(error)) => (None, format!("no calibration of the pads' own: {error}\n")),
+        Some(Ok((calibration, told))) => {
+            let path = args.pads.clone().unwrap_or_else(|| args.out.with_extension("pads.json"));
+            calibration.write(&path)?;
+            let words = format!(
+                "{}: the pads' own calibration, of {} images; normals of held-out ones err by {:.2} deg, {:.2} with the designed pads'\n",
+                path.display(),
+                told.located,
+                told.after.mean,
+                told.before.mean
+            );
+            (Some(path), words)
+        }
+    })
+}
+
+/// Resolves the named sessions and folders to session files; those of a folder are sorted.
+fn session_files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in named {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let mut own = sessions_in(path)?;
+        if own.is_empty() {
+            bail!("{}: sessions: found none, expected part_1.mcap of `ftac twin excite`", path.display());
+        }
+        files.append(&mut own);
+    }
+    Ok(files)
+}
+
+/// Returns the result as rows for pages and terminal: actuators and parameters.
+fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
+    let names = drawing.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+    let actuators = names
+        .zip(&found.fits)
+        .map(|(actuator, fit)| ActuatorRow {
+            actuator,
+            motions: fit.motions,
+            samples: fit.samples,
+            residual_before: fit.residuals[0],
+            residual_after: fit.residuals[1],
+            alike: fit.correlation_length,
+            delay: fit.delay,
+        })
+        .collect();
+    let individual = &found.robot.instance;
+    let parameters = individual
+        .parameters()
+        .iter()
+        .zip(&found.robot.estimates)
+        .map(|(parameter, estimate)| ParameterRow {
+            parameter: estimate.name.clone(),
+            unit: parameter.quantity.unit().to_owned(),
+            deviation: estimate.deviation,
+            sigma: estimate.sigma,
+            spread: parameter.prior.sigma,
+            identified: estimate.identified,
+        })
+        .collect();
+    (actuators, parameters)
+}

@@ -1,0 +1,59 @@
+//! Reversed order: if no sequence of grasps of a combination is sure, its objects are also planned and rehearsed in the
+//! other order. They stay where they are, so the object in the layout's second place is then taken first.
+
+use anyhow::Result;
+use dexterous_grasping::Repertoire;
+use sim::tactile::TactileBoard;
+
+use super::{GraspOutcomes, GraspPair, GraspPairTable, outcome_model, plan_pair};
+use crate::simulated_world::SimulatedWorld;
+
+/// Threshold above which a sequence is sure: the worth of its best second grasp near its rehearsed pose.
+const SURE_SCORE: f64 = 0.95;
+
+/// Plans, in the reversed order, those of the `plans` in which nothing is sure. Shows a progress bar unless `quiet`.
+pub fn plan_reversed(
+    world: &SimulatedWorld,
+    repertoire: &Repertoire,
+    plans: &mut GraspPairTable,
+    quiet: bool,
+) -> Result<()> {
+    let board = TactileBoard::unit(&world.cell.robot.hand, 0);
+    plans.for_each_pair("plans reversed", quiet, |plan| plan_reversed_pair(world, repertoire, &board, plan))
+}
+
+/// Plans one plan's objects in the reversed order.
+fn plan_reversed_pair(
+    world: &SimulatedWorld,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &mut GraspPair,
+) -> Result<()> {
+    let turned = world.with_places_swapped();
+    let mut reversed = reversed_pair(&turned, repertoire, board, plan)?;
+    if let Some(reversed) = &mut reversed {
+        outcome_model::roll_out_steps(&turned, repertoire, board, reversed)?;
+    }
+    plan.reversed = reversed.map(Box::new);
+    Ok(())
+}
+
+/// Plans the objects of `grasp_pair` in the reversed order, without odds, in a world in that order. Returns `None` if `grasp_pair`
+/// is sure.
+pub(super) fn reversed_pair(
+    turned: &SimulatedWorld,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    plan: &GraspPair,
+) -> Result<Option<GraspPair>> {
+    if best_score(plan) >= SURE_SCORE {
+        return Ok(None);
+    }
+    plan_pair(turned, repertoire, board, [&plan.second, &plan.first])
+}
+
+/// Returns the worth of the best second grasp of `grasp_pair`, after any of its first grasps.
+fn best_score(plan: &GraspPair) -> f64 {
+    let others = plan.others.iter().flat_map(|other| &other.outcomes);
+    plan.outcomes.iter().chain(others).map(GraspOutcomes::score_once_touched).fold(0.0, f64::max)
+}
