@@ -81,7 +81,7 @@ fn what_decides_never_reaches_a_body() {
             "sim",
             "tactile-optics",
             "hardware-bridge",
-            "kortex",
+            "kinova-kortex",
             "robot-session-log",
             "bench",
             "grasp-verification",
@@ -203,9 +203,9 @@ fn members_know_only_whom_they_may() {
         ("dexterous-grasping", "ftac-platform hand-model"),
         ("control", "ftac-platform hand-model world tactile-perception dexterous-grasping"),
         ("grasp-analysis", "ftac-platform hand-model dexterous-grasping"),
-        ("kortex", ""),
+        ("kinova-kortex", ""),
         ("robot-session-log", "ftac-platform hand-model"),
-        ("hardware-bridge", "ftac-platform hand-model kortex robot-session-log"),
+        ("hardware-bridge", "ftac-platform hand-model kinova-kortex robot-session-log"),
         ("plant", "ftac-platform hand-model world"),
         ("scenarios", "statistics ftac-platform hand-model world plant"),
         ("sim", "hand-model world plant tactile-optics"),
@@ -222,11 +222,11 @@ fn members_know_only_whom_they_may() {
         ("object-detector", "world scenarios control progress"),
         (
             "fault-injection",
-            "platform hand-model plant scenarios sim grasping control hardware-bridge kortex session-log proving stream bench robot-backends fault-detection progress",
+            "platform hand-model plant scenarios sim grasping control hardware-bridge kinova-kortex session-log proving stream bench robot-backends fault-detection progress",
         ),
         (
             "robot-backends",
-            "object-detector platform hand-model world plant scenarios sim control hardware-bridge kortex session-log proving progress",
+            "object-detector platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex session-log proving progress",
         ),
         ("fault-detection", "hand-model world scenarios sim dexterous-grasping control grasp-verification"),
         ("external-policy", "ftac-platform hand-model control progress"),
@@ -260,7 +260,7 @@ fn members_know_only_whom_they_may() {
         ("guide", "hand-model scenarios tactile-optics tactile-perception dexterous-grasping control grasp-analysis"),
         (
             "ftac",
-            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kinova-kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
         ),
         (
             "ftac-python",

@@ -1,13 +1,13 @@
 //! Measures how well this machine holds the arm's cycle: commands the emulated arm a thousand times a second and prints
-//! round-trip times, lateness and the outcome of the datagrams. Run with `cargo run --release -p kortex --example
+//! round-trip times, lateness and the outcome of the datagrams. Run with `cargo run --release -p kinova-kortex --example
 //! arm_cycle -- SECONDS`.
 
 use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
-use kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
-use kortex::servoing::{Limits, Servoing};
-use kortex::{Arm, Timeouts};
+use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::{Arm, Timeouts};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: u64 = std::env::args().nth(1).map_or(Ok(10), |text| text.parse())?;

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;
 use hand_model::robot::{Command, Plant, Readings, RobotBackend, RobotError, Tick};
-use kortex::KortexError;
+use kinova_kortex::KortexError;
 use robot_session_log::{Packet, Tap};
 
 use super::lockstep_arm::LockstepArm;

@@ -8,8 +8,8 @@ use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
-use kortex::emulator::Injection;
-use kortex::safety_bank::FOLLOWING_ERROR;
+use kinova_kortex::emulator::Injection;
+use kinova_kortex::safety_bank::FOLLOWING_ERROR;
 use robot_session_log::Recorder;
 use serde::{Deserialize, Serialize};
 

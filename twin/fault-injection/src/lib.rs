@@ -21,7 +21,7 @@ use grasp_verification::simulated_world::World;
 use hand_model::robot::{Command, RobotBackend};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
-use kortex::emulator::EventKind;
+use kinova_kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use progress::interrupt::Interrupted;
 use robot_backends::emulated::{SharedPlant, settings, travel};

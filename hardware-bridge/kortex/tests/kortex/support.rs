@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
-use kortex::JOINTS;
-use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
-use kortex::servoing::Limits;
-use kortex::{Arm, Credentials, Timeouts};
+use kinova_kortex::JOINTS;
+use kinova_kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
+use kinova_kortex::servoing::Limits;
+use kinova_kortex::{Arm, Credentials, Timeouts};
 
 /// Time constant of the emulated joints, s.
 pub const LAG: f64 = 0.02;
