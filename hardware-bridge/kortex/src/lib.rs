@@ -29,6 +29,7 @@ pub mod degrees;
 pub mod emulator;
 pub mod error;
 pub mod frame;
+pub mod gen3;
 pub mod joints;
 pub mod link;
 mod lock;

@@ -18,6 +18,7 @@ use crate::joints::JOINTS;
 use crate::lock::lock;
 use crate::servoing::{Limits, Servoing};
 
+/// Timing of the controller that sets the targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pacing {
     /// Interval between two targets of the controller.
@@ -238,12 +239,11 @@ fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::servoing::tests::limits;
 
     /// The path takes ten cycles to the target, in equal steps, and goes no further.
     #[test]
     fn path_is_straight_and_ends_at_the_target() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let target = [0.01, -0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut at = [0.0; JOINTS];
         let path = Path::new(&at, target, 10.0, &limits);
@@ -258,7 +258,7 @@ mod tests {
     /// A target too far for one tick is approached at top speed.
     #[test]
     fn path_keeps_the_speed_limit() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let from = [0.0; JOINTS];
         let next = Path::new(&from, [1.0; JOINTS], 10.0, &limits).next(&from);
         assert_eq!(next, limits.step);

@@ -19,6 +19,7 @@ use crate::arm::Arm;
 use crate::cyclic::Feedback;
 use crate::degrees::difference;
 use crate::error::{CommandError, KortexError};
+use crate::gen3;
 use crate::joints::JOINTS;
 use crate::message::ArmState;
 use crate::message::base::ServoingMode;
@@ -59,6 +60,11 @@ impl Limits {
             silent_cycles: 100,
             cycle,
         }
+    }
+
+    /// Returns limits at 1 kHz for a Gen3, with the ranges and top speeds in [`gen3`].
+    pub fn gen3() -> Self {
+        Self::at_1_khz(gen3::LOWER, gen3::UPPER, gen3::TOP_SPEED)
     }
 
     /// Checks that `angles` are finite and within the joints' ranges.
@@ -174,6 +180,7 @@ impl<'a> Servoing<'a> {
         &self.command
     }
 
+    /// Returns the limits that commands are checked against.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -313,16 +320,8 @@ pub fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    /// Limits of the published arm.
-    pub fn limits() -> Limits {
-        let arm = hand_model::Arm::gen3();
-        let joints = &arm.tree.joints;
-        let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-        Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
-    }
 
     const ZERO: [f64; JOINTS] = [0.0; JOINTS];
 
@@ -332,7 +331,7 @@ pub(crate) mod tests {
 
     #[test]
     fn commands_are_checked_joint_by_joint() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let check = |command, previous, measured| limits.check(&command, &previous, &measured);
         assert_eq!(check(only(1, 0.00139), ZERO, ZERO), Ok(()));
         assert!(matches!(check(only(3, f64::NAN), ZERO, ZERO), Err(CommandError::NotFinite { joint: 3, .. })));
@@ -344,7 +343,7 @@ pub(crate) mod tests {
     /// A joint without end stops may be commanded a full turn away from its count: the posture is the same.
     #[test]
     fn lead_is_measured_as_posture() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let turn = only(1, std::f64::consts::TAU);
         assert_eq!(limits.check(&turn, &turn, &ZERO), Ok(()));
     }

@@ -1,5 +1,6 @@
 //! The joints of an emulated arm.
 
+use crate::gen3;
 use crate::joints::{JOINTS, Motion, ToolPose};
 
 /// The controller's command to the joints.
@@ -42,6 +43,11 @@ impl FirstOrderJoints {
     pub fn new(posture: [f64; JOINTS], lag: f64, top_speed: [f64; JOINTS]) -> Self {
         let state = Motion { position: posture, ..Motion::default() };
         Self { state, lag, top_speed }
+    }
+
+    /// Creates the joints of a Gen3 at rest in its home posture, with its top speeds and a lag of 20 ms (a guess).
+    pub fn gen3() -> Self {
+        Self::new(gen3::HOME, 0.02, gen3::TOP_SPEED)
     }
 }
 
