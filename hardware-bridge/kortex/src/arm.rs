@@ -15,6 +15,7 @@ pub const TCP_PORT: u16 = 10_000;
 /// The arm's port for the cyclic exchange.
 pub const UDP_PORT: u16 = 10_001;
 
+/// Addresses of both interfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Address {
     /// Address for calls.

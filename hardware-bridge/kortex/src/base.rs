@@ -36,12 +36,14 @@ pub enum Notification {
         device: u8,
         /// Bit of the safety in the device's bank A.
         bit: u32,
+        /// New status.
         status: SafetyStatus,
     },
     /// An action began, ended, paused or was aborted.
     Action {
         /// Identifier of the action; 0 for one that the arm does not store.
         id: u32,
+        /// Progress that is reported.
         event: ActionEvent,
         /// For an abort, the arm's number for the reason ([`crate::refusal::Refusal::sub_code`]).
         why: u32,
@@ -70,6 +72,7 @@ impl Base {
         Ok(Self { session, subscriptions: Vec::new() })
     }
 
+    /// Returns the session of this interface, for its number and timeouts.
     pub fn session(&self) -> &Session<TcpLink> {
         &self.session
     }

@@ -3,7 +3,9 @@
 /// A function of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Call {
+    /// Number of the service, 12 bits.
     pub service: u16,
+    /// Number of the function within the service.
     pub function: u16,
 }
 

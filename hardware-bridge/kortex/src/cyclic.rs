@@ -32,6 +32,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(20);
 pub struct Feedback {
     /// Number of the command that they answer.
     pub frame: u16,
+    /// Operating state of the arm.
     pub state: ArmState,
     /// Angles (rad, unwrapped over full turns), speeds, torques.
     pub motion: Motion,
@@ -101,6 +102,7 @@ impl Cyclic {
         Counters { stray: stray + self.session.stray(), damaged: self.session.damaged(), ..self.counters }
     }
 
+    /// Returns the session of this interface, for its number and counts.
     pub fn session(&self) -> &Session<UdpLink> {
         &self.session
     }

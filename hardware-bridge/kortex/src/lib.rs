@@ -20,6 +20,8 @@
 //! notification handles are counted as [`base::Base::subscribe`] assumes; and how it reacts to a session that times out
 //! in motion.
 
+#![deny(missing_docs, unreachable_pub)]
+
 pub mod arm;
 pub mod base;
 pub mod call;

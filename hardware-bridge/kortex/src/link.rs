@@ -25,6 +25,7 @@ pub enum LinkError {
     Frame(#[from] FrameError),
 }
 
+/// A connection that carries frames: [`TcpLink`], [`UdpLink`], or a test's own.
 pub trait Link {
     /// Sends a frame.
     ///

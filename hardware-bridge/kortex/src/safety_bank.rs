@@ -92,6 +92,7 @@ pub const WATCHDOG: u32 = 1 << 23;
 /// Both words of a bank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Banks {
+    /// Bank A, with the bits in [`BASE`] or [`ACTUATOR`].
     pub a: u32,
     /// Bank B.
     pub b: u32,
@@ -115,6 +116,7 @@ impl Banks {
 /// Faults, or warnings, of the whole arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Report {
+    /// Banks of the base.
     pub base: Banks,
     /// Banks of each joint.
     pub joints: [Banks; JOINTS],

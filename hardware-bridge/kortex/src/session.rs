@@ -22,10 +22,12 @@ use crate::message::session::CreateSessionInfo;
 use crate::refusal::{Reason, Refusal};
 use crate::tap::Tap;
 
+/// User and password of the arm's web page. `Debug` leaves the password out.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Credentials {
     /// User name.
     pub user: String,
+    /// Password, which crosses the network in clear text.
     pub password: String,
 }
 

@@ -7,7 +7,9 @@ use std::fmt;
 /// Direction of the bytes, seen from the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Direction {
+    /// From the host to the arm.
     Sent,
+    /// From the arm to the host.
     Received,
 }
 
@@ -17,6 +19,8 @@ type OnPacket = dyn FnMut(Direction, &[u8]) + Send;
 pub struct Tap(Box<OnPacket>);
 
 impl Tap {
+    /// Wraps `on_packet`, which gets the direction and the bytes of each packet: one datagram on UDP, the bytes of one
+    /// write or read on TCP, which may be a part of a frame or several frames.
     pub fn new(on_packet: impl FnMut(Direction, &[u8]) + Send + 'static) -> Self {
         Self(Box::new(on_packet))
     }

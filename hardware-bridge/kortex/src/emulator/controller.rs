@@ -22,8 +22,10 @@ use crate::session::Credentials;
 /// Length of a tick, s.
 const TICK: f64 = 1e-3;
 
+/// Settings of an emulated arm.
 #[derive(Debug, Clone)]
 pub struct Settings {
+    /// The only user and password that may log in. Default: `admin`, `admin`.
     pub credentials: Credentials,
     /// Watchdog timeout: time without a cyclic command after which the arm stops, ms.
     pub cyclic_deadline: u64,
@@ -73,6 +75,7 @@ pub enum EventKind {
 pub struct Event {
     /// Time since the arm was switched on, ms.
     pub time: u64,
+    /// Kind of the event.
     pub what: EventKind,
 }
 
@@ -95,11 +98,13 @@ pub struct Commands {
 pub struct Status {
     /// Time since the arm was switched on, ms.
     pub time: u64,
+    /// Operating state, as the arm reports it.
     pub state: ArmState,
     /// Servoing mode: who moves the arm.
     pub mode: ServoingMode,
     /// Motion of the joints.
     pub motion: Motion,
+    /// Active faults.
     pub faults: Report,
     /// Open sessions.
     pub sessions: Vec<u16>,

@@ -43,7 +43,7 @@ pub(super) struct Path {
 
 impl Path {
     /// Creates the path between two postures (rad) that starts at `start` (ms).
-    pub fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
+    pub(super) fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
         let seconds = match haste {
             Haste::Modest => shortest(&from, &to, MODEST),
             Haste::Duration(seconds) => seconds.max(soonest(&from, &to)),
@@ -53,12 +53,12 @@ impl Path {
     }
 
     /// Returns the end of the path, ms.
-    pub fn end(&self) -> u64 {
+    pub(super) fn end(&self) -> u64 {
         self.start + self.duration
     }
 
     /// Returns the joint angles at `now` (ms), rad. After the end they are exactly the target.
-    pub fn at(&self, now: u64) -> [f64; JOINTS] {
+    pub(super) fn at(&self, now: u64) -> [f64; JOINTS] {
         if now >= self.end() {
             return self.to;
         }

@@ -24,6 +24,7 @@ const MILLISECOND: Duration = Duration::from_millis(1);
 /// Clock of the emulated arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
+    /// One millisecond of the arm per millisecond of the machine.
     RealTime,
     /// Time advances by [`Emulator::step`] only.
     Stepped,
@@ -86,10 +87,12 @@ impl Emulator {
         Ok(Self { server, stop, address, pace, thread: Some(thread) })
     }
 
+    /// Returns the address to connect to, with the ports that were chosen.
     pub fn address(&self) -> Address {
         self.address
     }
 
+    /// Returns the present state of the arm and its events so far.
     pub fn status(&self) -> Status {
         lock(&self.server).controller.status()
     }
