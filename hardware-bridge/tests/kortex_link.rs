@@ -16,9 +16,9 @@ use kinova_kortex::frame::{Frame, Kind};
 use kinova_kortex::message::action::ActionEvent;
 use kinova_kortex::message::base::ServoingMode;
 use kinova_kortex::message::cyclic::{Command, Feedback};
-use kinova_kortex::servoing::Servoing;
+use kinova_kortex::servoing::{Limits, Servoing};
 use kinova_kortex::tcp_framing::Deframer;
-use kinova_kortex::{Arm, Credentials, Timeouts, call};
+use kinova_kortex::{Arm, Credentials, Timeouts, call, gen3};
 use prost::Message;
 use robot_session_log::{Direction, Event, Reader, Session, Sizes, Writer};
 
@@ -194,4 +194,11 @@ fn the_session_timeout_passes_unnoticed() {
     past(&mut link);
     link.disengage().expect("leaves");
     assert_eq!(emulator.status().sessions.len(), 2);
+}
+
+/// The client's own figures of the arm are those of the hand model's arm.
+#[test]
+fn published_figures_agree() {
+    assert_eq!(limits(&ArmModel::gen3()), Limits::gen3());
+    assert_eq!(home(), gen3::HOME);
 }

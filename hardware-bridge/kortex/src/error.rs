@@ -11,6 +11,23 @@ use crate::refusal::{Reason, Refusal};
 use crate::safety_bank::Report;
 
 /// An error of the arm's client.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// use kinova_kortex::refusal::Reason;
+/// use kinova_kortex::{Credentials, KortexError};
+///
+/// let wrong = Credentials { user: "admin".to_owned(), password: "guess".to_owned() };
+/// let refused = Arm::connect(emulator.address(), &wrong, Timeouts::default(), gen3::HOME);
+/// let error = refused.err().ok_or("the emulated arm let a stranger in")?;
+/// assert_eq!(error.reason(), Some(Reason::Login));
+/// assert!(matches!(error, KortexError::Refused { .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum KortexError {
     /// The connection itself failed.

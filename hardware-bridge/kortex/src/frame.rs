@@ -71,6 +71,18 @@ pub struct Header {
 }
 
 /// A header and its payload.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::call;
+/// use kinova_kortex::frame::{Frame, Header, Kind};
+///
+/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
+/// let frame = Frame { header, payload: Vec::new() };
+/// assert_eq!(Frame::decode(&frame.encode())?, frame);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
     /// Header of the frame.

@@ -114,6 +114,16 @@ impl Banks {
 }
 
 /// Faults, or warnings, of the whole arm.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::safety_bank::{FOLLOWING_ERROR, JOINT_FAULT, Report};
+///
+/// let mut report = Report::default();
+/// report.base.a = JOINT_FAULT;
+/// report.joints[2].a = FOLLOWING_ERROR;
+/// assert_eq!(report.to_string(), "base: joint fault; joint 3: following error");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Report {
     /// Banks of the base.

@@ -62,6 +62,34 @@ struct Shared {
 }
 
 /// The running loop. Dropping it stops it and leaves low-level servoing.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// use std::time::Duration;
+///
+/// use kinova_kortex::servo_loop::{Pacing, ServoLoop};
+/// use kinova_kortex::servoing::Limits;
+///
+/// let limits = Limits::gen3();
+/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: Duration::from_millis(200) };
+/// let servo_loop = ServoLoop::start(arm, limits, pacing)?;
+/// let mut target = servo_loop.snapshot().command;
+/// target[6] += 0.01;
+/// servo_loop.set_target(target)?;
+/// std::thread::sleep(Duration::from_millis(50));
+/// println!("{:?} rad", servo_loop.snapshot().feedback.motion.position);
+/// let (arm, result) = servo_loop.finish();
+/// result?;
+/// arm.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct ServoLoop {
     shared: Arc<Mutex<Shared>>,

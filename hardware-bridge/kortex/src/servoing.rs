@@ -31,6 +31,20 @@ use crate::refusal::Reason;
 const LATE_CYCLES: u32 = 10;
 
 /// Limits of a command.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::servoing::Limits;
+/// use kinova_kortex::{CommandError, gen3};
+///
+/// let limits = Limits::gen3();
+/// let mut next = gen3::HOME;
+/// next[1] += 0.001;
+/// assert_eq!(limits.check(&next, &gen3::HOME, &gen3::HOME), Ok(()));
+/// // 0.1 rad in a millisecond is too fast.
+/// next[1] += 0.1;
+/// assert!(matches!(limits.check(&next, &gen3::HOME, &gen3::HOME), Err(CommandError::Step { joint: 2, .. })));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Lower limits of the angles, rad.
@@ -112,6 +126,34 @@ impl Limits {
 }
 
 /// An arm in low-level servoing. Dropping it tries to leave the mode.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// use std::time::Instant;
+///
+/// use kinova_kortex::servoing::{Limits, Servoing};
+///
+/// let limits = Limits::gen3();
+/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let mut servoing = Servoing::enter(&mut arm, limits)?;
+/// let mut angles = *servoing.command();
+/// let mut next = Instant::now();
+/// for _ in 0..100 {
+///     next += limits.cycle;
+///     angles[6] += 0.0005;
+///     servoing.command_angles(&angles, next)?;
+///     std::thread::sleep(next.saturating_duration_since(Instant::now()));
+/// }
+/// servoing.leave()?;
+/// arm.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Servoing<'a> {
     arm: &'a mut Arm,

@@ -114,7 +114,23 @@ pub struct Status {
     pub events: Vec<Event>,
 }
 
-/// The arm's base.
+/// The arm's base, without sockets or clock.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
+/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::call;
+///
+/// let mut arm = Controller::new(Settings::default(), Box::new(FirstOrderJoints::gen3()));
+/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
+/// let answers = arm.receive(Peer::Tcp(1), &Frame { header, payload: Vec::new() });
+/// // Nobody is logged in.
+/// assert_ne!(answers[0].1.header.error, 0);
+/// arm.tick();
+/// assert_eq!(arm.status().time, 1);
+/// ```
 pub struct Controller {
     pub(super) settings: Settings,
     pub(super) plant: Box<dyn Plant>,

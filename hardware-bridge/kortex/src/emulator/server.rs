@@ -54,6 +54,23 @@ impl Server {
 }
 
 /// An emulated Gen3. Dropping it switches it off.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
+/// use kinova_kortex::safety_bank::FOLLOWING_ERROR;
+/// use kinova_kortex::{Arm, Timeouts, gen3};
+///
+/// let settings = Settings::default();
+/// let credentials = settings.credentials.clone();
+/// let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::Stepped)?;
+/// let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// emulator.inject(Injection::JointFault { joint: 2, bits: FOLLOWING_ERROR });
+/// assert_eq!(arm.cyclic.feedback()?.faults.to_string(), "base: joint fault; joint 3: following error");
+/// emulator.step(10);
+/// assert_eq!(emulator.status().time, 10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Emulator {
     server: Arc<Mutex<Server>>,
     stop: Arc<AtomicBool>,
