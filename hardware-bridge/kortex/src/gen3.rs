@@ -2,10 +2,12 @@
 //!
 //! Source: the maker's description of the arm (Kinovarobotics/ros2_kortex, `kortex_description/arms/gen3/7dof`).
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use crate::joints::JOINTS;
 
 /// Joint angles of the stored action "Home", rad.
-pub const HOME: [f64; JOINTS] = [0.0, 0.26179939, 3.141592653589793, -2.26892803, 0.0, 0.95993109, 1.5707963267948966];
+pub const HOME: [f64; JOINTS] = [0.0, 0.26179939, PI, -2.26892803, 0.0, 0.95993109, FRAC_PI_2];
 
 /// Lower limits of the joint angles, rad. Joints 1, 3, 5 and 7 have none.
 pub const LOWER: [f64; JOINTS] =

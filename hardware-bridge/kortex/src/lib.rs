@@ -45,6 +45,7 @@
 //!
 //! Only arms with seven joints, and only Unix systems.
 
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![deny(missing_docs, unreachable_pub)]
 
 pub mod arm;
