@@ -36,8 +36,8 @@ mod uvc;
 use std::path::{Path, PathBuf};
 
 use hand_model::Arm;
-use kortex::arm::{TCP_PORT, UDP_PORT};
-use kortex::joints::JOINTS;
+use kinova_kortex::arm::{TCP_PORT, UDP_PORT};
+use kinova_kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::SafetyLimits;

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
-use kortex::joints::JOINTS;
-use kortex::link::LinkError;
-use kortex::refusal::Reason;
-use kortex::safety_bank::{self, Report};
-use kortex::servo_loop::{Pacing, ServoLoop};
-use kortex::servoing::{Limits, fault_of};
-use kortex::{Arm, KortexError, Motion};
+use kinova_kortex::joints::JOINTS;
+use kinova_kortex::link::LinkError;
+use kinova_kortex::refusal::Reason;
+use kinova_kortex::safety_bank::{self, Report};
+use kinova_kortex::servo_loop::{Pacing, ServoLoop};
+use kinova_kortex::servoing::{Limits, fault_of};
+use kinova_kortex::{Arm, KortexError, Motion};
 use robot_session_log::LinkPacket;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
@@ -41,10 +41,10 @@ pub fn arm_state(motion: Motion) -> ArmState {
 pub fn tap(arm: &mut Arm, packets: &Sender<LinkPacket>) {
     let tap = |link| {
         let tap = robot_session_log::LinkTap::new(link, packets.clone());
-        kortex::Tap::new(move |direction, bytes| {
+        kinova_kortex::Tap::new(move |direction, bytes| {
             let direction = match direction {
-                kortex::Direction::Sent => robot_session_log::Direction::Sent,
-                kortex::Direction::Received => robot_session_log::Direction::Received,
+                kinova_kortex::Direction::Sent => robot_session_log::Direction::Sent,
+                kinova_kortex::Direction::Received => robot_session_log::Direction::Received,
             };
             tap.copy_packet(direction, bytes);
         })

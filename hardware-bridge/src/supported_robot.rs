@@ -3,7 +3,7 @@
 use ftac_platform::data::DataError;
 use hand_model::RobotModel;
 
-use kortex::joints::JOINTS;
+use kinova_kortex::joints::JOINTS;
 
 /// Number of servos on the bus: those of the F-TAC Hand, in the order of its actuators.
 pub const SERVOS: usize = 6;

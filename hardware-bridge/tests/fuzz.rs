@@ -12,8 +12,8 @@ use hardware_bridge::tactile_link::deframer::Deframer;
 use hardware_bridge::tactile_link::frame;
 use hardware_bridge::tactile_link::image_data;
 use hardware_bridge::tactile_link::message::{CameraFault, LinkImage, LinkMessage, PixelEncoding};
-use kortex::frame::Frame;
-use kortex::tcp_framing;
+use kinova_kortex::frame::Frame;
+use kinova_kortex::tcp_framing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -189,8 +189,8 @@ fn tactile_link() {
 }
 
 fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
-    use kortex::call;
-    use kortex::frame::{Header, Kind};
+    use kinova_kortex::call;
+    use kinova_kortex::frame::{Header, Kind};
     let kind = [Kind::Request, Kind::Response, Kind::Notification][rng.random_range(0..3)];
     let call = [call::REFRESH, call::REFRESH_FEEDBACK, call::KEEP_ALIVE][rng.random_range(0..3)];
     let (error, sub_error) = (rng.random_range(0..16), rng.random_range(0..4096));

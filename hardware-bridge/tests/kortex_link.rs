@@ -10,15 +10,15 @@ use hardware_bridge::arm_link::ArmLink as _;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::{KortexLink, limits, tap};
-use kortex::base::Notification;
-use kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
-use kortex::frame::{Frame, Kind};
-use kortex::message::action::ActionEvent;
-use kortex::message::base::ServoingMode;
-use kortex::message::cyclic::{Command, Feedback};
-use kortex::servoing::Servoing;
-use kortex::tcp_framing::Deframer;
-use kortex::{Arm, Credentials, Timeouts, call};
+use kinova_kortex::base::Notification;
+use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
+use kinova_kortex::frame::{Frame, Kind};
+use kinova_kortex::message::action::ActionEvent;
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::message::cyclic::{Command, Feedback};
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::tcp_framing::Deframer;
+use kinova_kortex::{Arm, Credentials, Timeouts, call, gen3};
 use prost::Message;
 use robot_session_log::{Direction, RobotSizes, SessionEvent, SessionHeader, SessionReader, SessionWriter};
 
@@ -108,7 +108,7 @@ fn every_packet_is_on_record() {
     // One more for the entry, which commands the measured angle.
     assert_eq!((sent.len(), answers), (51, 51));
     for (wire, commanded) in sent[1..].iter().zip(&commanded) {
-        assert_eq!(*wire, kortex::degrees::to_wire_angle(*commanded));
+        assert_eq!(*wire, kinova_kortex::degrees::to_wire_angle(*commanded));
     }
     let calls: Vec<_> =
         std::iter::from_fn(|| stream.next_frame().expect("frames")).map(|frame| frame.header.call).collect();
@@ -194,4 +194,11 @@ fn the_session_timeout_passes_unnoticed() {
     past(&mut link);
     link.disengage().expect("leaves");
     assert_eq!(emulator.status().sessions.len(), 2);
+}
+
+/// The client's own figures of the arm are those of the hand model's arm.
+#[test]
+fn published_figures_agree() {
+    assert_eq!(limits(&ArmModel::gen3()), Limits::gen3());
+    assert_eq!(home(), gen3::HOME);
 }

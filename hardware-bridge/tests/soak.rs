@@ -10,8 +10,8 @@ use hand_model::robot::{RobotBackend, RobotCommand, ServoGoal};
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::kortex_link::KortexLink;
 use hardware_bridge::safety::state::SupervisorState;
-use kortex::Timeouts;
-use kortex::emulator::{Emulator, EventKind, Pace, Settings};
+use kinova_kortex::Timeouts;
+use kinova_kortex::emulator::{Emulator, EventKind, Pace, Settings};
 
 /// Fifteen sessions of the usual timeout.
 const SOAK_DURATION: Duration = Duration::from_secs(900);
@@ -28,7 +28,7 @@ fn fifteen_minutes_on_emulated_devices() {
     let credentials = settings.credentials.clone();
     let emulator = Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).expect("free ports");
     let near = hand.arm_joints().state().position;
-    let arm = kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near.into_inner())
+    let arm = kinova_kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near.into_inner())
         .expect("connects");
     let sessions = emulator.status().sessions;
     let model = RobotModel::ftac_gen3();

@@ -1,26 +1,20 @@
 //! Measures how well this machine holds the arm's cycle: commands the emulated arm a thousand times a second and prints
-//! round-trip times, lateness and the outcome of the datagrams. Run with `cargo run --release -p kortex --example
-//! arm_cycle -- SECONDS`.
+//! round-trip times, lateness and the outcome of the datagrams. Run with `cargo run --release -p kinova-kortex --features
+//! emulator --example arm_cycle -- SECONDS`.
 
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
-use kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
-use kortex::servoing::{Limits, Servoing};
-use kortex::{Arm, Timeouts};
+use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::{Arm, Timeouts, gen3};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: u64 = std::env::args().nth(1).map_or(Ok(10), |text| text.parse())?;
-    let model = ArmModel::gen3();
-    let (home, speed) = (model.home.into_inner(), model.velocity_limits.into_inner());
-    let plant = FirstOrderJoints::new(home, 0.02, speed);
     let settings = Settings { cyclic_deadline: 1000, ..Settings::default() };
     let credentials = settings.credentials.clone();
-    let emulator = Emulator::start(settings, Box::new(plant), Pace::RealTime)?;
-    let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), home)?;
-    let joints = &model.tree.joints;
-    let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-    let limits = Limits::at_1_khz(lower, upper, speed);
+    let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+    let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+    let limits = Limits::gen3();
     let cycle = limits.cycle;
     let mut servoing = Servoing::enter(&mut arm, limits)?;
     let home = *servoing.command();

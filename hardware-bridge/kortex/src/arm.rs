@@ -15,6 +15,17 @@ pub const TCP_PORT: u16 = 10_000;
 /// The arm's port for the cyclic exchange.
 pub const UDP_PORT: u16 = 10_001;
 
+/// Addresses of both interfaces.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::Address;
+///
+/// let address = Address::of("192.168.1.10".parse()?);
+/// assert_eq!(address.tcp.to_string(), "192.168.1.10:10000");
+/// assert_eq!(address.udp.to_string(), "192.168.1.10:10001");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Address {
     /// Address for calls.
@@ -31,6 +42,25 @@ impl Address {
 }
 
 /// An arm with a session on each interface.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// let angles = arm.cyclic.feedback()?.motion.position;
+/// assert!((angles[3] - gen3::HOME[3]).abs() < 1e-5);
+/// // While nothing else is done with the arm, both sessions are kept alive.
+/// for _ in 0..3 {
+///     arm.keep_up()?;
+///     std::thread::sleep(std::time::Duration::from_millis(5));
+/// }
+/// arm.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Arm {
     /// Interface for calls.

@@ -36,14 +36,16 @@ pub enum Notification {
         device: u8,
         /// Bit of the safety in the device's bank A.
         bit: u32,
+        /// New status.
         status: SafetyStatus,
     },
     /// An action began, ended, paused or was aborted.
     Action {
         /// Identifier of the action; 0 for one that the arm does not store.
         id: u32,
+        /// Progress that is reported.
         event: ActionEvent,
-        /// For an abort, the arm's number for the reason ([`crate::refusal::RefusalReason::sub_code`]).
+        /// For an abort, the arm's number for the reason ([`crate::refusal::Refusal::sub_code`]).
         why: u32,
     },
 }
@@ -52,6 +54,30 @@ pub enum Notification {
 const TOPICS: [Call; 3] = [call::ARM_STATE_TOPIC, call::SERVOING_MODE_TOPIC, call::SAFETY_TOPIC];
 
 /// The arm's high-level interface.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// use kinova_kortex::message::ArmState;
+/// use kinova_kortex::message::action::ActionType;
+///
+/// assert_eq!(arm.base.arm_state()?, ArmState::ServoingReady);
+/// assert_eq!(arm.base.actuators()?.len(), 7);
+/// for action in arm.base.actions(ActionType::ReachJointAngles)? {
+///     println!("{}: {}", action.id, action.name);
+/// }
+/// // A motion that the arm carries out by itself, in 2 s.
+/// let mut angles = arm.base.joint_angles()?;
+/// angles[6] += 0.1;
+/// arm.base.reach_joint_angles(&angles, Some(2.0))?;
+/// arm.base.stop()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Base {
     session: Session<TcpLink>,
@@ -70,6 +96,7 @@ impl Base {
         Ok(Self { session, subscriptions: Vec::new() })
     }
 
+    /// Returns the session of this interface, for its number and timeouts.
     pub fn session(&self) -> &Session<TcpLink> {
         &self.session
     }

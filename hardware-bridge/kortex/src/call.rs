@@ -1,9 +1,20 @@
 //! The calls of the arm's services that this client makes.
 
 /// A function of a service.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::call::{Call, REFRESH};
+///
+/// assert_eq!(REFRESH.id(), 0x30001);
+/// assert_eq!(Call::from_id(0x30001), REFRESH);
+/// assert_eq!(REFRESH.to_string(), "BaseCyclic.Refresh");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Call {
+    /// Number of the service, 12 bits.
     pub service: u16,
+    /// Number of the function within the service.
     pub function: u16,
 }
 

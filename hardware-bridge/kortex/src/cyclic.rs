@@ -32,6 +32,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(20);
 pub struct Feedback {
     /// Number of the command that they answer.
     pub frame: u16,
+    /// Operating state of the arm.
     pub state: ArmState,
     /// Angles (rad, unwrapped over full turns), speeds, torques.
     pub motion: Motion,
@@ -69,6 +70,21 @@ pub struct Counters {
 }
 
 /// The arm's cyclic interface.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// let feedback = arm.cyclic.feedback()?;
+/// println!("{:?} rad, {:?} degrees Celsius", feedback.motion.position, feedback.temperature);
+/// assert!(feedback.faults.is_empty(), "{}", feedback.faults);
+/// assert_eq!(arm.cyclic.counters().damaged, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Cyclic {
     session: Session<UdpLink>,
@@ -101,6 +117,7 @@ impl Cyclic {
         Counters { stray: stray + self.session.stray(), damaged: self.session.damaged(), ..self.counters }
     }
 
+    /// Returns the session of this interface, for its number and counts.
     pub fn session(&self) -> &Session<UdpLink> {
         &self.session
     }

@@ -30,6 +30,16 @@ pub fn nearest_turn(angle: f64, near: f64) -> f64 {
 }
 
 /// Unwraps the angle of each joint over full turns.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::degrees::Turns;
+///
+/// let mut turns = Turns::default();
+/// turns.read([170.0; 7]);
+/// let angles = turns.read([190.0; 7]);
+/// assert!((angles[0] - 190_f64.to_radians()).abs() < 1e-6);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turns {
     last: [f64; JOINTS],

@@ -11,6 +11,23 @@ use crate::refusal::{Reason, Refusal};
 use crate::safety_bank::Report;
 
 /// An error of the arm's client.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// use kinova_kortex::refusal::Reason;
+/// use kinova_kortex::{Credentials, KortexError};
+///
+/// let wrong = Credentials { user: "admin".to_owned(), password: "guess".to_owned() };
+/// let refused = Arm::connect(emulator.address(), &wrong, Timeouts::default(), gen3::HOME);
+/// let error = refused.err().ok_or("the emulated arm let a stranger in")?;
+/// assert_eq!(error.reason(), Some(Reason::Login));
+/// assert!(matches!(error, KortexError::Refused { .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum KortexError {
     /// The connection itself failed.
@@ -19,6 +36,7 @@ pub enum KortexError {
     /// No answer in time. On UDP a single one means little. On TCP the arm or the network is in trouble.
     #[error("{call}: no answer within {after:?}")]
     Timeout {
+        /// Unanswered call.
         call: Call,
         /// Time waited.
         after: Duration,
@@ -27,6 +45,7 @@ pub enum KortexError {
     /// ended the session. A new session is needed.
     #[error("{call}: the arm does not know session {session} any more, which was kept in time")]
     SessionLost {
+        /// Refused call.
         call: Call,
         /// Number of the session.
         session: u16,
@@ -34,6 +53,7 @@ pub enum KortexError {
     /// Our session ended because this program did not keep it alive. A new session is needed.
     #[error("{call}: session {session} ran out: this program was silent for {silent:?}, and it allows {allowed:?}")]
     SessionExpired {
+        /// Refused call.
         call: Call,
         /// Number of the session.
         session: u16,
@@ -53,6 +73,7 @@ pub enum KortexError {
     HostLate {
         /// Longest interval between two commands within the last second or so.
         gap: Duration,
+        /// Faults at that time.
         report: Box<Report>,
     },
     /// The arm's watchdog stopped it although commands were sent in time: they did not arrive.
@@ -67,6 +88,7 @@ pub enum KortexError {
         sent: u64,
         /// Number of those without an answer in their cycle.
         missed: u64,
+        /// Faults at that time.
         report: Box<Report>,
     },
     /// Keep-alives are not answered.
@@ -79,14 +101,22 @@ pub enum KortexError {
     },
     /// The arm refused a call.
     #[error("{call}: {refusal}")]
-    Refused { call: Call, refusal: Refusal },
+    Refused {
+        /// Refused call.
+        call: Call,
+        /// Reason, and text of the arm.
+        refusal: Refusal,
+    },
     /// The arm gave an invalid answer.
     #[error("{call}: {field} is {found}, expected {expected}")]
     Answer {
+        /// Answered call.
         call: Call,
         /// Affected part of the answer.
         field: &'static str,
+        /// Value in the answer.
         found: String,
+        /// Values that are valid.
         expected: String,
     },
     /// A joint is not in position mode.
@@ -94,6 +124,7 @@ pub enum KortexError {
     ControlMode {
         /// Number of the joint, from 1.
         joint: usize,
+        /// Mode that was found.
         found: ControlMode,
     },
     /// The emergency stop is pressed, or the emergency line open.
@@ -105,6 +136,7 @@ pub enum KortexError {
     /// The arm has left low-level servoing without a fault.
     #[error("the arm is in state {found:?}, expected {expected:?}")]
     State {
+        /// State that the arm reports.
         found: ArmState,
         /// Expected state.
         expected: ArmState,

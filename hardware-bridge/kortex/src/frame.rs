@@ -11,6 +11,7 @@
 
 use prost::Message;
 
+use self::wire::{WireFrame, WireHeader};
 use crate::call::Call;
 
 /// Version of the header and of every service that this client speaks.
@@ -65,10 +66,23 @@ pub struct Header {
     pub session: u16,
     /// Number of the request, or handle of the subscription.
     pub message: u16,
+    /// Called function, or topic of the subscription.
     pub call: Call,
 }
 
 /// A header and its payload.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::call;
+/// use kinova_kortex::frame::{Frame, Header, Kind};
+///
+/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
+/// let frame = Frame { header, payload: Vec::new() };
+/// assert_eq!(Frame::decode(&frame.encode())?, frame);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
     /// Header of the frame.
@@ -120,24 +134,10 @@ pub enum FrameError {
     },
 }
 
-#[derive(Clone, PartialEq, prost::Message)]
-struct WireHeader {
-    #[prost(fixed32, tag = "1")]
-    frame: u32,
-    #[prost(fixed32, tag = "2")]
-    message: u32,
-    #[prost(fixed32, tag = "3")]
-    service: u32,
-    #[prost(fixed32, tag = "4")]
-    payload: u32,
-}
-
-#[derive(Clone, PartialEq, prost::Message)]
-struct WireFrame {
-    #[prost(message, optional, tag = "1")]
-    header: Option<WireHeader>,
-    #[prost(bytes = "vec", tag = "2")]
-    payload: Vec<u8>,
+/// The generated messages of a frame.
+#[allow(unreachable_pub)]
+mod wire {
+    include!("message/generated/frame.rs");
 }
 
 impl Frame {

@@ -25,18 +25,19 @@ pub enum LinkError {
     Frame(#[from] FrameError),
 }
 
+/// A connection that carries frames: [`TcpLink`], [`UdpLink`], or a test's own.
 pub trait Link {
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`TactileLinkError`].
+    /// [`LinkError`].
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// Returns the next frame, waiting for it until `deadline`; `None` if there was none. A deadline in the past asks
     /// for a frame that has already arrived.
     ///
     /// # Errors
-    /// [`TactileLinkError`].
+    /// [`LinkError`].
     fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, LinkError>;
 
     /// Returns the number of frames dropped because they were damaged.
@@ -78,7 +79,7 @@ impl TcpLink {
     /// Connects to `address`.
     ///
     /// # Errors
-    /// [`TactileLinkError::Io`].
+    /// [`LinkError::Io`].
     pub fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, LinkError> {
         Ok(Self::new(TcpStream::connect_timeout(&address, timeout)?)?)
     }
@@ -146,7 +147,7 @@ impl UdpLink {
     /// Binds a port of our own and takes datagrams from `address` only.
     ///
     /// # Errors
-    /// [`TactileLinkError::Io`].
+    /// [`LinkError::Io`].
     pub fn connect(address: SocketAddr) -> Result<Self, LinkError> {
         let any: SocketAddr = if address.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0; 16], 0).into() };
         let socket = UdpSocket::bind(any)?;

@@ -26,12 +26,12 @@ pub(super) struct Recent {
 
 impl Recent {
     /// Begins at `now`.
-    pub fn new(now: Instant) -> Self {
+    pub(super) fn new(now: Instant) -> Self {
         Self { last: now, began: now, now: Cycles::default(), before: Cycles::default() }
     }
 
     /// Notes a command that is sent `at` this time.
-    pub fn note_sent(&mut self, at: Instant) {
+    pub(super) fn note_sent(&mut self, at: Instant) {
         if at - self.began > SPAN {
             (self.before, self.now, self.began) = (self.now, Cycles::default(), at);
         }
@@ -41,12 +41,12 @@ impl Recent {
     }
 
     /// Notes that the last command was not answered in time.
-    pub fn note_missed(&mut self) {
+    pub(super) fn note_missed(&mut self) {
         self.now.missed += 1;
     }
 
     /// Returns the cycles of both spans together.
-    pub fn cycles(&self) -> Cycles {
+    pub(super) fn cycles(&self) -> Cycles {
         let (now, before) = (self.now, self.before);
         Cycles { gap: now.gap.max(before.gap), sent: now.sent + before.sent, missed: now.missed + before.missed }
     }

@@ -53,6 +53,7 @@ impl Reason {
     }
 }
 
+/// Refusal of a call by the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// The reason, independent of the wire format.

@@ -92,6 +92,7 @@ pub const WATCHDOG: u32 = 1 << 23;
 /// Both words of a bank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Banks {
+    /// Bank A, with the bits in [`BASE`] or [`ACTUATOR`].
     pub a: u32,
     /// Bank B.
     pub b: u32,
@@ -113,8 +114,19 @@ impl Banks {
 }
 
 /// Faults, or warnings, of the whole arm.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::safety_bank::{FOLLOWING_ERROR, JOINT_FAULT, Report};
+///
+/// let mut report = Report::default();
+/// report.base.a = JOINT_FAULT;
+/// report.joints[2].a = FOLLOWING_ERROR;
+/// assert_eq!(report.to_string(), "base: joint fault; joint 3: following error");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Report {
+    /// Banks of the base.
     pub base: Banks,
     /// Banks of each joint.
     pub joints: [Banks; JOINTS],

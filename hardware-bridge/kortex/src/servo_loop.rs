@@ -18,6 +18,7 @@ use crate::joints::JOINTS;
 use crate::lock::lock;
 use crate::servoing::{Limits, Servoing};
 
+/// Timing of the controller that sets the targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pacing {
     /// Interval between two targets of the controller.
@@ -61,6 +62,34 @@ struct Shared {
 }
 
 /// The running loop. Dropping it stops it and leaves low-level servoing.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// use std::time::Duration;
+///
+/// use kinova_kortex::servo_loop::{Pacing, ServoLoop};
+/// use kinova_kortex::servoing::Limits;
+///
+/// let limits = Limits::gen3();
+/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: Duration::from_millis(200) };
+/// let servo_loop = ServoLoop::start(arm, limits, pacing)?;
+/// let mut target = servo_loop.snapshot().command;
+/// target[6] += 0.01;
+/// servo_loop.set_target(target)?;
+/// std::thread::sleep(Duration::from_millis(50));
+/// println!("{:?} rad", servo_loop.snapshot().feedback.motion.position);
+/// let (arm, result) = servo_loop.finish();
+/// result?;
+/// arm.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct ServoLoop {
     shared: Arc<Mutex<Shared>>,
@@ -238,12 +267,11 @@ fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::servoing::tests::limits;
 
     /// The path takes ten cycles to the target, in equal steps, and goes no further.
     #[test]
     fn path_is_straight_and_ends_at_the_target() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let target = [0.01, -0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut at = [0.0; JOINTS];
         let path = Path::new(&at, target, 10.0, &limits);
@@ -258,7 +286,7 @@ mod tests {
     /// A target too far for one tick is approached at top speed.
     #[test]
     fn path_keeps_the_speed_limit() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let from = [0.0; JOINTS];
         let next = Path::new(&from, [1.0; JOINTS], 10.0, &limits).next(&from);
         assert_eq!(next, limits.step);

@@ -19,6 +19,7 @@ use crate::arm::Arm;
 use crate::cyclic::Feedback;
 use crate::degrees::difference;
 use crate::error::{CommandError, KortexError};
+use crate::gen3;
 use crate::joints::JOINTS;
 use crate::message::ArmState;
 use crate::message::base::ServoingMode;
@@ -30,6 +31,20 @@ use crate::refusal::Reason;
 const LATE_CYCLES: u32 = 10;
 
 /// Limits of a command.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::servoing::Limits;
+/// use kinova_kortex::{CommandError, gen3};
+///
+/// let limits = Limits::gen3();
+/// let mut next = gen3::HOME;
+/// next[1] += 0.001;
+/// assert_eq!(limits.check(&next, &gen3::HOME, &gen3::HOME), Ok(()));
+/// // 0.1 rad in a millisecond is too fast.
+/// next[1] += 0.1;
+/// assert!(matches!(limits.check(&next, &gen3::HOME, &gen3::HOME), Err(CommandError::Step { joint: 2, .. })));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Lower limits of the angles, rad.
@@ -59,6 +74,11 @@ impl Limits {
             silent_cycles: 100,
             cycle,
         }
+    }
+
+    /// Returns limits at 1 kHz for a Gen3, with the ranges and top speeds in [`gen3`].
+    pub fn gen3() -> Self {
+        Self::at_1_khz(gen3::LOWER, gen3::UPPER, gen3::TOP_SPEED)
     }
 
     /// Checks that `angles` are finite and within the joints' ranges.
@@ -106,6 +126,34 @@ impl Limits {
 }
 
 /// An arm in low-level servoing. Dropping it tries to leave the mode.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::{Arm, Timeouts, gen3};
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// use std::time::Instant;
+///
+/// use kinova_kortex::servoing::{Limits, Servoing};
+///
+/// let limits = Limits::gen3();
+/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let mut servoing = Servoing::enter(&mut arm, limits)?;
+/// let mut angles = *servoing.command();
+/// let mut next = Instant::now();
+/// for _ in 0..100 {
+///     next += limits.cycle;
+///     angles[6] += 0.0005;
+///     servoing.command_angles(&angles, next)?;
+///     std::thread::sleep(next.saturating_duration_since(Instant::now()));
+/// }
+/// servoing.leave()?;
+/// arm.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Servoing<'a> {
     arm: &'a mut Arm,
@@ -174,6 +222,7 @@ impl<'a> Servoing<'a> {
         &self.command
     }
 
+    /// Returns the limits that commands are checked against.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -313,16 +362,8 @@ pub fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    /// Limits of the published arm.
-    pub fn limits() -> Limits {
-        let arm = hand_model::Arm::gen3();
-        let joints = &arm.tree.joints;
-        let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-        Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
-    }
 
     const ZERO: [f64; JOINTS] = [0.0; JOINTS];
 
@@ -332,7 +373,7 @@ pub(crate) mod tests {
 
     #[test]
     fn commands_are_checked_joint_by_joint() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let check = |command, previous, measured| limits.check(&command, &previous, &measured);
         assert_eq!(check(only(1, 0.00139), ZERO, ZERO), Ok(()));
         assert!(matches!(check(only(3, f64::NAN), ZERO, ZERO), Err(CommandError::NotFinite { joint: 3, .. })));
@@ -344,7 +385,7 @@ pub(crate) mod tests {
     /// A joint without end stops may be commanded a full turn away from its count: the posture is the same.
     #[test]
     fn lead_is_measured_as_posture() {
-        let limits = limits();
+        let limits = Limits::gen3();
         let turn = only(1, std::f64::consts::TAU);
         assert_eq!(limits.check(&turn, &turn, &ZERO), Ok(()));
     }

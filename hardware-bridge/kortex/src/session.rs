@@ -22,10 +22,12 @@ use crate::message::session::CreateSessionInfo;
 use crate::refusal::{Reason, Refusal};
 use crate::tap::Tap;
 
+/// User and password of the arm's web page. `Debug` leaves the password out.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Credentials {
     /// User name.
     pub user: String,
+    /// Password, which crosses the network in clear text.
     pub password: String,
 }
 
@@ -39,6 +41,17 @@ impl std::fmt::Debug for Credentials {
 const CALLS_PER_TIMEOUT: u32 = 6;
 
 /// Deadlines of a session.
+///
+/// # Example
+/// ```
+/// use std::time::Duration;
+///
+/// use kinova_kortex::Timeouts;
+///
+/// // A slow network: calls may take three seconds.
+/// let timeouts = Timeouts { call: Duration::from_secs(3), ..Timeouts::default() };
+/// assert!(timeouts.keep_alive < timeouts.connection);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timeouts {
     /// Time limit for a call's answer.
@@ -75,6 +88,30 @@ struct Neglect {
 }
 
 /// A session on a link. Dropping it closes it as well as is possible without waiting.
+///
+/// [`Arm`](crate::Arm) has one for each interface; one of your own makes calls that [`Base`](crate::base::Base) does not have.
+///
+/// # Example
+/// ```
+/// # use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
+/// # use kinova_kortex::Timeouts;
+/// # let settings = Settings { cyclic_deadline: 60_000, ..Settings::default() };
+/// # let credentials = settings.credentials.clone();
+/// # let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
+/// use kinova_kortex::call;
+/// use kinova_kortex::link::TcpLink;
+/// use kinova_kortex::message::Empty;
+/// use kinova_kortex::message::base::ArmStateInformation;
+/// use kinova_kortex::session::Session;
+///
+/// let timeouts = Timeouts::default();
+/// let link = TcpLink::connect(emulator.address().tcp, timeouts.call)?;
+/// let mut session = Session::create(link, &credentials, timeouts, call::GET_ARM_STATE)?;
+/// let answer: ArmStateInformation = session.call(call::GET_ARM_STATE, 0, &Empty {})?;
+/// println!("{:?}", answer.active_state());
+/// session.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Session<L: Link> {
     link: L,

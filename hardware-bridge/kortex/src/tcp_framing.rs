@@ -20,6 +20,25 @@ pub fn encode(frame: &Frame) -> Vec<u8> {
 }
 
 /// Splits a stream into frames.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::call;
+/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::tcp_framing::{Deframer, encode};
+///
+/// let (kind, call) = (Kind::Request, call::KEEP_ALIVE);
+/// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
+/// let frame = Frame { header, payload: Vec::new() };
+/// let stream = encode(&frame);
+///
+/// let mut deframer = Deframer::default();
+/// deframer.push(&stream[..5]);
+/// assert_eq!(deframer.next_frame()?, None);
+/// deframer.push(&stream[5..]);
+/// assert_eq!(deframer.next_frame()?, Some(frame));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Default)]
 pub struct Deframer {
     buffer: Vec<u8>,

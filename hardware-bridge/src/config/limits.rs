@@ -1,7 +1,7 @@
 //! `[limits]`: limits that the supervisor enforces, with defaults for everything.
 
 use hand_model::{Arm, ArmVector};
-use kortex::joints::JOINTS;
+use kinova_kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::{ArmLimits, SafetyLimits, ServoLimits, WatchdogTimeouts};

@@ -3,11 +3,11 @@
 
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
-use kortex::CommandError;
-use kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
-use kortex::emulator::Settings;
-use kortex::joints::JOINTS;
-use kortex::servoing::Limits;
+use kinova_kortex::CommandError;
+use kinova_kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
+use kinova_kortex::emulator::Settings;
+use kinova_kortex::joints::JOINTS;
+use kinova_kortex::servoing::Limits;
 
 use super::lockstep_arm::{step_towards, whole_milliseconds};
 use crate::kortex_link::{limits, to_gen3};

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;
 use hand_model::robot::{Plant, Readings, RobotBackend, RobotCommand, RobotError, Tick};
-use kortex::KortexError;
+use kinova_kortex::KortexError;
 use robot_session_log::{LinkPacket, LinkTap};
 
 use super::lockstep_arm::LockstepArm;

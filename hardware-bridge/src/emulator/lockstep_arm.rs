@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
-use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
-use kortex::joints::JOINTS;
-use kortex::servoing::{Limits, Servoing};
-use kortex::{Arm, CommandError, KortexError, Timeouts};
+use kinova_kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
+use kinova_kortex::joints::JOINTS;
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::{Arm, CommandError, KortexError, Timeouts};
 use robot_session_log::LinkPacket;
 
 use super::plant_arm::SharedArm;

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use crate::kortex_link::to_gen3;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};
-use kortex::emulator::{Drive, Plant};
-use kortex::{Motion, ToolPose};
+use kinova_kortex::emulator::{Drive, Plant};
+use kinova_kortex::{Motion, ToolPose};
 
 use crate::lock::lock;
 use crate::safety::limits::ArmLimits;

@@ -10,7 +10,7 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{
     ArmState, Observation, Plant, RobotCommand, ServoGoal, ServoState, TactileFrame, TactileImage, Tick,
 };
-use kortex::joints::JOINTS;
+use kinova_kortex::joints::JOINTS;
 
 /// Length of a tick, s.
 const TICK: f64 = 1.0 / 240.0;

@@ -8,8 +8,8 @@ use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{FaultEvent, FaultProbabilities};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::SupervisorState;
-use kortex::emulator::Injection;
-use kortex::safety_bank::FOLLOWING_ERROR;
+use kinova_kortex::emulator::Injection;
+use kinova_kortex::safety_bank::FOLLOWING_ERROR;
 use robot_session_log::SessionRecorder;
 use serde::{Deserialize, Serialize};
 

@@ -21,7 +21,7 @@ use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::robot::{RobotBackend, RobotCommand};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::SupervisorState;
-use kortex::emulator::EventKind;
+use kinova_kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use progress::interrupt::Interrupted;
 use robot_backends::wire_emulation::{SharedPlant, lockstep_settings, shaft_travel};

@@ -5,7 +5,7 @@ use hand_model::robot::{RobotBackend as _, ServoGoal};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::MAX_GOAL_OVERTRAVEL;
-use kortex::servoing::Limits;
+use kinova_kortex::servoing::Limits;
 
 /// Checks every command that reaches the devices against the limits.
 pub struct LimitWatch {

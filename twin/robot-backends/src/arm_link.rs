@@ -11,9 +11,9 @@ use hardware_bridge::config::secrets::Password;
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
 use hardware_bridge::kortex_link::{KortexLink, to_gen3};
 use hardware_bridge::supported_robot::check_supported;
-use kortex::link::LinkError;
-use kortex::refusal::Reason;
-use kortex::{Address, Credentials, KortexError, Timeouts};
+use kinova_kortex::link::LinkError;
+use kinova_kortex::refusal::Reason;
+use kinova_kortex::{Address, Credentials, KortexError, Timeouts};
 
 /// Connects the client of the configured arm of `robot`. `near` is the posture in which the arm is expected, rad.
 pub fn connect_arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVector) -> Result<Box<dyn ArmLink>> {
@@ -28,7 +28,7 @@ pub fn connect_arm_link(config: &BridgeConfig, robot: &RobotModel, near: ArmVect
 }
 
 /// Connects the configured arm itself, if there is one.
-pub fn connect_arm(config: &BridgeConfig, near: ArmVector) -> Result<Option<kortex::Arm>> {
+pub fn connect_arm(config: &BridgeConfig, near: ArmVector) -> Result<Option<kinova_kortex::Arm>> {
     let ArmConfig::Kortex { host, tcp_port, udp_port, user, password, .. } = &config.arm else { return Ok(None) };
     let resolved = |port: u16| {
         let mut found = (host.as_str(), port).to_socket_addrs().with_context(|| format!("arm at {host}"))?;
@@ -37,7 +37,7 @@ pub fn connect_arm(config: &BridgeConfig, near: ArmVector) -> Result<Option<kort
     let address = Address { tcp: resolved(*tcp_port)?, udp: resolved(*udp_port)? };
     let password = password.as_ref().map(Password::reveal).unwrap_or_default().to_owned();
     let credentials = Credentials { user: user.clone(), password };
-    let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), to_gen3(&near))
+    let arm = kinova_kortex::Arm::connect(address, &credentials, Timeouts::default(), to_gen3(&near))
         .map_err(|error| anyhow::anyhow!("arm at {host}, port {tcp_port}: {error}; {}", advice(&error)))?;
     Ok(Some(arm))
 }

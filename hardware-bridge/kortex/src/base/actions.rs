@@ -16,8 +16,11 @@ use crate::message::{Empty, NotificationHandle, NotificationOptions};
 /// An action that the arm stores.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Action {
+    /// Number of the action.
     pub id: u32,
+    /// Name on the arm's web page.
     pub name: String,
+    /// Type of the action.
     pub kind: ActionType,
     /// Target of a [`ActionType::ReachJointAngles`]: rad, each within half a turn of 0.
     pub posture: Option<[f64; JOINTS]>,

@@ -13,7 +13,9 @@ use crate::message::device::{
 /// A device inside the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Device {
+    /// Type of the device.
     pub kind: DeviceType,
+    /// Address, for calls such as [`Base::serial_number`].
     pub address: u8,
     /// Position in the chain, counted from the base.
     pub order: u32,

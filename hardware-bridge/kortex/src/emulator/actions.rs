@@ -128,7 +128,7 @@ impl Controller {
         }
         let Some(path) = &playing.path else { return };
         self.drive = Drive::Position(path.at(now));
-        if now >= path.end() && (still || now >= path.end() + SETTLING) {
+        if now >= path.end() && (still || now >= path.end().saturating_add(SETTLING)) {
             let handle = playing.handle;
             self.playing = None;
             self.tell(ActionEvent::End, handle, 0);

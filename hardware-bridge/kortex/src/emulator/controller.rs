@@ -22,8 +22,10 @@ use crate::session::Credentials;
 /// Length of a tick, s.
 const TICK: f64 = 1e-3;
 
+/// Settings of an emulated arm.
 #[derive(Debug, Clone)]
 pub struct Settings {
+    /// The only user and password that may log in. Default: `admin`, `admin`.
     pub credentials: Credentials,
     /// Watchdog timeout: time without a cyclic command after which the arm stops, ms.
     pub cyclic_deadline: u64,
@@ -73,6 +75,7 @@ pub enum EventKind {
 pub struct Event {
     /// Time since the arm was switched on, ms.
     pub time: u64,
+    /// Kind of the event.
     pub what: EventKind,
 }
 
@@ -95,11 +98,13 @@ pub struct Commands {
 pub struct Status {
     /// Time since the arm was switched on, ms.
     pub time: u64,
+    /// Operating state, as the arm reports it.
     pub state: ArmState,
     /// Servoing mode: who moves the arm.
     pub mode: ServoingMode,
     /// Motion of the joints.
     pub motion: Motion,
+    /// Active faults.
     pub faults: Report,
     /// Open sessions.
     pub sessions: Vec<u16>,
@@ -109,7 +114,23 @@ pub struct Status {
     pub events: Vec<Event>,
 }
 
-/// The arm's base.
+/// The arm's base, without sockets or clock.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
+/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::call;
+///
+/// let mut arm = Controller::new(Settings::default(), Box::new(FirstOrderJoints::gen3()));
+/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
+/// let answers = arm.receive(Peer::Tcp(1), &Frame { header, payload: Vec::new() });
+/// // Nobody is logged in.
+/// assert_ne!(answers[0].1.header.error, 0);
+/// arm.tick();
+/// assert_eq!(arm.status().time, 1);
+/// ```
 pub struct Controller {
     pub(super) settings: Settings,
     pub(super) plant: Box<dyn Plant>,

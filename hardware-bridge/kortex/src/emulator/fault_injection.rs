@@ -47,16 +47,16 @@ pub(super) struct NetworkFaults {
 }
 
 impl NetworkFaults {
-    pub fn loses_command(&self, random: &mut impl Rng) -> bool {
+    pub(super) fn loses_command(&self, random: &mut impl Rng) -> bool {
         self.lose_commands > 0.0 && random.random::<f64>() < self.lose_commands
     }
 
-    pub fn loses_reply(&self, random: &mut impl Rng) -> bool {
+    pub(super) fn loses_reply(&self, random: &mut impl Rng) -> bool {
         self.lose_replies > 0.0 && random.random::<f64>() < self.lose_replies
     }
 
     /// Draws the delay of a datagram, ms.
-    pub fn delay(&self, random: &mut impl Rng) -> u64 {
+    pub(super) fn delay(&self, random: &mut impl Rng) -> u64 {
         if self.delay == 0 { 0 } else { random.random_range(0..=self.delay) }
     }
 }

@@ -43,7 +43,7 @@ pub(super) struct Path {
 
 impl Path {
     /// Creates the path between two postures (rad) that starts at `start` (ms).
-    pub fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
+    pub(super) fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
         let seconds = match haste {
             Haste::Modest => shortest(&from, &to, MODEST),
             Haste::Duration(seconds) => seconds.max(soonest(&from, &to)),
@@ -52,13 +52,13 @@ impl Path {
         Self { from, to, start, duration: (seconds * 1e3).ceil() as u64 }
     }
 
-    /// Returns the end of the path, ms.
-    pub fn end(&self) -> u64 {
-        self.start + self.duration
+    /// Returns the end of the path, ms. At a very low requested speed the path never ends.
+    pub(super) fn end(&self) -> u64 {
+        self.start.saturating_add(self.duration)
     }
 
     /// Returns the joint angles at `now` (ms), rad. After the end they are exactly the target.
-    pub fn at(&self, now: u64) -> [f64; JOINTS] {
+    pub(super) fn at(&self, now: u64) -> [f64; JOINTS] {
         if now >= self.end() {
             return self.to;
         }
@@ -113,5 +113,13 @@ mod tests {
         assert_eq!(Path::new(FROM, to, Haste::Duration(0.01), 0).end(), 769);
         assert_eq!(Path::new(FROM, FROM, Haste::Modest, 7).end(), 7);
         assert_eq!(Path::new(FROM, FROM, Haste::Modest, 7).at(7), FROM);
+    }
+
+    /// A joint speed near zero asks for a time beyond the clock's range, which once overflowed.
+    #[test]
+    fn a_path_of_nearly_no_speed_never_ends() {
+        let path = Path::new(FROM, FROM.map(|angle| angle + 0.5), Haste::Speed(1e-30), 500);
+        assert_eq!(path.end(), u64::MAX);
+        assert!(path.at(500_000).iter().zip(FROM).all(|(angle, from)| (angle - from).abs() < 1e-12));
     }
 }

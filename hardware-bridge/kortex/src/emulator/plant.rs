@@ -1,5 +1,6 @@
 //! The joints of an emulated arm.
 
+use crate::gen3;
 use crate::joints::{JOINTS, Motion, ToolPose};
 
 /// The controller's command to the joints.
@@ -14,6 +15,40 @@ pub enum Drive {
 }
 
 /// The seven joints of an arm: [`FirstOrderJoints`], or those of a simulator.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::Motion;
+/// use kinova_kortex::emulator::{Drive, Emulator, Pace, Plant, Settings};
+///
+/// /// Joints that are at once where they are commanded to be.
+/// #[derive(Default)]
+/// struct Ideal(Motion);
+///
+/// impl Plant for Ideal {
+///     fn advance(&mut self, drive: &Drive, seconds: f64) {
+///         let before = self.0.position;
+///         match drive {
+///             Drive::Hold => {}
+///             Drive::Position(angles) => self.0.position = *angles,
+///             Drive::Velocity(speeds) => {
+///                 for (angle, speed) in self.0.position.iter_mut().zip(speeds) {
+///                     *angle += speed * seconds;
+///                 }
+///             }
+///         }
+///         self.0.velocity = std::array::from_fn(|i| (self.0.position[i] - before[i]) / seconds);
+///     }
+///
+///     fn state(&self) -> Motion {
+///         self.0
+///     }
+/// }
+///
+/// let emulator = Emulator::start(Settings::default(), Box::new(Ideal::default()), Pace::Stepped)?;
+/// assert_eq!(emulator.status().motion.position, [0.0; 7]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Plant: Send {
     /// Advances the joints by `seconds` under `drive`.
     fn advance(&mut self, drive: &Drive, seconds: f64);
@@ -30,6 +65,16 @@ pub trait Plant: Send {
 /// Under a position command the angle closes the gap as `exp(-t / lag)`. A sine of angular frequency `w` and amplitude
 /// `A` is therefore followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and
 /// when stopping, the speed does the same.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::emulator::{Drive, FirstOrderJoints, Plant};
+///
+/// // One time constant closes the gap of 0.01 rad to 1/e.
+/// let mut joints = FirstOrderJoints::new([0.0; 7], 0.02, [1.0; 7]);
+/// joints.advance(&Drive::Position([0.01; 7]), 0.02);
+/// assert!((joints.state().position[0] - 0.01 * (1.0 - (-1_f64).exp())).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone)]
 pub struct FirstOrderJoints {
     state: Motion,
@@ -42,6 +87,11 @@ impl FirstOrderJoints {
     pub fn new(posture: [f64; JOINTS], lag: f64, top_speed: [f64; JOINTS]) -> Self {
         let state = Motion { position: posture, ..Motion::default() };
         Self { state, lag, top_speed }
+    }
+
+    /// Creates the joints of a Gen3 at rest in its home posture, with its top speeds and a lag of 20 ms (a guess).
+    pub fn gen3() -> Self {
+        Self::new(gen3::HOME, 0.02, gen3::TOP_SPEED)
     }
 }
 

@@ -24,6 +24,7 @@ const MILLISECOND: Duration = Duration::from_millis(1);
 /// Clock of the emulated arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
+    /// One millisecond of the arm per millisecond of the machine.
     RealTime,
     /// Time advances by [`Emulator::step`] only.
     Stepped,
@@ -53,6 +54,23 @@ impl Server {
 }
 
 /// An emulated Gen3. Dropping it switches it off.
+///
+/// # Example
+/// ```
+/// use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
+/// use kinova_kortex::safety_bank::FOLLOWING_ERROR;
+/// use kinova_kortex::{Arm, Timeouts, gen3};
+///
+/// let settings = Settings::default();
+/// let credentials = settings.credentials.clone();
+/// let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::Stepped)?;
+/// let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
+/// emulator.inject(Injection::JointFault { joint: 2, bits: FOLLOWING_ERROR });
+/// assert_eq!(arm.cyclic.feedback()?.faults.to_string(), "base: joint fault; joint 3: following error");
+/// emulator.step(10);
+/// assert_eq!(emulator.status().time, 10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Emulator {
     server: Arc<Mutex<Server>>,
     stop: Arc<AtomicBool>,
@@ -86,10 +104,12 @@ impl Emulator {
         Ok(Self { server, stop, address, pace, thread: Some(thread) })
     }
 
+    /// Returns the address to connect to, with the ports that were chosen.
     pub fn address(&self) -> Address {
         self.address
     }
 
+    /// Returns the present state of the arm and its events so far.
     pub fn status(&self) -> Status {
         lock(&self.server).controller.status()
     }

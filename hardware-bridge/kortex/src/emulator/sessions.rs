@@ -28,7 +28,7 @@ pub(super) struct Sessions {
 
 impl Sessions {
     /// Opens a session at time `now` (ms).
-    pub fn open(&mut self, peer: Peer, login: &CreateSessionInfo, now: u64) -> u16 {
+    pub(super) fn open(&mut self, peer: Peer, login: &CreateSessionInfo, now: u64) -> u16 {
         loop {
             self.last = self.last.wrapping_add(1);
             if self.last != 0 && !self.records.contains_key(&self.last) {
@@ -49,7 +49,7 @@ impl Sessions {
     }
 
     /// True if session `number` belongs to `peer`. Notes the sign of life at `now` (ms).
-    pub fn hear(&mut self, number: u16, peer: Peer, is_call: bool, now: u64) -> bool {
+    pub(super) fn hear(&mut self, number: u16, peer: Peer, is_call: bool, now: u64) -> bool {
         match self.records.get_mut(&number) {
             Some(record) if record.peer == peer => {
                 record.last_sign = now;
@@ -63,12 +63,12 @@ impl Sessions {
     }
 
     /// Ends a session. Returns true if there was one.
-    pub fn close(&mut self, number: u16) -> bool {
+    pub(super) fn close(&mut self, number: u16) -> bool {
         self.records.remove(&number).is_some()
     }
 
     /// Ends the sessions that have timed out at `now` (ms), and returns their numbers.
-    pub fn expire(&mut self, now: u64) -> Vec<u16> {
+    pub(super) fn expire(&mut self, now: u64) -> Vec<u16> {
         let expired = |record: &Record| {
             now - record.last_sign > record.connection_timeout || now - record.last_call > record.session_timeout
         };
@@ -79,12 +79,12 @@ impl Sessions {
     }
 
     /// Ends all sessions, and returns their numbers.
-    pub fn forget(&mut self) -> Vec<u16> {
+    pub(super) fn forget(&mut self) -> Vec<u16> {
         std::mem::take(&mut self.records).into_keys().collect()
     }
 
     /// Returns the numbers of the open sessions.
-    pub fn numbers(&self) -> Vec<u16> {
+    pub(super) fn numbers(&self) -> Vec<u16> {
         self.records.keys().copied().collect()
     }
 }

@@ -42,7 +42,7 @@ pub(super) struct Sockets {
 }
 
 impl Sockets {
-    pub fn bind(address: Address) -> io::Result<Self> {
+    pub(super) fn bind(address: Address) -> io::Result<Self> {
         let (listener, udp) = (TcpListener::bind(address.tcp)?, UdpSocket::bind(address.udp)?);
         Ok(Self {
             listener: Arc::new(listener),
@@ -53,19 +53,19 @@ impl Sockets {
         })
     }
 
-    pub fn address(&self) -> io::Result<Address> {
+    pub(super) fn address(&self) -> io::Result<Address> {
         Ok(Address { tcp: self.listener.local_addr()?, udp: self.udp.local_addr()? })
     }
 
     /// Returns all sockets, to be waited for.
-    pub fn all(&self) -> Vec<Socket> {
+    pub(super) fn all(&self) -> Vec<Socket> {
         let streams = self.connections.values().map(|connection| Socket::Stream(connection.stream.clone()));
         [Socket::Listener(self.listener.clone()), Socket::Udp(self.udp.clone())].into_iter().chain(streams).collect()
     }
 
     /// Returns every frame that has arrived, with its sender. Ends connections that hosts have closed, and those that
     /// send invalid frames.
-    pub fn take(&mut self) -> Vec<(Peer, Frame)> {
+    pub(super) fn take(&mut self) -> Vec<(Peer, Frame)> {
         let now = Instant::now();
         let mut frames = Vec::new();
         while let Ok(true) = wait(&*self.listener, now) {
@@ -85,7 +85,7 @@ impl Sockets {
     }
 
     /// Sends frames. A host that is gone is noticed by its session's timeout, as on the real arm.
-    pub fn send(&self, outgoing: Vec<Outgoing>) {
+    pub(super) fn send(&self, outgoing: Vec<Outgoing>) {
         for (peer, frame) in outgoing {
             match peer {
                 Peer::Udp(address) => self.send_datagram(&frame, address),

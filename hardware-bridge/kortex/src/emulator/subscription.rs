@@ -13,7 +13,7 @@ pub(super) struct Subscription {
 }
 
 impl Subscription {
-    pub fn notification(&self, payload: Vec<u8>) -> Outgoing {
+    pub(super) fn notification(&self, payload: Vec<u8>) -> Outgoing {
         let Self { topic: call, device, handle: message, session, peer } = *self;
         let header = Header { kind: Kind::Notification, device, error: 0, sub_error: 0, session, message, call };
         (peer, Frame { header, payload })

@@ -1,15 +1,15 @@
 //! Actions over TCP: the stored ones, and the course of one.
 
-use kortex::base::Notification;
-use kortex::degrees::difference;
-use kortex::emulator::{Emulator, Injection};
-use kortex::message::ArmState;
-use kortex::message::action::{ActionEvent, ActionType};
-use kortex::message::base::ServoingMode;
-use kortex::message::device::DeviceType;
-use kortex::refusal::Reason;
-use kortex::servoing::Servoing;
-use kortex::{Arm, CommandError, JOINTS, KortexError};
+use kinova_kortex::base::Notification;
+use kinova_kortex::degrees::difference;
+use kinova_kortex::emulator::{Emulator, Injection};
+use kinova_kortex::message::ArmState;
+use kinova_kortex::message::action::{ActionEvent, ActionType};
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::message::device::DeviceType;
+use kinova_kortex::refusal::Reason;
+use kinova_kortex::servoing::Servoing;
+use kinova_kortex::{Arm, CommandError, JOINTS, KortexError};
 
 use crate::support::*;
 
@@ -18,7 +18,7 @@ const RETRACT: u32 = 1;
 
 /// An arm at its zero posture, and a host that is notified of its actions.
 fn ready() -> (Emulator, Arm) {
-    let emulator = emulator_at([0.0; JOINTS], kortex::emulator::Pace::Stepped);
+    let emulator = emulator_at([0.0; JOINTS], kinova_kortex::emulator::Pace::Stepped);
     let mut arm = host(&emulator);
     arm.base.subscribe_to_actions().expect("subscribes");
     (emulator, arm)

@@ -1,12 +1,14 @@
 //! For any request, the emulated arm answers, does not panic, and keeps a finite posture.
 
-use kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
-use kortex::frame::{Frame, Header, Kind};
-use kortex::message::action::{Action, ActionHandle, ConstrainedJointAngles, JointConstraint};
-use kortex::message::base::{JointAngle, JointAngles, JointSpeed, JointSpeeds, ServoingMode, ServoingModeInformation};
-use kortex::message::cyclic::{ActuatorCommand, Command};
-use kortex::message::session::CreateSessionInfo;
-use kortex::{JOINTS, call};
+use kinova_kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
+use kinova_kortex::frame::{Frame, Header, Kind};
+use kinova_kortex::message::action::{Action, ActionHandle, ConstrainedJointAngles, JointConstraint};
+use kinova_kortex::message::base::{
+    JointAngle, JointAngles, JointSpeed, JointSpeeds, ServoingMode, ServoingModeInformation,
+};
+use kinova_kortex::message::cyclic::{ActuatorCommand, Command};
+use kinova_kortex::message::session::CreateSessionInfo;
+use kinova_kortex::{JOINTS, call};
 use proptest::prelude::*;
 use prost::Message;
 

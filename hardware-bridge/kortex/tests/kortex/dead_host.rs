@@ -3,10 +3,10 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use kortex::emulator::{Emulator, EventKind, Pace};
-use kortex::message::ArmState;
-use kortex::servoing::Servoing;
-use kortex::{Address, Arm, CommandError, KortexError};
+use kinova_kortex::emulator::{Emulator, EventKind, Pace};
+use kinova_kortex::message::ArmState;
+use kinova_kortex::servoing::Servoing;
+use kinova_kortex::{Address, Arm, CommandError, KortexError};
 
 use crate::support::*;
 

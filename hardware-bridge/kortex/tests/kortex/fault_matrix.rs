@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use kortex::JOINTS;
-use kortex::KortexError;
-use kortex::emulator::{Emulator, Injection, Pace};
-use kortex::message::base::ServoingMode;
-use kortex::safety_bank::{ACTUATOR, BASE};
-use kortex::servoing::Servoing;
+use kinova_kortex::JOINTS;
+use kinova_kortex::KortexError;
+use kinova_kortex::emulator::{Emulator, Injection, Pace};
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::safety_bank::{ACTUATOR, BASE};
+use kinova_kortex::servoing::Servoing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use kortex::JOINTS;
-use kortex::emulator::Injection;
-use kortex::message::base::ServoingMode;
-use kortex::refusal::Reason;
-use kortex::safety_bank::{ACTUATOR, BASE, EMERGENCY_LINE, EMERGENCY_STOP, JOINT_FAULT};
-use kortex::servoing::Servoing;
-use kortex::{Arm, KortexError, Timeouts};
+use kinova_kortex::JOINTS;
+use kinova_kortex::emulator::Injection;
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::refusal::Reason;
+use kinova_kortex::safety_bank::{ACTUATOR, BASE, EMERGENCY_LINE, EMERGENCY_STOP, JOINT_FAULT};
+use kinova_kortex::servoing::Servoing;
+use kinova_kortex::{Arm, KortexError, Timeouts};
 
 use crate::support::*;
 

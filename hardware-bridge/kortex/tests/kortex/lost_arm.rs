@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use kortex::emulator::{Emulator, EventKind, Injection, Pace};
-use kortex::message::base::ServoingMode;
-use kortex::servoing::{Limits, Servoing};
-use kortex::{Arm, KortexError, Timeouts};
+use kinova_kortex::emulator::{Emulator, EventKind, Injection, Pace};
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::{Arm, KortexError, Timeouts};
 
 use crate::support::*;
 

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use kortex::JOINTS;
-use kortex::emulator::{Emulator, Injection};
-use kortex::message::ArmState;
-use kortex::message::base::ServoingMode;
-use kortex::servo_loop::{Pacing, ServoLoop};
-use kortex::{CommandError, KortexError};
+use kinova_kortex::JOINTS;
+use kinova_kortex::emulator::{Emulator, Injection};
+use kinova_kortex::message::ArmState;
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::servo_loop::{Pacing, ServoLoop};
+use kinova_kortex::{CommandError, KortexError};
 
 use crate::support::*;
 
@@ -97,5 +97,5 @@ fn an_entry_that_fails_says_why() {
     emulator.inject(Injection::EmergencyStop(true));
     let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: PATIENCE };
     let error = ServoLoop::start(arm, limits(), pacing).expect_err("pressed");
-    assert_eq!(error.reason(), Some(kortex::refusal::Reason::EmergencyStop), "{error}");
+    assert_eq!(error.reason(), Some(kinova_kortex::refusal::Reason::EmergencyStop), "{error}");
 }

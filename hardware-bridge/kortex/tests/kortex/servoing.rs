@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
-use kortex::JOINTS;
-use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Injection, Pace, Settings};
-use kortex::message::ArmState;
-use kortex::message::base::ServoingMode;
-use kortex::servoing::{Limits, Servoing};
-use kortex::{CommandError, KortexError};
+use kinova_kortex::JOINTS;
+use kinova_kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Injection, Pace, Settings};
+use kinova_kortex::message::ArmState;
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::{CommandError, KortexError};
 
 use crate::support::*;
 

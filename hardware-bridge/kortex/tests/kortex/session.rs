@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use kortex::JOINTS;
-use kortex::base::{Base, Notification};
-use kortex::call::{self, Call};
-use kortex::emulator::{EventKind, Injection, Pace};
-use kortex::link::{TcpLink, UdpLink};
-use kortex::message::base::ServoingMode;
-use kortex::message::device::{ControlMode, DeviceType, SafetyStatus};
-use kortex::message::{ArmState, Empty};
-use kortex::refusal::Reason;
-use kortex::session::Session;
-use kortex::{Arm, CommandError, Credentials, KortexError, Timeouts};
+use kinova_kortex::JOINTS;
+use kinova_kortex::base::{Base, Notification};
+use kinova_kortex::call::{self, Call};
+use kinova_kortex::emulator::{EventKind, Injection, Pace};
+use kinova_kortex::link::{TcpLink, UdpLink};
+use kinova_kortex::message::base::ServoingMode;
+use kinova_kortex::message::device::{ControlMode, DeviceType, SafetyStatus};
+use kinova_kortex::message::{ArmState, Empty};
+use kinova_kortex::refusal::Reason;
+use kinova_kortex::session::Session;
+use kinova_kortex::{Arm, CommandError, Credentials, KortexError, Timeouts};
 
 use crate::support::*;
 
@@ -128,7 +128,7 @@ fn a_deaf_arm_is_a_timeout_and_then_silence() {
     let link = TcpLink::connect(emulator.address().tcp, PATIENCE).expect("connects");
     let mut session = Session::create(link, &credentials(), timeouts, call::GET_ARM_STATE).expect("logs in");
     emulator.inject(Injection::Deaf(true));
-    let state = kortex::call::GET_ARM_STATE;
+    let state = kinova_kortex::call::GET_ARM_STATE;
     let error = session.call::<Empty>(state, 0, &Empty {}).expect_err("no answer");
     assert!(matches!(error, KortexError::Timeout { call, .. } if call == state), "{error}");
     let mut ended = None;

@@ -2,11 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
-use kortex::JOINTS;
-use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
-use kortex::servoing::Limits;
-use kortex::{Arm, Credentials, Timeouts};
+use kinova_kortex::JOINTS;
+use kinova_kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
+use kinova_kortex::servoing::Limits;
+use kinova_kortex::{Arm, Credentials, Timeouts, gen3};
 
 /// Time constant of the emulated joints, s.
 pub const LAG: f64 = 0.02;
@@ -30,7 +29,7 @@ pub fn timeouts() -> Timeouts {
 
 /// The published home posture, rad.
 pub fn home_posture() -> [f64; JOINTS] {
-    ArmModel::gen3().home.into_inner()
+    gen3::HOME
 }
 
 pub fn emulator_at(posture: [f64; JOINTS], pace: Pace) -> Emulator {
@@ -44,7 +43,7 @@ pub fn patient_emulator() -> Emulator {
 
 /// An arm whose watchdog trips after `cyclic_deadline` ms of its own time.
 pub fn emulator_with(posture: [f64; JOINTS], pace: Pace, cyclic_deadline: u64) -> Emulator {
-    let plant = FirstOrderJoints::new(posture, LAG, ArmModel::gen3().velocity_limits.into_inner());
+    let plant = FirstOrderJoints::new(posture, LAG, gen3::TOP_SPEED);
     let settings = Settings { cyclic_deadline, ..Settings::default() };
     Emulator::start(settings, Box::new(plant), pace).expect("loopback has free ports")
 }
@@ -60,10 +59,7 @@ pub fn host(emulator: &Emulator) -> Arm {
 }
 
 pub fn limits() -> Limits {
-    let arm = ArmModel::gen3();
-    let joints = &arm.tree.joints;
-    let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
-    Limits::at_1_khz(lower, upper, arm.velocity_limits.into_inner())
+    Limits::gen3()
 }
 
 /// Limits that tolerate any silence, for an arm in real time on a busy machine.

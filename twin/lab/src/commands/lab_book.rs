@@ -69,7 +69,7 @@ mod tests {
             "ftac --seed 2 touch eval --combos 60",
             "ftac hand export --mjcf DIR; python3 tests/mujoco/compare.py DIR",
             "cargo run --release -- bench --record none",
-            "cargo run --release -p kortex --example arm_cycle -- 10",
+            "cargo run --release -p kinova-kortex --example arm_cycle -- 10",
             "cargo test --release -p sim --test integration statics -- --nocapture",
             "cargo test --release --workspace",
             "cargo bench -p tactile-optics --features gpu",

@@ -14,8 +14,8 @@ use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::KortexLink;
 use hardware_bridge::xc330;
-use kortex::emulator::{Emulator, Injection, Pace, Settings};
-use kortex::{Arm, Timeouts};
+use kinova_kortex::emulator::{Emulator, Injection, Pace, Settings};
+use kinova_kortex::{Arm, Timeouts};
 
 use super::*;
 use crate::TrialStopped;

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use hand_model::Arm;
-use kortex::message::ArmState;
+use kinova_kortex::message::ArmState;
 use robot_backends::arm_link::connect_arm;
 use robot_backends::operator::operator_agrees_while;
 use schemars::JsonSchema;

@@ -7,8 +7,8 @@ use fault_injection::plant::{FAULT_SYNTAX, PlantFault};
 use hand_model::Hand;
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{FaultEvent, Faults};
-use kortex::emulator::Injection;
-use kortex::safety_bank::FOLLOWING_ERROR;
+use kinova_kortex::emulator::Injection;
+use kinova_kortex::safety_bank::FOLLOWING_ERROR;
 
 /// A fault of an emulated device, of its cable, or of the simulated robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
