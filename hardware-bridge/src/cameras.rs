@@ -35,7 +35,7 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Opens the configured cameras of a hand with `camera_counters` cameras; `None` if none are configured.
+    /// Opens the configured cameras of a hand with `cameras` cameras; `None` if none are configured.
     ///
     /// # Errors
     /// [`CamerasError`].

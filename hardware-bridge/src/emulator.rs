@@ -124,7 +124,7 @@ impl SharedDevices {
     }
 }
 
-/// Waits up to `timeout`; true if there is something to read on `port`.
+/// Waits up to `patience`; true if there is something to read on `port`.
 fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
     let patience = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
     let mut polled = [PollFd::new(port, PollFlags::IN)];

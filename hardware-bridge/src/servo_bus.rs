@@ -152,7 +152,7 @@ impl ServoBus {
         ping_reply(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
     }
 
-    /// Pings all servos at once and collects answers for `reply_timeout`; sorted by id.
+    /// Pings all servos at once and collects answers for `patience`; sorted by id.
     pub fn scan(&mut self, patience: Duration) -> Result<Vec<PingReply>, BusError> {
         let wire = Instruction::Ping.encode(BROADCAST_ID)?;
         let deadline = self.transmit(&wire)? + patience;

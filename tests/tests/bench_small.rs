@@ -61,11 +61,11 @@ fn a_mirror_changes_no_row() {
     let folder = tempdir().expect("a folder");
     bench(&["--mirror", "--out", text(folder.path())]);
     assert_eq!(trials(folder.path()), trials(reference()));
-    let named = fs::read_to_string(folder.path().join("divergences.csv")).expect("divergences.csv");
+    let named = fs::read_to_string(folder.path().join("faults.csv")).expect("faults.csv");
     let mut lines = named.lines();
     assert_eq!(lines.next(), Some("combination,trial,condition,time_s,divergence,part,found,expected"));
     assert!(lines.all(|line| line.split(',').count() == 8), "{named}");
-    assert!(!reference().join("divergences.csv").exists(), "only where a mirror looked on");
+    assert!(!reference().join("faults.csv").exists(), "only where a mirror looked on");
 }
 
 /// A condition played alone gives the same rows as beside the others, except for the risk that touch would have predicted.

@@ -34,7 +34,7 @@ fn replay(file: &Path) -> (Option<i32>, Value) {
 fn the_same_trial_on_three_bodies() {
     let folder = tempdir().expect("a folder");
     let mut records = Vec::new();
-    for robot in ["sim", "rounded", "emulated"] {
+    for robot in ["sim", "direct", "emulated"] {
         let sessions = folder.path().join(robot);
         let out = folder.path().join("trial.rrd");
         let arguments = [
@@ -72,7 +72,7 @@ fn the_same_trial_on_three_bodies() {
 fn wires_change_nothing() {
     let folder = tempdir().expect("a folder");
     for (combination, policy) in [("0", "blind"), ("1", "touch")] {
-        let sessions = ["rounded", "emulated"].map(|robot| {
+        let sessions = ["direct", "emulated"].map(|robot| {
             let sessions = folder.path().join(format!("{robot}-{policy}"));
             let out = folder.path().join("trial.rrd");
             let body = ["--robot", robot, "--session", text(&sessions), "--out", text(&out), "--json"];

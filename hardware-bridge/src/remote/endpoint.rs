@@ -41,7 +41,7 @@ pub struct RemoteEndpoint {
 }
 
 impl RemoteEndpoint {
-    /// Listens at `path`, open to its owner and, if one is given, to `group`. Every request is passed to `execute_request`,
+    /// Listens at `path`, open to its owner and, if one is given, to `group`. Every request is passed to `fulfil`,
     /// whose answer goes back with the robot's name `of`.
     pub fn open(path: &Path, group: Option<u32>, of: &str, fulfil: Arc<RequestHandler>) -> Result<Self, RemoteError> {
         let failed = |source| RemoteError::Socket { path: path.to_owned(), source };

@@ -109,7 +109,7 @@ pub struct TactileLink {
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board, which must have `camera_counters` cameras. Times are those of `clock`.
+    /// Opens the port and greets the board, which must have `cameras` cameras. Times are those of `clock`.
     pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, TactileLinkError> {
         let failed = |source| TactileLinkError::Port { port: path.to_owned(), source };
         let mut port = exclusive::open(path, BAUD).map_err(failed)?;

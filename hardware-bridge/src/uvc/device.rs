@@ -72,7 +72,7 @@ pub struct UvcCameras {
 }
 
 impl UvcCameras {
-    /// Opens every device and starts streaming. Together the devices show all `camera_counters` cameras of the hand. Times are
+    /// Opens every device and starts streaming. Together the devices show all `cameras` cameras of the hand. Times are
     /// those of `clock`.
     ///
     /// # Errors

@@ -95,7 +95,7 @@ pub struct IdentifiedRobot {
 }
 
 impl IdentifiedRobot {
-    /// Builds it from an estimate of every parameter of `apply_to_robot`'s individuals, in their order.
+    /// Builds it from an estimate of every parameter of `robot`'s individuals, in their order.
     pub fn new(
         robot: &RobotModel,
         estimates: Vec<ParameterEstimate>,

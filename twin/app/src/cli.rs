@@ -100,7 +100,7 @@ pub enum FtacCommand {
     Optics(OpticsCommand),
     /// Excite and identify one individual robot, for use in place of the nominal one.
     #[command(subcommand)]
-    Twin(SysidCommand),
+    Sysid(SysidCommand),
     /// Set up and operate the real robot's devices, or their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
@@ -170,7 +170,7 @@ impl CommandLine for Cli {
             FtacCommand::Bridge(_) => true,
             FtacCommand::Trial(args) => args.config.is_some(),
             FtacCommand::Bench(args) => args.config.is_some(),
-            FtacCommand::Twin(SysidCommand::Excite(args)) => args.config.is_some(),
+            FtacCommand::Sysid(SysidCommand::Excite(args)) => args.config.is_some(),
             _ => false,
         }
     }
@@ -198,7 +198,7 @@ impl CommandLine for Cli {
             FtacCommand::Study(_) | FtacCommand::Arm(_) => Err(lab.exec_lab()),
             FtacCommand::Optics(command) => optics::run(terminal, command),
             FtacCommand::Bridge(command) => bridge::run(terminal, command),
-            FtacCommand::Twin(command) => sysid::run(terminal, command),
+            FtacCommand::Sysid(command) => sysid::run(terminal, command),
             FtacCommand::Completions { shell } => shell::print_completions(*shell, command_definition()),
             FtacCommand::Man { out } => shell::write_manual(out, command_definition()),
             FtacCommand::Schema { command } => schema::run(terminal, command, &command_definition(), lab),

@@ -13,7 +13,7 @@ use fault_detection::fault::FaultRow;
 use fault_detection::measurements::TickMeasurements;
 
 /// Plays a trial with `recording` as its watcher, if there is one, and with a mirror beside it if `mirrors`. If
-/// `prints_faults`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `roll_out` and the
+/// `tells`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `play` and the
 /// diagnoses of the mirror. Those of a trial that stopped are listed under `condition`.
 pub fn play_with_detector<T>(
     bench: &Bench,
@@ -98,7 +98,7 @@ impl<'a> FaultDetectionWatcher<'a> {
     fn finish_branch(&mut self, condition: Condition) {
         if let Some((mirror, _)) = self.branch.take() {
             let all = mirror.faults().iter().cloned();
-            self.faults.extend(all.map(|divergence| FaultRow { condition, divergence }));
+            self.faults.extend(all.map(|divergence| FaultRow { condition, fault: divergence }));
         }
     }
 

@@ -95,7 +95,7 @@ impl Bench {
         };
         let mut body = start.run.snapshot.robot.clone();
         let played = match means {
-            _ if task.condition == Condition::Own => {
+            _ if task.condition == Condition::External => {
                 self.play_external_policy(&start, self.branch_settings(id, looks), watcher)
             }
             Some(means) => self.play_touch(&start, self.branch_settings(id, looks), means, watcher),
@@ -115,7 +115,7 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// Plays one trial in which a policy of the user's own, represented by `server`, decides. The errors are those that
+    /// Plays one trial in which a policy of the user's own, represented by `host`, decides. The errors are those that
     /// every condition of the trial meets.
     pub fn play_with_server(
         &self,
@@ -129,7 +129,7 @@ impl Bench {
             DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
             DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
         };
-        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::Own }, looks);
+        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, looks);
         self.play_server_branch(&start, guest, host, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
@@ -177,7 +177,7 @@ impl Bench {
 
     /// Returns body and controller about to begin the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<RolloutSnapshot> {
-        let plan = &self.grasp_pairs.plans[combination];
+        let plan = &self.grasp_pairs.pairs[combination];
         let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
         let world = &self.world;
         let board = self.cameras.with_noise(0);
@@ -202,7 +202,7 @@ impl Bench {
             detection_noise: looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             inject_truth: false,
-            pace: SimulatedTimePassage::Stand,
+            pace: SimulatedTimePassage::Paused,
         }
     }
 
@@ -216,7 +216,7 @@ impl Bench {
         play(start, &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
-    /// Plays the branch of the policy `play_touch`, with the `capabilities` that are left to it.
+    /// Plays the branch of the policy `play_touch`, with the `means` that are left to it.
     fn play_touch(
         &self,
         start: &PreparedTrial,
@@ -252,7 +252,7 @@ impl Bench {
         own.with_process(|host| self.play_server_branch(start, &own.introduction, host, options, watcher))
     }
 
-    /// Plays the branch of a policy represented by `server`.
+    /// Plays the branch of a policy represented by `host`.
     fn play_server_branch(
         &self,
         start: &PreparedTrial,
@@ -304,7 +304,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Returns the expected utility of the best grasps for a policy with these `capabilities` in a trial that begins as
+    /// Returns the expected utility of the best grasps for a policy with these `means` in a trial that begins as
     /// `setup`.
     fn expected_score(&self, setup: &InitialConditions, means: PolicyCapabilities) -> Result<f64> {
         let (grasps, senses) = (
@@ -345,7 +345,7 @@ impl Bench {
         })
     }
 
-    /// Creates the policy `play_touch` of a trial, with this `prior_knowledge`.
+    /// Creates the policy `play_touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(
         &'a self,
         start: &'a PreparedTrial,

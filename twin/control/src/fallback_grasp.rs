@@ -23,8 +23,8 @@ const FIRST_FALLBACK_ID: u32 = 1000;
 /// Yaws that are tried with an object that has no axis, rad.
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Finds grasps with `digits` for `object`, seen at `detection`, which lies in a way that none of its own grasps fits.
-/// Some of them were `rollouts` together with the held object.
+/// Finds grasps with `digits` for `object`, seen at `percept`, which lies in a way that none of its own grasps fits.
+/// Some of them were `rehearsed` together with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, percept): (&ObjectModel, &DetectedObject),
@@ -129,7 +129,7 @@ pub(crate) mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
-            held_spread: None,
+            held_sigmas: None,
             score: 1.0,
         }
     }

@@ -64,7 +64,7 @@ pub trait RolloutModel: Sync {
 
 /// A scene in the twin, under each of its samples.
 pub trait SampledScene {
-    /// Plays `approaching_executor`, which is about to approach the second object, under the samples `draw_samples` and returns the outcomes.
+    /// Plays `going`, which is about to approach the second object, under the samples `draws` and returns the outcomes.
     /// `None` where the sampled hold of the first object is not a hold in the twin.
     fn roll_out(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, RolloutError>;
 }
@@ -134,7 +134,7 @@ fn displaced(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     )
 }
 
-/// `world_from_object` of the object at `detection`, displaced by `off` (m) and rotated about the vertical by `yaw_within_reach`
+/// `world_from_object` of the object at `percept`, displaced by `off` (m) and rotated about the vertical by `turn`
 /// (rad).
 fn displaced_target(percept: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
@@ -167,7 +167,7 @@ impl RolloutCounts {
         Self { rollouts: self.rollouts + more, held: self.held + more, ..self }
     }
 
-    /// Updates `outcome_model` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `outcome_model` and whose
+    /// Updates `odds` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `odds` and whose
     /// weight is [`PRIOR_ROLLOUTS`] plays.
     pub(crate) fn posterior(&self, odds: &OutcomeProbabilities) -> OutcomeProbabilities {
         let share = |prior: f64, count: u32| {

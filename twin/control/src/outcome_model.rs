@@ -131,7 +131,7 @@ impl AimPosterior {
         Some(Self { samples: values, weights: vec![1.0 / SAMPLE_COUNT as f64; SAMPLE_COUNT], detection_sigma: 0.0 })
     }
 
-    /// Odds of a try at an object whose position is the mean of `detections` looks.
+    /// Odds of a try at an object whose position is the mean of `looks` looks.
     pub fn probabilities(&self, aimed: &AimedGrasp, looks: u32) -> OutcomeProbabilities {
         let mut odds = OutcomeProbabilities { held: 0.0, contact: 0.0 };
         for (value, weight) in self.samples.iter().zip(&self.weights) {
@@ -218,7 +218,7 @@ impl AimPosterior {
         self.samples[place]
     }
 
-    /// Standard deviation of the non-persistent error in the mean of `detections` looks, for each of x and y, m.
+    /// Standard deviation of the non-persistent error in the mean of `looks` looks, for each of x and y, m.
     pub(crate) fn mean_detection_sigma(&self, looks: u32) -> f64 {
         self.detection_sigma / f64::from(looks.max(1)).sqrt()
     }
@@ -231,7 +231,7 @@ impl AimPosterior {
         (squares.sum::<f64>() / 3.0).sqrt()
     }
 
-    /// Odds under the assumption that the persistent error is `sample`.
+    /// Odds under the assumption that the persistent error is `value`.
     fn probabilities_at(&self, aimed: &AimedGrasp, value: &Vector3<f64>, looks: u32) -> OutcomeProbabilities {
         let width = self.mean_detection_sigma(looks).max(MIN_KERNEL_WIDTH);
         let off = value + aimed.aim;
@@ -298,7 +298,7 @@ fn halton(mut n: usize, base: usize) -> f64 {
 mod tests {
     use super::*;
 
-    const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, eyes: 0.006, eyes_lasting: 0.5 };
+    const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, detector: 0.006, detector_persistent_share: 0.5 };
 
     /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, a miss above 8 mm, a hold in
     /// between.
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn odds_are_integrals() {
         let belief = AimPosterior::new(&UNCERTAINTY);
-        let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.eyes);
+        let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.detector);
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
         for x in [-0.003, 0.0, 0.004] {
             // Halfway between the points of the grid.

@@ -49,7 +49,7 @@ pub struct PalpationPaths {
     pub guarded_motion: PosePath,
 }
 
-/// Guarded motions with which the hand can touch an object of this `shape` seen at `detection`, the preferred one first:
+/// Guarded motions with which the hand can touch an object of this `shape` seen at `percept`, the preferred one first:
 /// from above, with the hand yawed by `heading` (rad).
 pub fn guarded_motions(hand: &Hand, heading: f64, (shape, percept): (&ObjectShape, &DetectedObject)) -> Vec<PosePath> {
     let (middle, facing) = middle_of_pads(hand);

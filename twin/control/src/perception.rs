@@ -232,10 +232,10 @@ pub struct ExpectedHolds<'a> {
 }
 
 impl<'a> ExpectedHolds<'a> {
-    /// Expectations from the `first` grasp and the ones after it; `detection` is the percept of the first object.
+    /// Expectations from the `first` grasp and the ones after it; `percept` is the percept of the first object.
     pub fn from_grasps(first: &'a Grasp, percept: &DetectedObject, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
         let objects = std::iter::once(first).chain(later).map(ExpectedHold::from_grasp).collect();
-        let sigma = first.held_spread.map_or(PRIOR_SIGMA, |[place, turn]| {
+        let sigma = first.held_sigmas.map_or(PRIOR_SIGMA, |[place, turn]| {
             (place.clamp(MIN_PRIOR_SIGMA.0, PRIOR_SIGMA.0), turn.clamp(MIN_PRIOR_SIGMA.1, PRIOR_SIGMA.1))
         });
         Self { palm_from_object: pose_in_hand(first, percept), sigma, objects }
@@ -248,7 +248,7 @@ impl<'a> ExpectedHolds<'a> {
     }
 }
 
-/// Planned `palm_from_object` of an object at `detection` after `grasp`.
+/// Planned `palm_from_object` of an object at `percept` after `grasp`.
 pub fn pose_in_hand(grasp: &Grasp, percept: &DetectedObject) -> Isometry3<f64> {
     grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
 }
@@ -354,7 +354,7 @@ fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
     posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
 
-/// Pads of `free` digits that are on the first object, or nearer than `wrapped_near` (m), with the joints at `q` (rad).
+/// Pads of `free` digits that are on the first object, or nearer than `near` (m), with the joints at `q` (rad).
 fn pads_on_object(hand: &Hand, q: &[f64], first: &ExpectedObject, free: &[Digit], near: f64) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));

@@ -238,7 +238,7 @@ pub fn collect_rollouts(candidates: &[GraspCandidate]) -> Arc<[Rollout]> {
     candidates.iter().flat_map(|candidate| candidate.rollouts.iter().copied()).collect()
 }
 
-/// Utility of the best of `candidates` at an object whose position has the error of `aim_posterior`.
+/// Utility of the best of `candidates` at an object whose position has the error of `belief`.
 pub fn best_candidate_score(candidates: &[GraspCandidate], belief: &AimPosterior) -> f64 {
     let all = collect_rollouts(candidates);
     let worth = |candidate: &GraspCandidate| {
@@ -319,7 +319,7 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     }))
 }
 
-/// Best of `options`, ranked by their odds, if it is clearly better than the `planned`. Obstacles can only lower the
+/// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. Obstacles can only lower the
 /// utility of an option, so those that cannot win are not checked.
 fn best_by_probability<'a>(
     executor: &Executor,

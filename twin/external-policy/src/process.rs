@@ -93,7 +93,7 @@ impl PolicyProcess {
         self.interrupted
     }
 
-    /// Runs `talk` with the process under the time limit `answer_timeout`.
+    /// Runs `talk` with the process under the time limit `limit`.
     fn exchange_within(
         &mut self,
         limit: Duration,

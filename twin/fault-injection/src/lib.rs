@@ -107,7 +107,8 @@ pub struct InjectionOutcome {
     /// True if the recording could be read to its last tick.
     pub intact: bool,
     /// Diagnosis of the fault, if a mirror ran.
-    pub mirrored: Option<InjectionDiagnosis>,
+    #[serde(alias = "mirrored")]
+    pub diagnosis: Option<InjectionDiagnosis>,
 }
 
 /// Diagnosis of one injection by a mirror or the supervisor.
@@ -115,7 +116,8 @@ pub struct InjectionOutcome {
 pub struct InjectionDiagnosis {
     /// Time from the fault to its diagnosis by the party that can detect it ([`InjectedFault::detecting_party`]), ms. `None` if there was
     /// none within [`DIAGNOSIS_TIME_LIMIT`].
-    pub told_ms: Option<f64>,
+    #[serde(alias = "told_ms")]
+    pub detected_ms: Option<f64>,
     /// Diagnoses of the mirror other than that of the fault.
     pub wrong: Vec<String>,
 }
@@ -123,7 +125,7 @@ pub struct InjectionDiagnosis {
 impl InjectionDiagnosis {
     /// True if the fault was diagnosed, or rightly was not, and nothing else was reported.
     pub fn is_correct(&self, kind: InjectedFault) -> bool {
-        self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.told_ms.is_some())
+        self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.detected_ms.is_some())
     }
 }
 
@@ -165,7 +167,7 @@ pub fn inject_all(
     let FaultMatrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
-        let moments = moments(bench, round % bench.grasp_pairs.plans.len(), seed ^ round as u64, plan.with_detector)?;
+        let moments = moments(bench, round % bench.grasp_pairs.pairs.len(), seed ^ round as u64, plan.with_detector)?;
         for (phase, moment) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
             jobs.extend(kinds.iter().map(|kind| (*kind, phase, moment.clone(), round)));
         }
@@ -366,7 +368,7 @@ impl Experiment {
         };
         let told_ms =
             told.map(|time| time - since).filter(|delay| *delay < DIAGNOSIS_TIME_LIMIT).map(|delay| 1e3 * delay);
-        Some(InjectionDiagnosis { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
+        Some(InjectionDiagnosis { detected_ms: told_ms, wrong: other.iter().map(ToString::to_string).collect() })
     }
 
     /// Ends the recording. Returns true if it can be read to its last tick.
@@ -435,7 +437,7 @@ fn inject(
         held: held.len(),
         lost,
         moved,
-        mirrored: experiment.diagnosis(since),
+        diagnosis: experiment.diagnosis(since),
         intact: experiment.finish(file)?,
     })
 }

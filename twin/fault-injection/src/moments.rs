@@ -88,7 +88,7 @@ impl Counts {
     }
 }
 
-/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `update` in every tick.
+/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `see` in every tick.
 fn play_ideal(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),
@@ -103,7 +103,7 @@ fn play_ideal(
 }
 
 /// Plays up to the decision and puts the first object down again, as the touch condition does after losing its grip.
-/// Calls `update` in every tick of the put-down.
+/// Calls `see` in every tick of the put-down.
 fn play_put_down(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),

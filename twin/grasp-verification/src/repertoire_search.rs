@@ -159,7 +159,7 @@ pub fn kept_rollouts(steps: &SearchSteps<Option<Grasp>>) -> u64 {
     steps.names().map(|name| 1 + errors(name)).sum()
 }
 
-/// Fills `repertoire` with the `type_filter` grasps, drawn by its seed. `found` is called with each object and place that is
+/// Fills `repertoire` with the `wanted` grasps, drawn by its seed. `found` is called with each object and place that is
 /// done and with its digits.
 pub fn fill_repertoire(
     world: &SimulatedWorld,
@@ -346,7 +346,7 @@ const BATCH_SIZE: u32 = 16;
 /// Number of grasps that a climb starts from.
 const PARENT_COUNT: usize = 4;
 
-/// Tries `grasp` without errors and, if that holds, under `error_count`. Its score is the share of tries that held. Returns
+/// Tries `grasp` without errors and, if that holds, under `errors`. Its score is the share of tries that held. Returns
 /// `None` as soon as more than `failures` of them did not hold.
 fn verify_grasp(
     grasp: Grasp,

@@ -134,7 +134,7 @@ pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
     ArmKinematics::new((**arm).clone(), ArmMount::for_hand(hand, 0.0))
 }
 
-/// Plans the approach by which the arm of `apply_to_robot` brings a pad onto a ball at `center`. It looks from `early` (m)
+/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. It looks from `early` (m)
 /// before the expected contact to as much beyond the greatest depth. Uses the first heading that the arm reaches with
 /// everything else clear; none if there is no such heading.
 pub fn plan_approach(
@@ -191,7 +191,7 @@ pub fn plan_approach(
     })
 }
 
-/// Plans the slide of a pad over the ball from the posture `plan_press` along the pad's width, in strides, so that the ball
+/// Plans the slide of a pad over the ball from the posture `at` along the pad's width, in strides, so that the ball
 /// moves towards the pad's middle. None if the arm does not reach that far, and for pads that do not slide.
 pub fn plan_slide(robot: &RobotModel, ball: &CalibrationBall, press: &PadPress, at: &Joints) -> Option<Vec<Joints>> {
     let hand = &robot.hand;
@@ -214,7 +214,7 @@ pub(crate) fn keeps_elbow_side(from: &Joints, to: &Joints) -> bool {
     to.iter().zip(from).take(JOINTS_BEFORE_WRIST).all(|(to, from)| (to - from).abs() <= MAX_ARM_ROTATION)
 }
 
-/// Returns postures on the straight line in joint space, in `posture_segments` intervals, both ends included.
+/// Returns postures on the straight line in joint space, in `pieces` intervals, both ends included.
 pub(crate) fn straight_line(from: &Joints, to: &Joints, pieces: usize) -> impl Iterator<Item = Joints> {
     let (from, to) = (*from, *to);
     (0..=pieces).map(move |n| {
@@ -223,7 +223,7 @@ pub(crate) fn straight_line(from: &Joints, to: &Joints, pieces: usize) -> impl I
     })
 }
 
-/// Returns the covers of an open hand with its palm at `palm_pose`, with their poses: that of the palm, which is no link,
+/// Returns the covers of an open hand with its palm at `palm`, with their poses: that of the palm, which is no link,
 /// and those of all links.
 pub(crate) fn posed_covers<'a>(
     hand: &'a Hand,
@@ -264,7 +264,7 @@ pub fn plan_detour(
     })
 }
 
-/// True if the links keep clear of ball, post and table with the palm at `palm_pose`. `pressed` is the link that is pressed
+/// True if the links keep clear of ball, post and table with the palm at `palm`. `pressed` is the link that is pressed
 /// and may touch the ball (`Some(None)` for the palm); with `None`, all links must keep clear.
 fn is_clear(
     hand: &Hand,

@@ -310,8 +310,8 @@ fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel
     (motion, angles)
 }
 
-/// Adds the differences between the digital twin of `robot_model` and the `real` hand, whose joints were at `angles` in
-/// `play_motion`.
+/// Adds the differences between the digital twin of `own` and the `real` hand, whose joints were at `angles` in
+/// `motion`.
 fn add_differences(
     own: &Hand,
     real: &Hand,

@@ -111,7 +111,7 @@ pub fn kinematic_parameters(individual: &RobotInstance) -> Vec<usize> {
     (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
 }
 
-/// Returns the centre of the ball that a pad feels, according to `apply_to_robot`, in the frame of the arm's base, with the pose
+/// Returns the centre of the ball that a pad feels, according to `robot`, in the frame of the arm's base, with the pose
 /// of the pad.
 fn felt_center(robot: &RobotModel, touch: &BallTouch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
@@ -202,7 +202,7 @@ fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
     (sum / distances.len().max(1) as f64).sqrt()
 }
 
-/// Calibrates the individual `from` of `apply_to_robot` by its touches of a ball. Only touches that push the links onto their
+/// Calibrates the individual `from` of `robot` by its touches of a ball. Only touches that push the links onto their
 /// stops are used. Without touches, the result is the prior.
 pub fn calibrate(
     robot: &RobotModel,
@@ -269,7 +269,7 @@ impl KinematicCalibration {
     }
 
     /// Returns the standard deviation of where a pad will feel the ball along its normal, m, when the arm's encoders
-    /// show `shown`. `apply_to_robot` is the nominal model.
+    /// show `shown`. `robot` is the nominal model.
     pub fn normal_sigma(&self, robot: &RobotModel, ball: &CalibrationBall, camera: usize, shown: &Joints) -> f64 {
         let own = self.robot_instance.apply_to_robot(robot);
         let touch =

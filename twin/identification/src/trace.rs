@@ -39,7 +39,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Reads a session of `apply_to_robot`.
+    /// Reads a session of `robot`.
     pub fn read(path: &Path, robot: &RobotModel) -> Result<Self, IdentificationError> {
         let mut reader = SessionReader::open(path, RobotSizes::from_robot(robot))?;
         let session = reader.session().clone();
@@ -106,7 +106,7 @@ pub struct TraceRecorder<R> {
 }
 
 impl<R: RobotBackend> TraceRecorder<R> {
-    /// Wraps `apply_to_robot`.
+    /// Wraps `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, ticks: RecordedTicks::default() }
     }
@@ -132,7 +132,7 @@ fn split_payload_rows(
     ready: ArmVector,
     tick: f64,
 ) -> (Vec<TickRecord>, Option<PayloadRow>) {
-    let Some(weight) = &script.weight else { return (rows, None) };
+    let Some(weight) = &script.payload else { return (rows, None) };
     let Some(begin) = first_stand_row(&rows, weight, &ready, tick) else { return (rows, None) };
     let weighed = rows.split_off(begin);
     (rows, Some(PayloadRow { payload: weight.clone(), ready, rows: weighed }))

@@ -62,7 +62,7 @@ impl Benchmark {
     #[new]
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
         let made = py.detach(|| {
-            let combos = grasp_verification::builtin::grasp_pairs()?.plans.len();
+            let combos = grasp_verification::builtin::grasp_pairs()?.pairs.len();
             make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
         });
         Ok(Self(made.map_err(|error| failure(&error))?))
@@ -80,7 +80,7 @@ impl Benchmark {
     ) -> PyResult<String> {
         self.check(combination)?;
         let guest: PolicyIntroduction = serde_json::from_str(guest).map_err(value_error)?;
-        let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Stand };
+        let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
         let mut asked = PythonPolicyServer { server: &host, interrupt: None };
         let played = py.detach(|| self.0.play_with_server(combination, trial, (&guest, pace), &mut asked));
         if let Some(error) = asked.interrupt {
@@ -109,7 +109,7 @@ impl Benchmark {
 
 impl Benchmark {
     fn check(&self, combination: usize) -> PyResult<()> {
-        let count = self.0.grasp_pairs.plans.len();
+        let count = self.0.grasp_pairs.pairs.len();
         if combination < count {
             return Ok(());
         }

@@ -129,7 +129,7 @@ struct Gallery<'a> {
 }
 
 impl Gallery<'_> {
-    /// Logs a grasp below `root`, with the hand's palm at `image_place`.
+    /// Logs a grasp below `root`, with the hand's palm at `place`.
     fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &GalleryGrasp) -> Result<(), TelemetryError> {
         let &Self { rec, hand, object, mu } = self;
         rec.log_static(root, &transform(place))?;

@@ -37,13 +37,13 @@ pub struct ReplayOutput {
     /// Number of bit-identical commands.
     identical_commands: u64,
     /// True if the session is complete (not cut short).
-    whole: bool,
+    complete: bool,
     /// First command that differs, or null.
-    divergence: Option<String>,
+    difference: Option<String>,
     /// True if replay and session made the same decisions; null if one of them has none.
     same_decisions: Option<bool>,
     /// Reason for the failed look (vision) in which both session and replay end, or null.
-    failed_look: Option<String>,
+    failed_detection: Option<String>,
 }
 
 /// Result for a session of a folder, replayed or not.
@@ -143,7 +143,7 @@ fn replay_session(terminal: &Terminal, recording: &Path) -> Result<(ReplayOutput
 
 /// Builds the bench on which the trial of a session is replayed.
 pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, recording: &Path) -> Result<Bench> {
-    if task.condition == Condition::Own {
+    if task.condition == Condition::External {
         bail!(
             "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
             recording.display()
@@ -152,18 +152,18 @@ pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, re
     let quiet = terminal.quiet || terminal.json;
     // A shorter draw of combinations is the beginning of a longer one.
     let combos = task.combination + 1;
-    let robot = robot_from_sources(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
+    let robot = robot_from_sources(task.robot_model.as_ref(), task.instance.as_deref(), recording)?;
     let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
     task.places.apply_to(&mut bench.world)?;
     replace_calibration(&mut bench, task.pads.as_deref(), recording)?;
-    bench.set_look_ahead(task.foresees);
+    bench.set_look_ahead(task.looks_ahead);
     set_expected_errors(&mut bench, None, recording, &task.robot)?;
-    if task.combination >= bench.grasp_pairs.plans.len() {
+    if task.combination >= bench.grasp_pairs.pairs.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
             recording.display(),
             task.combination,
-            bench.grasp_pairs.plans.len().saturating_sub(1)
+            bench.grasp_pairs.pairs.len().saturating_sub(1)
         );
     }
     Ok(bench)
@@ -229,10 +229,10 @@ fn replay_trial(
         condition: task.condition,
         ticks: progress.ticks,
         identical_commands: progress.commands,
-        whole,
-        divergence: divergence.as_ref().map(ToString::to_string),
+        complete: whole,
+        difference: divergence.as_ref().map(ToString::to_string),
         same_decisions: same,
-        failed_look: failed.clone(),
+        failed_detection: failed.clone(),
     };
     if !terminal.json {
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);

@@ -86,7 +86,7 @@ const COMMANDS_WITHOUT_OUTPUT: [&str; 4] = ["completions", "man", "schema", "vie
 /// Command with outputs of both programs.
 const SHARED_COMMAND: &str = "report";
 
-/// Returns the commands of `find_lab_program` that print a result.
+/// Returns the commands of `program` that print a result.
 pub fn commands_with_output(program: &Command) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
     add_leaves(program, "", &mut all);
@@ -104,7 +104,7 @@ fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
     }
 }
 
-/// Runs `ftac schema` for a command of `find_lab_program`. The `lab` prints the schemas of its own commands, and those of all
+/// Runs `ftac schema` for a command of `program`. The `lab` prints the schemas of its own commands, and those of all
 /// commands together.
 pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &LabProgram<'_>) -> Outcome {
     let name = command.join(" ");

@@ -57,7 +57,7 @@ pub fn pad_calibration_text(path: Option<&Path>, robot: &RobotModel) -> Result<O
     Ok(Some(text))
 }
 
-/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pad_calibration_text` gives no
+/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pads` gives no
 /// calibration of its own.
 pub fn warn_nominal_pads(robot: BackendKind, conditions: &[Condition], pads: Option<&str>) {
     let sees = |condition: &Condition| {

@@ -161,7 +161,7 @@ fn decide_and_play(
                 break;
             }
             PolicyStep::NotDetected => {
-                played.run.referee.give_up(FailureCause::NotSeen);
+                played.run.referee.give_up(FailureCause::NotDetected);
                 break;
             }
         }

@@ -22,8 +22,8 @@ pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>)
     limits.duration(length, angle).max(MIN_DURATION)
 }
 
-/// Path from the first of `start_stops` through the others and the approach pose of `grasp` to the pose at which the digits
-/// close on the object at `detection`.
+/// Path from the first of `stops` through the others and the approach pose of `grasp` to the pose at which the digits
+/// close on the object at `percept`.
 pub fn approach(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],

@@ -156,7 +156,7 @@ impl<'a> TouchPolicy<'a> {
         self.retry_at(object, seen, executor, eyes, aside)
     }
 
-    /// Like [`Self::retry`], for an object that was `first_detections` just now.
+    /// Like [`Self::retry`], for an object that was `seen` just now.
     fn retry_at(
         &mut self,
         object: usize,

@@ -14,7 +14,7 @@ use crate::trajectory::PosePath;
 /// Clearance that the held object keeps from other solids during a palpation, m.
 pub const PALPATION_CLEARANCE: f64 = 0.012;
 
-/// Smallest distance (m) of `moving` from `fixed` along `method` by way of `start_stops`. With two stops or more it is computed
+/// Smallest distance (m) of `moving` from `fixed` along `path` by way of `stops`. With two stops or more it is computed
 /// from the second one on, because the hand may touch something at the first one and rises from there.
 pub(super) fn clearance_after(
     stops: &[Isometry3<f64>],
@@ -47,7 +47,7 @@ pub(super) fn first_clear_option<T>(
 }
 
 /// Via poses of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the way with the
-/// largest clearance. Returned with the smallest distance, m. `method` leads by way of stops to the approach pose.
+/// largest clearance. Returned with the smallest distance, m. `path` leads by way of stops to the approach pose.
 pub fn clear_via_poses(
     moving: &[Solid],
     fixed: &[Solid],
@@ -58,7 +58,7 @@ pub fn clear_via_poses(
     Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
 }
 
-/// First way that keeps the held object clear enough of the table and of `aim_sigma` at `detection`, else the way with the
+/// First way that keeps the held object clear enough of the table and of `target` at `percept`, else the way with the
 /// largest clearance. `None` if every way makes them collide.
 pub fn clearest_palpation(
     hand: &Hand,

@@ -20,7 +20,7 @@ impl ObjectDetector for FixedDetector<'_> {
     }
 }
 
-/// Plays a trial in which the first two objects are felt as `contact_time` says in each phase, the third never is, and
+/// Plays a trial in which the first two objects are felt as `felt` says in each phase, the third never is, and
 /// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
 fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();

@@ -22,7 +22,7 @@ fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
-/// rehearsals after the other first grasp as given by `alternative_firsts`.
+/// rehearsals after the other first grasp as given by `others`.
 fn with_contacts_after_the_plan(
     others: Option<TryOutcome>,
     recovery: Recovery,

@@ -202,7 +202,8 @@ pub struct HeldGrasp {
     pub energy: Option<f64>,
     /// Load for which it was verified. `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<VerifiedLoad>,
+    #[serde(alias = "proof")]
+    pub verified_load: Option<VerifiedLoad>,
 }
 
 impl HeldGrasp {
@@ -254,7 +255,7 @@ impl HeldGrasp {
         to(std::slice::from_mut(&mut self.penetration), per_unit::DEPTH);
         to(self.moved.as_mut_slice().as_flattened_mut(), per_unit::MOTION);
         to(self.energy.as_mut_slice(), per_unit::ENERGY);
-        if let Some(proof) = &mut self.proof {
+        if let Some(proof) = &mut self.verified_load {
             to(std::slice::from_mut(&mut proof.payload), per_unit::MASS);
         }
         self
@@ -341,7 +342,7 @@ pub(crate) mod tests {
             held_without_tension: None,
             moved: Some([1e-3, 0.02]),
             energy: Some(0.9),
-            proof: Some(VerifiedLoad { mass: 0.1, friction: 0.6, payload: 0.253 }),
+            verified_load: Some(VerifiedLoad { mass: 0.1, friction: 0.6, payload: 0.253 }),
         }
     }
 

@@ -81,14 +81,13 @@ pub fn main(arguments: &[String]) -> Result<()> {
             &mut Watchers(vec![&mut mirroring, &mut truths]),
         )?;
         for named in mirroring.finish(Condition::Blind) {
-            let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
+            let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.fault));
             let rightly = if right { "rightly" } else { "wrongly" };
             let at = |(condition, time, _): &&(Option<Condition>, f64, Phase)| {
-                condition.is_none_or(|condition| condition == named.condition)
-                    && (time - named.divergence.time).abs() < 1e-6
+                condition.is_none_or(|condition| condition == named.condition) && (time - named.fault.time).abs() < 1e-6
             };
             let phase = truths.phases.iter().rev().find(at).map(|(.., phase)| phase.name()).unwrap_or_default();
-            println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
+            println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.fault);
             wrongly += u32::from(!right);
         }
         seconds += truths.seconds;

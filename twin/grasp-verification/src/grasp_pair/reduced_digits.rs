@@ -37,7 +37,7 @@ pub struct ReducedGrasps {
     pub impossible: std::collections::BTreeMap<usize, String>,
 }
 
-/// Plans the combinations of `pairs` anew without `digits`.
+/// Plans the combinations of `plans` anew without `digits`.
 pub fn plan_without_digits(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -48,7 +48,7 @@ pub fn plan_without_digits(
     let sets = digit_sets(&world.cell.robot.hand, 2);
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let made: Vec<Result<PlannedPair>> =
-        plans.plans.par_iter().map(|plan| plan_reduced_pair(world, &slack, plan, digits, &board)).collect();
+        plans.pairs.par_iter().map(|plan| plan_reduced_pair(world, &slack, plan, digits, &board)).collect();
     let mut without = ReducedGrasps { repertoire: slack.clone(), pairs: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
         list.retain(|grasp| grasp.digits == sets[1]);
@@ -62,7 +62,7 @@ pub fn plan_without_digits(
             }
         }
         match plan {
-            Ok(plan) => without.pairs.plans[n] = plan,
+            Ok(plan) => without.pairs.pairs[n] = plan,
             Err(why) => {
                 without.impossible.insert(n, why);
             }
@@ -119,7 +119,7 @@ fn plan_reduced_pair(
     Ok((proven, planned))
 }
 
-/// Returns those of `first_grasps` that hold beside the object of `bystander`, with the object's pose in the hand.
+/// Returns those of `firsts` that hold beside the object of `bystander`, with the object's pose in the hand.
 fn verify_firsts(
     world: &SimulatedWorld,
     firsts: &[&Grasp],

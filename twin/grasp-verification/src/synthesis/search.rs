@@ -115,7 +115,7 @@ pub fn search(
         let slack = kept.iter().filter(|grasp| grasp.held_without_tension == Some(true));
         judgement.held_without_tension = slack.count() as u64;
     }
-    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
+    let payloads = kept.iter().filter_map(|grasp| Some(grasp.verified_load?.payload));
     report.load = ObjectProperties::summarize(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);

@@ -61,7 +61,7 @@ fn of_method(rows: &[(NormalMethod, NormalErrors)], method: NormalMethod) -> Opt
     rows.iter().find(|row| row.0 == method).map(|row| row.1)
 }
 
-/// Presses unseen shapes, and perceives `point_count` grasps, evenly spread over the list, as built and under every change.
+/// Presses unseen shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
 /// The background images are taken under the change too, as a hand takes them when it is switched on.
 pub fn under_changes(
     bench: &Bench,

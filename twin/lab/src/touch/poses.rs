@@ -21,7 +21,7 @@ use super::images::CameraUnit;
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
     /// Planned pose of the object (the prior).
-    Plan,
+    Prior,
     /// Servos and felt points, without normals and without absence of touch.
     Points,
     /// All evidence of touch, including absence of touch.

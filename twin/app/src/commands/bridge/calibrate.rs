@@ -38,7 +38,7 @@ pub struct CalibrateArgs {
     /// Individual robot (a file of `ftac twin identify`) whose spools give the expected travels, instead of the nominal
     /// robot's.
     #[arg(long)]
-    individual: Option<PathBuf>,
+    instance: Option<PathBuf>,
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
@@ -55,7 +55,7 @@ pub struct CalibrateOutput {
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
     let config = args.config.read_without_password()?;
-    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.instance.as_deref(), &args.robot.model()?)?.hand;
     let unfinished = PartialCalibration::beside(&config.calibration);
     let mut servos = match args.go_on {
         true => unfinished.read(&config.servos.ids).context("--continue")?,
@@ -107,7 +107,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     Ok(None)
 }
 
-/// Lists travels that are far from that of `apply_to_hand`, each with the actuator that it would fit.
+/// Lists travels that are far from that of `hand`, each with the actuator that it would fit.
 fn suspicious_travels(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     let design = shaft_travel(hand);
     let names = actuator_names(hand);
@@ -143,7 +143,7 @@ fn check_servos(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Resul
     Ok(())
 }
 
-/// Homes all servos that `check_servos` lacks against their stops.
+/// Homes all servos that `servos` lacks against their stops.
 fn home_all(
     terminal: &Terminal,
     config: &BridgeConfig,

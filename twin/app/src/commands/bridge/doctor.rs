@@ -38,7 +38,7 @@ pub struct DoctorArgs {
     /// Keep the present images as reference, so that exchanged camera plugs are noticed from now on. All cameras must
     /// be in their sockets and nothing may touch the pads.
     #[arg(long)]
-    know_cameras: bool,
+    store_references: bool,
 }
 
 pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
@@ -50,7 +50,7 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
         Ok(()) => {}
         Err(error) => findings.push(SetupFinding::new("servo bus", error, "an open port", false)),
     }
-    check_cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
+    check_cameras(config, hand.cameras.len(), args.store_references, &mut findings);
     match connect_arm_link(config, &robot, arm.home) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
             Ok(_) => SetupFinding::new("arm", "an answer", "no fault", true),

@@ -91,8 +91,8 @@ type PosedObjects = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
 fn combination_objects(robot: &RobotModel, combination: usize, seed: u64) -> Result<PosedObjects> {
     let bench = make_bench(robot, Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
-    let Some(plan) = bench.grasp_pairs.plans.get(combination) else {
-        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.grasp_pairs.plans.len() - 1);
+    let Some(plan) = bench.grasp_pairs.pairs.get(combination) else {
+        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.grasp_pairs.pairs.len() - 1);
     };
     let objects = bench.world.models(&plan.objects())?;
     let places = bench.world.object_poses(&objects, &TrialNoise::none());

@@ -56,7 +56,7 @@ pub struct StopReport {
     state: Option<String>,
     /// Servos whose torque was not read back as off, each with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
-    unsure: Option<Vec<String>>,
+    torque_unknown: Option<Vec<String>>,
 }
 
 /// Runs `ftac bridge stop`.
@@ -124,7 +124,7 @@ fn stop_without_bridge(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf])
     let state = format!("torque read back as off from {} of {count} servos", count - unsure.len());
     let shortfall = (!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; ")));
     let text = format!("{nobody}; {state}\n");
-    terminal.print(&StopReport { robots: Vec::new(), state: Some(state), unsure: Some(unsure) }, &text)?;
+    terminal.print(&StopReport { robots: Vec::new(), state: Some(state), torque_unknown: Some(unsure) }, &text)?;
     Ok(shortfall)
 }
 
@@ -139,5 +139,5 @@ fn print_answers(terminal: &Terminal, answers: &[SocketAnswer]) -> Result<()> {
     };
     let answered = answers.iter().filter_map(|(_, answer)| answer.as_ref().ok());
     let text: String = answered.map(|RemoteAnswer { text, robot: of }| format!("{of}: {text}\n")).collect();
-    terminal.print(&StopReport { robots: answers.iter().map(row).collect(), state: None, unsure: None }, &text)
+    terminal.print(&StopReport { robots: answers.iter().map(row).collect(), state: None, torque_unknown: None }, &text)
 }

@@ -45,7 +45,7 @@ pub struct ExciteArgs {
     /// Folder of the sessions; an unfinished excitation in it resumes after its last finished step.
     pub folder: PathBuf,
     /// Robot backend.
-    #[arg(long, value_enum, default_value_t = BackendKind::Rounded)]
+    #[arg(long, value_enum, default_value_t = BackendKind::Direct)]
     pub robot: BackendKind,
     /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
@@ -55,7 +55,7 @@ pub struct ExciteArgs {
     pub script: Option<PathBuf>,
     /// Number of the individual that a simulated or emulated robot is; 0 is the nominal robot.
     #[arg(long, default_value_t = 0)]
-    pub individual: u64,
+    pub instance: u64,
     /// File for the individual's true parameters, for evaluation only.
     #[arg(long)]
     pub truth_out: Option<PathBuf>,
@@ -77,7 +77,8 @@ struct ExcitationState {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     robot_model: Option<RobotSources>,
     /// Number of the individual, for a simulated or emulated robot.
-    individual: u64,
+    #[serde(alias = "individual")]
+    instance: u64,
     script: ExcitationScript,
     /// Number of finished steps, from the first on.
     done: usize,
@@ -186,7 +187,7 @@ impl RobotBackend for ExcitationBackend {
 
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     check_backend(args.robot, args.config.as_deref(), &[])?;
-    if args.robot == BackendKind::Hardware && (args.individual != 0 || args.truth_out.is_some()) {
+    if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
         bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
     }
     let drawing = NominalModel::new(args.model.model()?)?;
@@ -195,7 +196,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         version: 1,
         robot: args.robot.name().to_owned(),
         robot_model: drawing.robot.sources.clone(),
-        individual: args.individual,
+        instance: args.instance,
         script,
         done: 0,
         parts: 0,
@@ -218,7 +219,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         return print_steps(terminal, args, &drawing.robot.hand, &record, true);
     }
     if let Some(path) = &args.truth_out {
-        super::write_truth(path, &drawing.robot, args.individual)?;
+        super::write_truth(path, &drawing.robot, args.instance)?;
     }
     if record.done == steps {
         eprintln!("all {steps} steps are done");
@@ -312,13 +313,13 @@ fn open_backend(
         return connect_hardware(path, args.yes, script, &drawing.robot);
     }
     check_supported(&drawing.robot)?;
-    let individual = RobotInstance::sample(&drawing.robot, args.individual);
+    let individual = RobotInstance::sample(&drawing.robot, args.instance);
     let model = &drawing.robot;
-    let robot = drawing.simulated_robot(args.individual, terminal.seed, script)?;
+    let robot = drawing.simulated_robot(args.instance, terminal.seed, script)?;
     let settings = lockstep_settings(&individual.apply_to_hand(&model.hand), terminal.seed);
     let about = SessionHeader::default();
     Ok(match args.robot {
-        BackendKind::Rounded => {
+        BackendKind::Direct => {
             let robot = DirectRobot::start(Box::new(SharedPlant::new(robot)), settings, model)?;
             (ExcitationBackend::Direct(Box::new(robot)), about)
         }
@@ -372,7 +373,7 @@ fn describe_objects(script: &ExcitationScript) -> Vec<String> {
             2e3 * ball.radius
         )
     });
-    let weight = script.weight.as_ref().map(|weight| {
+    let weight = script.payload.as_ref().map(|weight| {
         let [x, y] = weight.place;
         format!(
             "Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again; \

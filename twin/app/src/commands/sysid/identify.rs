@@ -49,14 +49,14 @@ pub struct IdentifyOutput<'a> {
     /// RMS distance of the touches from one ball, m: nominal, identified; null without touches.
     touches_rms_m: Option<[f64; 2]>,
     /// Number of postures with a weighed object in the hand.
-    weighed_postures: usize,
+    payload_postures: usize,
     /// RMS difference between the arm's torques and those of the weight, N m: nominal, identified; null if nothing was
     /// weighed.
-    weight_rms_nm: Option<[f64; 2]>,
+    payload_rms_nm: Option<[f64; 2]>,
     /// File with the calibration of the robot's own pads; null if there is none.
     pads: Option<String>,
     /// File with the parameters.
-    individual: String,
+    instance: String,
     /// Page about the parameters.
     page: String,
     /// Sessions used for the identification.
@@ -92,10 +92,10 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let identified = IdentifyOutput {
         touches: kinematics.touches,
         touches_rms_m: (kinematics.touches > 0).then_some(kinematics.residuals),
-        weighed_postures: found.gains.postures,
-        weight_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
+        payload_postures: found.gains.postures,
+        payload_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
         pads: pads.map(|path| path.display().to_string()),
-        individual: args.out.display().to_string(),
+        instance: args.out.display().to_string(),
         page: page.display().to_string(),
         sessions: &found.robot.sessions,
         actuators: &actuators,
@@ -182,7 +182,7 @@ fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorR
             samples: fit.samples,
             residual_before: fit.residuals[0],
             residual_after: fit.residuals[1],
-            alike: fit.correlation_length,
+            correlation_length: fit.correlation_length,
             delay: fit.delay,
         })
         .collect();
@@ -196,7 +196,7 @@ fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorR
             unit: parameter.quantity.unit().to_owned(),
             deviation: estimate.deviation,
             sigma: estimate.sigma,
-            spread: parameter.prior.sigma,
+            prior_sigma: parameter.prior.sigma,
             identified: estimate.identified,
         })
         .collect();

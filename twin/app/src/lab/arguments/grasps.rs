@@ -91,7 +91,7 @@ pub struct ClassifyArgs {
         default_missing_value = BUILT_IN_PLANS,
         conflicts_with_all = ["paths", "explain", "labels", "out", "like_people"]
     )]
-    pub plans: Option<PathBuf>,
+    pub pairs: Option<PathBuf>,
 }
 
 /// Arguments of `grasps annotate`.

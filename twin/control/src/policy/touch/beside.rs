@@ -95,7 +95,7 @@ impl TouchPolicy<'_> {
             target_sigma: tracked
                 .touch_posterior
                 .as_ref()
-                .map_or(uncertainty.arm.hypot(uncertainty.eyes), AimPosterior::sigma),
+                .map_or(uncertainty.arm.hypot(uncertainty.detector), AimPosterior::sigma),
             all_rollouts: collect_rollouts(&candidates),
             aim_posterior: tracked.touch_posterior.as_ref().unwrap_or(&self.aim_posterior),
             detections: tracked.detections,

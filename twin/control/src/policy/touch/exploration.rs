@@ -138,7 +138,7 @@ impl TouchPolicy<'_> {
         (tracked.touch_posterior, tracked.detections) = (AimPosterior::from_touch(&covariance), 1);
     }
 
-    /// Percept of the touched `object` from its estimate `detection_from_touch` in the hand and its percept `seen`, and the covariance
+    /// Percept of the touched `object` from its estimate `found` in the hand and its percept `seen`, and the covariance
     /// of its position, m2; world frame.
     fn detection_from_touch(
         &mut self,
@@ -163,7 +163,7 @@ impl TouchPolicy<'_> {
     }
 }
 
-/// Worth of the best of the `candidates` while the object is only seen, with the error of `aim_posterior`, and once it has
+/// Worth of the best of the `candidates` while the object is only seen, with the error of `belief`, and once it has
 /// been touched. `None` if nothing was rehearsed.
 fn scores_before_after_touch(candidates: &[GraspCandidate], belief: &AimPosterior) -> Option<[f64; 2]> {
     candidates.iter().any(|candidate| !candidate.rollouts.is_empty()).then_some(())?;
@@ -208,7 +208,7 @@ mod tests {
     /// for one that needs a precise aim.
     #[test]
     fn a_touch_pays_where_the_aim_decides() {
-        let belief = AimPosterior::new(&Uncertainty { arm: 0.004, eyes: 0.006, eyes_lasting: 0.5 });
+        let belief = AimPosterior::new(&Uncertainty { arm: 0.004, detector: 0.006, detector_persistent_share: 0.5 });
         let gain = |reach: f64| {
             let [seen, touched] = scores_before_after_touch(&[candidate(reach)], &belief).expect("rehearsed");
             touched - seen

@@ -34,7 +34,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
             scenario.combination_count()
         );
     }
-    let own = instance_model(args.individual.as_deref(), &args.robot.model()?)?;
+    let own = instance_model(args.instance.as_deref(), &args.robot.model()?)?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| evaluate_real_presses(&source, &networks).map(|rows| (source, rows))).transpose()?;
