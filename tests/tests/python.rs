@@ -110,6 +110,7 @@ fn the_wheel_installs_and_its_examples_run() {
     std::fs::create_dir(&without).expect("made");
     refuses_to_build_without_rust(&python, &without);
     let wheel = wheel(&python, &folder.path().join("wheels"));
+    crate::release::accepts_wheel(&wheel);
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"];
     run(Command::new(&python).args(install).arg(&wheel)).expect("the wheel installs");
     // The package includes the program.
