@@ -82,7 +82,7 @@ pub const OUTPUTS: &[Output] = &[
 ];
 
 /// Commands without a JSON result.
-const WITHOUT: [&str; 4] = ["completions", "man", "schema", "view"];
+const WITHOUT: [&str; 5] = ["completions", "man", "reference", "schema", "view"];
 /// Command with outputs of both programs.
 const SHARED: &str = "report";
 
