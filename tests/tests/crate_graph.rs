@@ -242,7 +242,6 @@ fn members_know_only_whom_they_may() {
         ),
         ("sweep", "statistics hand-model platform scenarios control robot-backends bench report progress"),
         ("workspace-hack", ""),
-        ("guide", "hand-model scenarios optics touch grasping control study"),
         (
             "ftac",
             "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics platform hand-model world plant scenarios sim optics touch grasping control hardware-bridge kortex session-log proving bench identification sensor-calibration report stream sweep progress workspace-hack",
