@@ -14,7 +14,8 @@ use e2e::{binary, root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
 /// Pages with commands (blocks marked `sh`), each of which a test runs.
-const RUN: [&str; 8] = [
+const RUN: [&str; 9] = [
+    "files.md",
     "first-hour.md",
     "troubleshooting.md",
     "tutorials/benchmark.md",
@@ -158,6 +159,11 @@ fn the_hand_owners_page() {
 fn the_object_owners_page() {
     let folder = run_page("tutorials/object.md");
     expect_files(&folder, &["box.jsonl"]);
+}
+
+#[test]
+fn the_page_of_files() {
+    run_page("files.md");
 }
 
 #[test]

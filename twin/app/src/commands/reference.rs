@@ -135,15 +135,20 @@ fn json(outputs: &[Output]) -> String {
     text
 }
 
+/// Returns the table of the columns that a row `T` of a CSV file has.
+fn columns<T: schemars::JsonSchema>() -> String {
+    fields::table(&schema::<T>()).replacen("| field |", "| column |", 1)
+}
+
 fn tables() -> String {
     let mut text =
         "# Columns of the tables\n\nTables are CSV files with a header. A value that does not exist is empty.\n"
             .to_owned();
     text += &format!(
         "\n## trials.csv\n\nOne row per trial and condition. The first column, `ablation`, names what was taken from `touch`; it is empty where nothing was.\n\n{}",
-        fields::table(&schema::<TrialRecord>())
+        columns::<TrialRecord>()
     );
-    text += &format!("\n## tries.csv\n\nOne row per try at an object.\n\n{}", fields::table(&schema::<TryRecord>()));
+    text += &format!("\n## tries.csv\n\nOne row per try at an object.\n\n{}", columns::<TryRecord>());
     for which in Which::ALL {
         let name = which.name();
         text += &format!(
