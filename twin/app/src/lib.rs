@@ -29,7 +29,7 @@ mod log_file;
 pub mod options;
 pub mod terminal;
 
-pub use commands::schema;
+pub use commands::{reference, schema};
 
 use std::ffi::OsString;
 

@@ -82,7 +82,7 @@ pub const OUTPUTS: &[OutputSchema] = &[
 ];
 
 /// Commands without a JSON result.
-const COMMANDS_WITHOUT_OUTPUT: [&str; 4] = ["completions", "man", "schema", "view"];
+const COMMANDS_WITHOUT_OUTPUT: [&str; 5] = ["completions", "man", "reference", "schema", "view"];
 /// Command with outputs of both programs.
 const SHARED_COMMAND: &str = "report";
 
