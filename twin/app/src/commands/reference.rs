@@ -9,12 +9,12 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use clap::Command;
-use platform::data::write_whole;
+use ftac_platform::data::write_atomically;
 use scenarios::record::TrialRecord;
 use scenarios::summary::Summary;
 use scenarios::tries::TryRecord;
 use serde_json::Value;
-use sweep::columns::{Kind, Which};
+use sweep::columns::{ColumnKind, TableKind};
 
 use crate::cli::COMMAND_GROUPS;
 use crate::json_schema::{self, OutputSchema, schema_of};
@@ -29,7 +29,7 @@ const SUMMARY: &str = "summary.md";
 pub fn write(folder: &Path, program: Command, outputs: &[OutputSchema]) -> Outcome {
     std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
     for (name, text) in pages(program, outputs) {
-        write_whole(&folder.join(name), format!("{}\n", text.trim_end()).as_bytes()).context("--out")?;
+        write_atomically(&folder.join(name), format!("{}\n", text.trim_end()).as_bytes()).context("--out")?;
     }
     Ok(None)
 }
@@ -108,7 +108,7 @@ fn summary() -> String {
 }
 
 fn json(outputs: &[OutputSchema]) -> String {
-    let all = json_schema::all(outputs.iter().copied());
+    let all = json_schema::all_schemas(outputs.iter().copied());
     let whole = schema::<Summary>();
     let mut text = "# JSON output of the commands\n\nWith `--json` a command prints one JSON object on stdout, and everything else on stderr. \
                     `ftac schema COMMAND` prints the JSON Schema from which this page is made. A command with several kinds of output \
@@ -149,7 +149,7 @@ fn tables() -> String {
         columns::<TrialRecord>()
     );
     text += &format!("\n## tries.csv\n\nOne row per try at an object.\n\n{}", columns::<TryRecord>());
-    for which in Which::ALL {
+    for which in TableKind::ALL {
         let name = which.name();
         text += &format!(
             "\n## {name}/*.parquet of a sweep\n\nSchema version {}. One more column, `axis_...`, for each axis of the sweep follows `seed`.\n\n| column | type | meaning |\n|---|---|---|\n",
@@ -157,12 +157,12 @@ fn tables() -> String {
         );
         for column in which.columns(&[]) {
             let kind = match column.kind {
-                Kind::Whole => "whole number",
-                Kind::Number => "number",
-                Kind::Flag => "true or false",
-                Kind::Text => "text",
+                ColumnKind::Whole => "whole number",
+                ColumnKind::Number => "number",
+                ColumnKind::Flag => "true or false",
+                ColumnKind::Text => "text",
             };
-            text += &format!("| `{}` | {kind} | {} |\n", column.name, options::escaped(column.about));
+            text += &format!("| `{}` | {kind} | {} |\n", column.name, options::escaped(column.description));
         }
     }
     text
