@@ -59,7 +59,7 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
 #[test]
 fn a_mirror_changes_no_row() {
     let folder = tempdir().expect("a folder");
-    bench(&["--mirror", "--out", text(folder.path())]);
+    bench(&["--detect-faults", "--out", text(folder.path())]);
     assert_eq!(trials(folder.path()), trials(reference()));
     let named = fs::read_to_string(folder.path().join("faults.csv")).expect("faults.csv");
     let mut lines = named.lines();

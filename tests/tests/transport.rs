@@ -61,7 +61,7 @@ fn four_balls_one_pushed() {
 fn a_search_of_skills() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("skills.json");
-    let result = carried(&["--rehearse", utf8(&file), "--pick", "ball_1=ring+little", "--n", "8"]);
+    let result = carried(&["--search-skills", utf8(&file), "--pick", "ball_1=ring+little", "--n", "8"]);
     assert_eq!(result["picks"][0]["ball"], "ball_1");
     assert!(result["picks"][0]["tried"].as_u64() >= Some(4), "{result}");
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).expect("kept")).expect("JSON");
@@ -87,8 +87,8 @@ fn what_cannot_be_run_is_refused() {
     assert!(wide.contains("ball[0].diameter: found 0.5, expected 0.02 to 0.12 m"), "{wide}");
     let unknown = refused(&good.replace("friction =", "stickiness ="), &out);
     assert!(unknown.contains("mine.toml:") && unknown.contains("stickiness"), "{unknown}");
-    let pick = refused(&good, &["--rehearse", "x.json", "--pick", "ball_9=ring"]);
+    let pick = refused(&good, &["--search-skills", "x.json", "--pick", "ball_9=ring"]);
     assert!(pick.contains("ball_9") && pick.contains("ball_1"), "{pick}");
-    let digit = run(&["transport", "--rehearse", "x.json", "--pick", "ball_1=toe"]);
+    let digit = run(&["transport", "--search-skills", "x.json", "--pick", "ball_1=toe"]);
     assert!(digit.status.code() == Some(2) && stderr(&digit).contains("toe"), "{}", stderr(&digit));
 }

@@ -128,7 +128,7 @@ pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u
 /// Prepares the bench of a run, with all settings of the request for robot, scenario and controller, except the device
 /// that renders images.
 pub fn bench_from_request(request: &RunRequest, quiet: bool) -> Result<Bench> {
-    let model = request.robot_model(Path::new("--individual"))?;
+    let model = request.robot_model(Path::new("--instance"))?;
     let mut bench = make_bench(&model, request.scenario()?, request.combos, request.seed, quiet)?;
     request.places.apply_to(&mut bench.world)?;
     replace_calibration(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;

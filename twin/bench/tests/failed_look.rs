@@ -16,7 +16,7 @@ use scenarios::record::Condition;
 use sim::SimulatedRobot;
 use sim::robot::GroundTruth;
 
-const FAILURE_MESSAGE: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
+const FAILURE_MESSAGE: &str = "--detector unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
 
 /// The simulated robot with failed eyes.
 struct FailedDetector(SimulatedRobot);

@@ -60,7 +60,7 @@ struct Row {
     takes_torque: bool,
     /// Recordings that replay to the bit.
     recordings_intact: usize,
-    /// Diagnosis of the fault; null without --mirror.
+    /// Diagnosis of the fault; null without --detect-faults.
     diagnosis: Option<Diagnosis>,
 }
 

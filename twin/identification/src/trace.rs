@@ -171,7 +171,7 @@ fn check_task(path: &Path, task: &[u8], robot: &RobotModel) -> Result<Identifica
     let fault = |field: &str, found: String, expected: String| {
         Err(IdentificationError::NotAnExcitation { path: path.into(), field: field.into(), found, expected })
     };
-    let expected = || "a session of `ftac twin excite`".to_owned();
+    let expected = || "a session of `ftac sysid excite`".to_owned();
     let task: IdentificationTask = match serde_json::from_slice(task) {
         Ok(task) => task,
         Err(_) if task.is_empty() => return fault("task", "none".into(), expected()),
@@ -202,7 +202,7 @@ mod tests {
             0,
         );
         assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");
-        assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac twin excite`");
+        assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac sysid excite`");
         assert!(refused(b"{\"combination\": 3}").starts_with("a.mcap: task: found that of another session"));
         task.hand = "other".into();
         let words = refused(&serde_json::to_vec(&task).unwrap());

@@ -90,13 +90,13 @@ pub struct BenchArgs {
     /// Switch off all errors and effects, as --noise-scale 0 --without all; the controller expects none either.
     #[arg(long, conflicts_with_all = ["noise_scale", "without", "resume"])]
     pub no_errors: bool,
-    /// Switch off effects of the scenario: pads, gel, cables, eyes, arm, objects, floor, time, or all.
+    /// Switch off effects of the scenario: pads, gel, cables, detector, arm, objects, floor, time, or all.
     #[arg(long, value_delimiter = ',', value_name = "EFFECTS")]
     pub without: Vec<String>,
     /// Errors that the controller expects: a file like twin/control/data/uncertainty.toml, which is the default.
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
-    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
     /// nominal robot.
     #[arg(long, value_name = "FILE")]
     pub instance: Option<PathBuf>,
@@ -241,7 +241,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     if request.places.detector != args.places.detector.is_some() {
         let (found, expected) = if request.places.detector { ("none", "them") } else { ("them", "none") };
-        bail!("--eyes: found {found}, expected {expected}, as the run in {} was begun", folder.display());
+        bail!("--detector: found {found}, expected {expected}, as the run in {} was begun", folder.display());
     }
     check_backend(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;

@@ -23,7 +23,7 @@ use crate::terminal::Terminal;
 /// JSON output of `replay` of one session.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ReplayOutput {
-    /// Robot backend: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, direct, emulated or hardware.
     robot: String,
     /// Number of the combination, from 0.
     combination: usize,

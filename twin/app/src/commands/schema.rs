@@ -49,8 +49,8 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("grasps eval", schema_of::<Evaluation>),
     ("grasps export", schema_of::<grasps::export::GraspExportOutput>),
     ("grasps generate", schema_of::<SynthesisReport>),
-    ("grasps pick-ups", schema_of::<grasps::repertoire::RepertoireOutput>),
-    ("grasps plan", schema_of::<grasps::repertoire::PairsOutput>),
+    ("grasps repertoire", schema_of::<grasps::repertoire::RepertoireOutput>),
+    ("grasps pairs", schema_of::<grasps::repertoire::PairsOutput>),
     ("grasps show", schema_of::<grasps::show::ShowOutput>),
     ("hand picture", schema_of::<hand::picture::PictureOutput>),
     ("optics calibrate", schema_of::<optics::calibrate::CalibrateOutput>),
@@ -76,9 +76,9 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("transport", schema_of::<transport::TransportOutput>),
     ("transport", schema_of::<transport::SkillSearchOutput>),
     ("trial", schema_of::<trial::TrialOutput>),
-    ("twin evaluate", schema_of::<sysid::evaluate::EvaluateOutput>),
-    ("twin excite", schema_of::<sysid::excite::ExciteOutput>),
-    ("twin identify", schema_of::<sysid::identify::IdentifyOutput>),
+    ("sysid evaluate", schema_of::<sysid::evaluate::EvaluateOutput>),
+    ("sysid excite", schema_of::<sysid::excite::ExciteOutput>),
+    ("sysid identify", schema_of::<sysid::identify::IdentifyOutput>),
 ];
 
 /// Commands without a JSON result.

@@ -1,4 +1,4 @@
-//! `ftac twin`: identification of an individual robot, one of many built from the same drawing.
+//! `ftac sysid`: identification of an individual robot, one of many built from the same drawing.
 
 pub mod evaluate;
 pub mod excite;

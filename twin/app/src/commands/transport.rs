@@ -39,7 +39,7 @@ pub struct TransportArgs {
     /// Policies to run; default: one by one, blind and touch.
     #[arg(long, value_delimiter = ',', value_parser = policies())]
     pub policy: Vec<PickMode>,
-    /// File of additional skills, from --rehearse.
+    /// File of additional skills, from --search-skills.
     #[arg(long)]
     pub skills: Option<PathBuf>,
     /// Result folder: transports.json, and a recording of the first transport under each policy.
@@ -114,7 +114,7 @@ impl PickSearchResult {
     }
 }
 
-/// JSON output of `transport --rehearse`.
+/// JSON output of `transport --search-skills`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SkillSearchOutput<'a> {
     /// One entry per pick searched.
@@ -196,7 +196,7 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
 
 fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite, file: &Path) -> Outcome {
     let sequence: Vec<PickRequest> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
-    let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
+    let mut skills = if file.exists() { read_skills(file).context("--search-skills")?.skills } else { Vec::new() };
     let searched = transport::skill_search::search_skills(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Ids are unique within a file.
@@ -206,7 +206,7 @@ fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite
             skills.push(skill);
         }
     }
-    let command = "ftac transport --rehearse FILE --pick ..., sequence after sequence".to_owned();
+    let command = "ftac transport --search-skills FILE --pick ..., sequence after sequence".to_owned();
     SkillFile::new(command, skills).write(file)?;
     if terminal.json {
         let picks = searched.iter().map(|pick| PickSearchResult::from_search(site, pick)).collect();

@@ -40,7 +40,7 @@ pub struct TrialArgs {
     /// Robot backend.
     #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
     pub robot: BackendKind,
-    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
     /// nominal robot.
     #[arg(long, value_name = "FILE")]
     pub instance: Option<PathBuf>,
@@ -107,7 +107,7 @@ impl TrialPolicy {
 pub struct TrialOutput<'a> {
     #[serde(flatten)]
     record: &'a TrialRecord,
-    /// With --mirror: divergences between robot and twin.
+    /// With --detect-faults: divergences between robot and twin.
     #[serde(skip_serializing_if = "Option::is_none")]
     faults: Option<&'a [DetectedFault]>,
 }

@@ -81,7 +81,7 @@ impl PoseSourceArgs {
     pub fn pose_sources(&self, robot: BackendKind) -> Result<PoseSources> {
         let real = matches!(robot, BackendKind::Hardware | BackendKind::Emulated);
         if self.detector.is_some() && !real {
-            bail!("--eyes: found --robot {}, expected emulated or hardware", robot.name());
+            bail!("--detector: found --robot {}, expected emulated or hardware", robot.name());
         }
         if self.registration.is_some() && !real {
             bail!("--registration: found --robot {}, expected emulated or hardware", robot.name());
@@ -90,7 +90,7 @@ impl PoseSourceArgs {
             bail!("--mount: found --robot {}, expected emulated", robot.name());
         }
         if robot == BackendKind::Hardware && self.detector == Some(VisionSource::Emulated) {
-            bail!("--eyes emulated: found --robot hardware, expected the address of a vision system");
+            bail!("--detector emulated: found --robot hardware, expected the address of a vision system");
         }
         let file = self.registration.as_deref().map(RegistrationFile::read).transpose()?;
         let base = file.map(|file| pose_numbers(&file.world_from_base()));

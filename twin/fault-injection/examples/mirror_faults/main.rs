@@ -9,7 +9,7 @@
 //! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under
 //! CONDITIONS (such as `blind,touch`) with a mirror beside them and no fault.
 //!
-//! INDIVIDUAL is the file of an identified robot (`ftac twin identify`), which the control stack and the twin use as
+//! INDIVIDUAL is the file of an identified robot (`ftac sysid identify`), which the control stack and the twin use as
 //! their model of the robot. Without it they use the robot as drawn.
 
 mod event_times;

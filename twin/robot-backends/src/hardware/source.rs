@@ -69,7 +69,7 @@ impl HardwareFactory {
         let connect = |eyes: &VisionSetup| match &eyes.source {
             VisionSource::System(address) => Ok(VisionLink::connect(address, eyes.checks.clone())?),
             VisionSource::Emulated => {
-                bail!("--eyes emulated: found --robot hardware, expected the address of a vision system")
+                bail!("--detector emulated: found --robot hardware, expected the address of a vision system")
             }
         };
         self.vision.as_ref().map(connect).transpose()
@@ -86,7 +86,7 @@ impl HardwareFactory {
         let mistaken: Vec<String> = kept.exchanged_cameras(&now).iter().map(ToString::to_string).collect();
         if !mistaken.is_empty() {
             bail!(
-                "found {}, expected every camera where it was (`ftac bridge doctor --know-cameras` keeps what is right now)",
+                "found {}, expected every camera where it was (`ftac bridge doctor --store-references` keeps what is right now)",
                 mistaken.join(", ")
             );
         }

@@ -35,7 +35,7 @@ pub struct CalibrateArgs {
     /// remounted since.
     #[arg(long = "continue")]
     go_on: bool,
-    /// Individual robot (a file of `ftac twin identify`) whose spools give the expected travels, instead of the nominal
+    /// Individual robot (a file of `ftac sysid identify`) whose spools give the expected travels, instead of the nominal
     /// robot's.
     #[arg(long)]
     instance: Option<PathBuf>,

@@ -195,7 +195,7 @@ fn check_cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &
 fn check_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> SetupFinding {
     let what = "every camera shows its own pad";
     match describe_exchanged_cameras(config, link, know) {
-        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --know-cameras", true),
+        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --store-references", true),
         Ok(Some(wrong)) => SetupFinding::new(what, &wrong, "yes", wrong == "yes"),
         Err(error) => SetupFinding::new(what, format!("{error:#}"), "yes", false),
     }

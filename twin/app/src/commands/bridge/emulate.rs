@@ -83,7 +83,7 @@ pub struct EmulateArgs {
     /// Draw a hidden pose of the arm's base from this seed, away from the nominal one.
     #[arg(long, value_name = "N")]
     mount: Option<u64>,
-    /// Emulate a vision system for `trial --eyes` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
+    /// Emulate a vision system for `trial --detector` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
     /// ten times a second, with errors of 3 mm and 0.02 rad drawn from the seed.
     #[arg(long, value_name = "ADDRESS")]
     detector: Option<Address>,
@@ -109,7 +109,7 @@ pub struct EmulateArgs {
     /// slip=ring:3@5 (by 3 mm on its spool), weak=ring:0.6@5 (a servo gives 0.6 of its torque), stick=JOINT@5,
     /// heavy=1:0.3@5 (object 1 weighs 0.3 kg more), snatch=1@5 (object 1 is taken away), push=12@5 (12 N on the palm
     /// for half a second), dim=7:red:0.5@5 (half of the red light of camera 7), blind=PAD:missing@5 or
-    /// blind=PAD:black@5. Faults with a time may also be piped in, one per line without @SECONDS, or sent with --tell,
+    /// blind=PAD:black@5. Faults with a time may also be piped in, one per line without @SECONDS, or sent with --send,
     /// and happen at once; objects=back, objects=N and objects=balls too.
     #[arg(long = "fault")]
     faults: Vec<String>,
@@ -130,10 +130,10 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
-/// JSON output of `--tell`.
+/// JSON output of `--send`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RequestOutput {
-    /// Answer of the running emulator to --tell.
+    /// Answer of the running emulator to --send.
     answer: String,
 }
 
@@ -383,16 +383,16 @@ fn print_stops(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -
     Ok(None)
 }
 
-/// Starts the emulated vision system, if `--eyes` asks for one.
+/// Starts the emulated vision system, if `--detector` asks for one.
 fn start_vision(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<EmulatedDetector>> {
     let (Some(address), Some(table)) = (&args.detector, table) else { return Ok(None) };
     let settings = EmulatedDetectorSettings { sigma: DETECTOR_SIGMA, seed, period: Some(VISION_PERIOD) };
     let table = table.clone();
     let sight = move || table.placed_objects().0.into_iter().zip(table.plant().lock().truth().objects).collect();
-    EmulatedDetector::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
+    EmulatedDetector::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--detector {address}"))
 }
 
-/// Runs `--tell`: sends `line` to the emulator that runs in `dir` and prints its answer.
+/// Runs `--send`: sends `line` to the emulator that runs in `dir` and prints its answer.
 fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
     let answer = table_endpoint::send_line(&dir.join(REQUEST_SOCKET), line)?;
     let text = format!("{answer}\n");

@@ -34,7 +34,7 @@ pub struct RegisterArgs {
     /// is compared with that pose.
     #[arg(long, value_name = "N", conflicts_with = "config")]
     emulated: Option<u64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the poses of pads on the hand and of the hand on
+    /// Individual robot (a file of `ftac sysid identify`) that gives the poses of pads on the hand and of the hand on
     /// the arm; an emulated robot is this one too.
     #[arg(long)]
     instance: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! `ftac grasps pick-ups` and `ftac grasps plan`: make the benchmark's repertoire and plans.
+//! `ftac grasps repertoire` and `ftac grasps pairs`: make the benchmark's repertoire and plans.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use crate::options::object_name::object_name;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Arguments of `grasps pick-ups`.
+/// Arguments of `grasps repertoire`.
 #[derive(Debug, Args)]
 pub struct RepertoireArgs {
     #[command(flatten)]
@@ -42,7 +42,7 @@ pub struct RepertoireArgs {
     pub out: PathBuf,
 }
 
-/// Arguments of `grasps plan`.
+/// Arguments of `grasps pairs`.
 #[derive(Debug, Args)]
 pub struct PairsArgs {
     #[command(flatten)]
@@ -86,7 +86,7 @@ struct RoleGrasps<'a> {
     grasps: usize,
 }
 
-/// JSON output of `grasps pick-ups`.
+/// JSON output of `grasps repertoire`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RepertoireOutput<'a> {
     /// File of the repertoire.
@@ -95,7 +95,7 @@ pub struct RepertoireOutput<'a> {
     objects: Vec<RoleGrasps<'a>>,
 }
 
-/// JSON output of `grasps plan`.
+/// JSON output of `grasps pairs`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PairsOutput<'a> {
     /// File of the plans.
@@ -127,7 +127,7 @@ pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
     }
     let mut repertoire = if out.exists() { Repertoire::read_for(&robot, out)? } else { Repertoire::default() };
     repertoire.robot = Repertoire::robot_identity(&robot);
-    repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
+    repertoire.command = format!("ftac grasps repertoire --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = RepertoireEffort { proposals: n, variations: n / 2, ..SEARCH_EFFORT };
     let wanted = RepertoireRequest { names: &names, places: &places, effort };
@@ -173,7 +173,7 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         Some(file) => Repertoire::read_for(&robot, file)?,
         None if !grasp_verification::builtin::fits_robot(&robot)? => {
             bail!(
-                "--repertoire: found none, expected grasps of {} (ftac grasps pick-ups --robot-model FILE)",
+                "--repertoire: found none, expected grasps of {} (ftac grasps repertoire --robot-model FILE)",
                 robot.name
             )
         }
@@ -193,7 +193,7 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
                 args.combos,
                 plans.pairs.len()
             );
-            // The success rates take longer than the plans: after an interruption the plans are there for --of.
+            // The success rates take longer than the plans: after an interruption the plans are there for --pairs.
             plans.write(&args.out)?;
             eprintln!(
                 "{} combinations; {} pairs could not be done without noise and were replaced",
@@ -204,7 +204,7 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         }
     };
     if args.verify {
-        // The file is written after each combination: an interruption loses only those in progress, and `--of` this
+        // The file is written after each combination: an interruption loses only those in progress, and `--pairs` with this
         // file resumes.
         let written = Mutex::new(plans.clone());
         verification::verify_pairs(

@@ -21,7 +21,7 @@ pub struct PadsArgs {
     /// Serial number of a hand whose own pads are written instead of the nominal ones.
     #[arg(long)]
     pub unit: Option<u64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long)]
     pub instance: Option<PathBuf>,

@@ -50,7 +50,7 @@ pub struct RenderArgs {
     /// Radius of the pad's cover across the digit, mm, for a cylindrical pad; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long, conflicts_with = "sensor_file")]
     pub instance: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! `ftac twin evaluate`: identification error over individuals with hidden random parameters.
+//! `ftac sysid evaluate`: identification error over individuals with hidden random parameters.
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use clap::Args;
@@ -25,7 +25,7 @@ const MAX_JOINT_ERROR: f64 = 0.017_453;
 /// Goal for the median error of a fingertip in the frame of the arm's base, m.
 const MAX_FINGERTIP_ERROR: f64 = 1e-3;
 
-/// Arguments of `twin evaluate`.
+/// Arguments of `sysid evaluate`.
 #[derive(Debug, Args)]
 pub struct EvaluateArgs {
     #[command(flatten)]
@@ -47,7 +47,7 @@ struct CoverageShares {
     others: f64,
 }
 
-/// JSON output of `twin evaluate`.
+/// JSON output of `sysid evaluate`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct EvaluateOutput {
     /// Seed of the devices' noise.

@@ -1,4 +1,4 @@
-//! `ftac twin excite`: a scripted, resumable excitation of any robot backend, recorded as a session.
+//! `ftac sysid excite`: a scripted, resumable excitation of any robot backend, recorded as a session.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ const CHECK_TIMEOUT: Duration = Duration::from_secs(5);
 /// Name of the file with the progress of an excitation.
 const STATE_FILE: &str = "excitation.json";
 
-/// Arguments of `twin excite`.
+/// Arguments of `sysid excite`.
 #[derive(Debug, Args)]
 pub struct ExciteArgs {
     #[command(flatten)]
@@ -113,12 +113,12 @@ impl ExcitationState {
     }
 }
 
-/// JSON output of `twin excite`, also of a dry run.
+/// JSON output of `sysid excite`, also of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ExciteOutput {
     /// Folder of the sessions.
     folder: String,
-    /// Robot backend: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, direct, emulated or hardware.
     robot: String,
     /// True if nothing was moved.
     dry_run: bool,
@@ -188,7 +188,7 @@ impl RobotBackend for ExcitationBackend {
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     check_backend(args.robot, args.config.as_deref(), &[])?;
     if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
-        bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
+        bail!("--instance, --truth-out: --robot is hardware, which is the individual that it is");
     }
     let drawing = NominalModel::new(args.model.model()?)?;
     let script = drawing.script(args.script.as_deref())?;
@@ -406,7 +406,7 @@ fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Exc
         );
     } else {
         text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));
-        text += &format!("next: ftac twin identify {}\n", args.folder.display());
+        text += &format!("next: ftac sysid identify {}\n", args.folder.display());
     }
     let excited = ExciteOutput {
         folder: args.folder.display().to_string(),

@@ -1,4 +1,4 @@
-//! `ftac twin identify`: identifies parameters from sessions of an excitation; writes `individual.toml` and a page about it.
+//! `ftac sysid identify`: identifies parameters from sessions of an excitation; writes `instance.toml` and a page about it.
 
 use std::path::PathBuf;
 
@@ -21,16 +21,16 @@ use crate::terminal::{Outcome, Terminal};
 /// Threshold for the RMS residual of a servo angle, rad: a servo above it does not fit the drawing.
 const MAX_RESIDUAL: f64 = 0.0175;
 
-/// Arguments of `twin identify`.
+/// Arguments of `sysid identify`.
 #[derive(Debug, Args)]
 pub struct IdentifyArgs {
     #[command(flatten)]
     pub model: RobotArgs,
-    /// Sessions of `ftac twin excite`, or folders of them.
+    /// Sessions of `ftac sysid excite`, or folders of them.
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
     /// File for the parameters.
-    #[arg(long, default_value = "individual.toml")]
+    #[arg(long, default_value = "instance.toml")]
     pub out: PathBuf,
     /// File for the photometric calibration of the robot's own pads, if the sessions press pads on a ball; default:
     /// beside --out, with the ending pads.json.
@@ -41,7 +41,7 @@ pub struct IdentifyArgs {
     pub report: Option<PathBuf>,
 }
 
-/// JSON output of `twin identify`.
+/// JSON output of `sysid identify`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct IdentifyOutput<'a> {
     /// Number of touches of the ball that push every link onto its stop.
@@ -164,7 +164,7 @@ fn session_files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
         }
         let mut own = sessions_in(path)?;
         if own.is_empty() {
-            bail!("{}: sessions: found none, expected part_1.mcap of `ftac twin excite`", path.display());
+            bail!("{}: sessions: found none, expected part_1.mcap of `ftac sysid excite`", path.display());
         }
         files.append(&mut own);
     }

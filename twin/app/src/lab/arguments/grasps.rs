@@ -21,7 +21,7 @@ pub enum GraspsLabCommand {
     Landscape(LandscapeArgs),
 }
 
-/// Value of --plans that stands for the built-in plans.
+/// Value of --pairs that stands for the built-in plans.
 pub const BUILT_IN_PLANS: &str = "built-in";
 
 /// Source of the grasps.

@@ -97,7 +97,7 @@ pub struct EvalArgs {
     /// Pixel size of those images on the gel, mm.
     #[arg(long, requires = "real")]
     pub pixel_mm: Option<f64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives hand, cables, servos and arm, for simulation and
+    /// Individual robot (a file of `ftac sysid identify`) that gives hand, cables, servos and arm, for simulation and
     /// perception; its pads use the nominal calibration. Grasps kept by --grasps are those of another robot.
     #[arg(long, conflicts_with = "grasps")]
     pub instance: Option<PathBuf>,
