@@ -208,10 +208,10 @@ fn killed_and_resumed_is_as_if_nothing_had_happened() {
     let size = [&["bench", "--record", "none"], &RUN_SIZE_ARGS[..], &["--jobs", "1", "--out", text(&out)]].concat();
     let began = Instant::now();
     let mut child = ftac(&size).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
-    let patience = Duration::from_secs(120);
+    let timeout = Duration::from_secs(120);
     // The journal grows with each finished trial: two growths mean that one trial is finished and another is under way.
     let (mut sizes, mut last) = (0, 0);
-    while sizes < 2 && began.elapsed() < patience && child.try_wait().expect("ours").is_none() {
+    while sizes < 2 && began.elapsed() < timeout && child.try_wait().expect("ours").is_none() {
         let now = bytes_in(&out);
         sizes += usize::from(now > last);
         last = last.max(now);

@@ -169,7 +169,8 @@ fn faults_end_as_they_should() {
     }
     // No camera sends a readable image: the robot continues, and a mirror reports it.
     let out = folder.path().join("mirrored");
-    let mirrored = ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--detect-faults", "--json"];
+    let mirrored =
+        ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--detect-faults", "--json"];
     let output = run(&[&mirrored[..], &["--out", text(&out)]].concat());
     let matrix = json(&output.stdout);
     let named = &matrix["rows"][0]["named"];

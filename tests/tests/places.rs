@@ -107,8 +107,8 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
         assert_eq!(order, None, "{said:?}");
     };
     let (sessions, out) = (folder.path().join("sessions"), folder.path().join("trial.rrd"));
-    let eyes = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--detector", &address];
-    let output = run(&[&eyes[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
+    let detector = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--detector", &address];
+    let output = run(&[&detector[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
     assert_eq!(output.status.code(), Some(2));
     harmless(&output, "found \\u001b[2Jplum\\u009b1m, expected one of");
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
@@ -132,8 +132,8 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
 #[test]
 fn a_script_rearranges_the_emulated_table() {
     let folder = tempdir().expect("a folder");
-    let (truth, eyes) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
-    let address = format!("unix:{}", eyes.display());
+    let (truth, detector) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
+    let address = format!("unix:{}", detector.display());
     let devices = EmulatedDevices::start(folder.path(), &["--truth", text(&truth), "--detector", &address]);
     let dir = devices.config.parent().expect("its folder").to_owned();
     let told = |line: &str| run(&["bridge", "emulate", "--dir", text(&dir), "--send", line, "--json"]);
@@ -161,7 +161,7 @@ fn a_script_rearranges_the_emulated_table() {
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
     // Any program can read the measurements of the vision system from its socket.
-    let stream = std::os::unix::net::UnixStream::connect(&eyes).expect("it listens");
+    let stream = std::os::unix::net::UnixStream::connect(&detector).expect("it listens");
     let mut line = String::new();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stream), &mut line).expect("a measurement");
     let seen = json(line.as_bytes());

@@ -104,13 +104,13 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml"]);
     // The other commands refuse the edited file in the same words before they do anything, and accept the good one.
     let pads = at("pads");
-    for door in [
+    for endpoint in [
         &["touch", "train", "--presses", "1", "--out", text(&pads)][..],
         &["touch", "eval", "--combos", "1", "--trials", "1"],
         &["optics", "pads", "--out", text(&pads)],
         &["bridge", "register", "--emulated", "1", "--dry-run"],
     ] {
-        refused(&[door, &["--instance", text(&edited)]].concat(), &["--instance", "edited.toml"]);
+        refused(&[endpoint, &["--instance", text(&edited)]].concat(), &["--instance", "edited.toml"]);
     }
     assert!(!pads.exists(), "a refused command leaves nothing behind");
     let own = ["optics", "pads", "--out", text(&pads), "--instance", text(&found)];

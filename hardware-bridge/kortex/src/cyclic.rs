@@ -154,8 +154,8 @@ impl Cyclic {
         let mut asked = Vec::new();
         while asked.is_empty() || Instant::now() < deadline {
             asked.push(self.session.post(call, 0, &Empty {})?);
-            let patience = deadline.min(Instant::now() + ASK_AGAIN);
-            while let Some(response) = self.session.next_response(patience)? {
+            let timeout = deadline.min(Instant::now() + ASK_AGAIN);
+            while let Some(response) = self.session.next_response(timeout)? {
                 if response.header.call != call || !asked.contains(&response.header.message) {
                     self.counters.stray += 1;
                     continue;

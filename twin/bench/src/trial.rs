@@ -70,7 +70,7 @@ impl Bench {
         source: &mut dyn BackendFactory,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
-        let (mut noise, mut camera_noise, looks) = setup::draw_noise(self, task.combination, task.trial)?;
+        let (mut noise, mut camera_noise, detections) = setup::draw_noise(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
@@ -96,10 +96,10 @@ impl Bench {
         let mut body = start.run.snapshot.robot.clone();
         let played = match means {
             _ if task.condition == Condition::External => {
-                self.play_external_policy(&start, self.branch_settings(id, looks), watcher)
+                self.play_external_policy(&start, self.branch_settings(id, detections), watcher)
             }
-            Some(means) => self.play_touch(&start, self.branch_settings(id, looks), means, watcher),
-            None => self.play_blind(&start, self.branch_settings(id, looks), watcher),
+            Some(means) => self.play_touch(&start, self.branch_settings(id, detections), means, watcher),
+            None => self.play_blind(&start, self.branch_settings(id, detections), watcher),
         };
         // The recording is finished in any case.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -124,12 +124,12 @@ impl Bench {
         (guest, pace): (&PolicyIntroduction, SimulatedTimePassage),
         host: &mut dyn PolicyServer,
     ) -> Result<TrialOutcome> {
-        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
+        let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
         let start = match guest.level {
             DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
             DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
         };
-        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, looks);
+        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, detections);
         self.play_server_branch(&start, guest, host, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
@@ -138,9 +138,9 @@ impl Bench {
         let start = InitialConditions::planned(self, combination, TrialNoise::none(), 0)
             .play_first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
-        let looks = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
-        let mut outcome = self.play_blind(&start, self.branch_settings(id, looks.clone()), watcher)?;
-        self.note_prediction(&start, self.branch_settings(id, looks), &mut outcome.record)?;
+        let detections = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
+        let mut outcome = self.play_blind(&start, self.branch_settings(id, detections.clone()), watcher)?;
+        self.note_prediction(&start, self.branch_settings(id, detections), &mut outcome.record)?;
         Ok(outcome)
     }
 
@@ -153,9 +153,9 @@ impl Bench {
         ablations: &[Ablation],
         watcher: &mut dyn Watcher,
     ) -> Result<TrialResults> {
-        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
+        let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
         let start = setup.play_first_grasp(self, None, watcher)?;
-        let branches = Branches { bench: self, setup: &setup, start, detection_noise: looks };
+        let branches = Branches { bench: self, setup: &setup, start, detection_noise: detections };
         let id = |condition| TrialId { combination, trial, condition };
         let mut results = TrialResults::default();
         for &condition in conditions {
@@ -193,13 +193,13 @@ impl Bench {
     }
 
     /// Returns the settings of a branch.
-    fn branch_settings(&self, id: TrialId, looks: DetectionNoise) -> BranchSettings<'_> {
+    fn branch_settings(&self, id: TrialId, detections: DetectionNoise) -> BranchSettings<'_> {
         let scenario = &self.world.scenario;
         BranchSettings {
             id,
             noise: &scenario.noise,
             library: &self.world.objects,
-            detection_noise: looks,
+            detection_noise: detections,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             inject_truth: false,
             pace: SimulatedTimePassage::Paused,

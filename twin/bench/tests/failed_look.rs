@@ -72,8 +72,8 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>());
         assert_eq!(failed.map(|failed| failed.0.as_str()), Some(FAILURE_MESSAGE), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));
-        let (progress, divergence) = report.take().expect("played");
-        assert_eq!(divergence, None);
+        let (progress, fault) = report.take().expect("played");
+        assert_eq!(fault, None);
         assert!(progress.commands > 100, "{progress:?}");
     }
     assert!(ended > 0, "no trial looked again");

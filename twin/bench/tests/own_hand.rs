@@ -43,12 +43,12 @@ fn closed_on_nothing(
     }
     let seen = robot.observe();
     let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
-    let look = TactileSnapshot {
+    let snapshot = TactileSnapshot {
         images: &seen.tactile,
         sequences_before: &[],
         readings: Readings::without_gravity(&seen.servos),
     };
-    let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
+    let touches = pipeline.perceive_frames(snapshot.images, snapshot.sequences_before).expect("images").touches;
     (touches, seen, robot)
 }
 

@@ -167,13 +167,16 @@ impl RolloutCounts {
         Self { rollouts: self.rollouts + more, held: self.held + more, ..self }
     }
 
-    /// Updates `odds` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `odds` and whose
+    /// Updates `probabilities` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `probabilities` and whose
     /// weight is [`PRIOR_ROLLOUTS`] plays.
-    pub(crate) fn posterior(&self, odds: &OutcomeProbabilities) -> OutcomeProbabilities {
+    pub(crate) fn posterior(&self, probabilities: &OutcomeProbabilities) -> OutcomeProbabilities {
         let share = |prior: f64, count: u32| {
             (PRIOR_ROLLOUTS * prior + f64::from(count)) / (PRIOR_ROLLOUTS + f64::from(self.rollouts))
         };
-        OutcomeProbabilities { held: share(odds.held, self.held), contact: share(odds.contact, self.contact) }
+        OutcomeProbabilities {
+            held: share(probabilities.held, self.held),
+            contact: share(probabilities.contact, self.contact),
+        }
     }
 }
 
@@ -255,14 +258,14 @@ mod tests {
 
     #[test]
     fn outcomes_count_beside_the_odds() {
-        let odds = OutcomeProbabilities { held: 0.8, contact: 0.1 };
-        assert_eq!(RolloutCounts::default().posterior(&odds), odds);
+        let probabilities = OutcomeProbabilities { held: 0.8, contact: 0.1 };
+        assert_eq!(RolloutCounts::default().posterior(&probabilities), probabilities);
         let mut foreseen = RolloutCounts::default();
         foreseen.add_outcomes(&[Some(TryOutcome::Held), None, Some(TryOutcome::Contact), Some(TryOutcome::Missed)]);
         assert_eq!(foreseen, RolloutCounts { rollouts: 3, held: 1, contact: 1 });
-        let with = foreseen.posterior(&odds);
+        let with = foreseen.posterior(&probabilities);
         assert!((with.held - (PRIOR_ROLLOUTS * 0.8 + 1.0) / (PRIOR_ROLLOUTS + 3.0)).abs() < 1e-12);
         assert!((with.contact - (PRIOR_ROLLOUTS * 0.1 + 1.0) / (PRIOR_ROLLOUTS + 3.0)).abs() < 1e-12);
-        assert!(foreseen.if_all_held(5).posterior(&odds).held > with.held);
+        assert!(foreseen.if_all_held(5).posterior(&probabilities).held > with.held);
     }
 }

@@ -239,14 +239,14 @@ impl MotionExecutor {
         Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
     }
 
-    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `percept`.
+    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `detected`.
     pub fn approach_path(
         &self,
         limits: &PathLimits,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<PosePath, PathError> {
-        approach((self.hand(), limits), &[self.end()], grasp, percept)
+        approach((self.hand(), limits), &[self.end()], grasp, detected)
     }
 
     /// Path like [`MotionExecutor::approach_path`] by way of `stops`, rehearsed by the arm servo: straight or through the pose at
@@ -258,12 +258,13 @@ impl MotionExecutor {
         &self,
         limits: &PathLimits,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
         stops: &[Isometry3<f64>],
     ) -> Option<PosePath> {
         let by_home = [stops, &[self.home]].concat();
-        let paths =
-            |limits: &PathLimits| [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, percept));
+        let paths = |limits: &PathLimits| {
+            [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, detected))
+        };
         self.first_feasible(limits, paths)
     }
 

@@ -232,13 +232,17 @@ pub struct ExpectedHolds<'a> {
 }
 
 impl<'a> ExpectedHolds<'a> {
-    /// Expectations from the `first` grasp and the ones after it; `percept` is the percept of the first object.
-    pub fn from_grasps(first: &'a Grasp, percept: &DetectedObject, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
+    /// Expectations from the `first` grasp and the ones after it; `detected` is the percept of the first object.
+    pub fn from_grasps(
+        first: &'a Grasp,
+        detected: &DetectedObject,
+        later: impl IntoIterator<Item = &'a Grasp>,
+    ) -> Self {
         let objects = std::iter::once(first).chain(later).map(ExpectedHold::from_grasp).collect();
         let sigma = first.held_sigmas.map_or(PRIOR_SIGMA, |[place, turn]| {
             (place.clamp(MIN_PRIOR_SIGMA.0, PRIOR_SIGMA.0), turn.clamp(MIN_PRIOR_SIGMA.1, PRIOR_SIGMA.1))
         });
-        Self { palm_from_object: pose_in_hand(first, percept), sigma, objects }
+        Self { palm_from_object: pose_in_hand(first, detected), sigma, objects }
     }
 
     /// Prior of the first object's pose in the hand.
@@ -248,9 +252,9 @@ impl<'a> ExpectedHolds<'a> {
     }
 }
 
-/// Planned `palm_from_object` of an object at `percept` after `grasp`.
-pub fn pose_in_hand(grasp: &Grasp, percept: &DetectedObject) -> Isometry3<f64> {
-    grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
+/// Planned `palm_from_object` of an object at `detected` after `grasp`.
+pub fn pose_in_hand(grasp: &Grasp, detected: &DetectedObject) -> Isometry3<f64> {
+    grasp.held.unwrap_or_else(|| grasp.palm_pose(&detected.position, detected.yaw).inverse() * detected.pose())
 }
 
 /// Interprets a look at the hand with `object` as the first object.

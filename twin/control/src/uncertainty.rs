@@ -50,10 +50,10 @@ impl Uncertainty {
         self.arm.hypot(self.detector * self.detector_persistent_share.sqrt())
     }
 
-    /// Standard deviation of the hand's position relative to an object whose position is the mean of `looks` looks,
+    /// Standard deviation of the hand's position relative to an object whose position is the mean of `detections` looks,
     /// each axis, m.
-    pub fn aim_sigma(&self, looks: u32) -> f64 {
-        self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(looks.max(1)).sqrt())
+    pub fn aim_sigma(&self, detections: u32) -> f64 {
+        self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(detections.max(1)).sqrt())
     }
 
     /// Parses and checks the text of a file; `path` is used in errors.

@@ -239,10 +239,11 @@ impl Experiment {
         file: &Path,
         seed: u64,
     ) -> Result<Self> {
-        let TrialSnapshot { snapshot: RolloutSnapshot { robot, mut executor }, detector: mut mirror } = moment.clone();
+        let TrialSnapshot { snapshot: RolloutSnapshot { robot, mut executor }, detector: mut fault_detector } =
+            moment.clone();
         let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
-        if mirror.is_some() {
+        if fault_detector.is_some() {
             // The devices' clock starts at zero.
             executor.request_images_every(IMAGE_INTERVAL);
         }
@@ -255,12 +256,12 @@ impl Experiment {
         };
         let mut recorder = SessionRecorder::new(robot, SessionWriter::create(file, &session)?);
         let mut watch = LimitWatch::new(shaft_travel(&model.hand), &model.arm);
-        let before = ticks_before(mirror.is_some());
+        let before = ticks_before(fault_detector.is_some());
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executor)?;
             watch.check(recorder.robot());
-            if let (Some(mirror), Some(sent)) = (&mut mirror, &sent) {
-                mirror.update(&TickMeasurements::from_executor(&executor, plant.lock().time(), sent, None));
+            if let (Some(fault_detector), Some(sent)) = (&mut fault_detector, &sent) {
+                fault_detector.update(&TickMeasurements::from_executor(&executor, plant.lock().time(), sent, None));
             }
         }
         if recorder.robot().state() != SupervisorState::Running {
@@ -276,7 +277,7 @@ impl Experiment {
             alive: true,
             watcher: None,
             reported_state: SupervisorState::Running,
-            detector: mirror,
+            detector: fault_detector,
             faults: Vec::new(),
             hold_time: None,
         })
@@ -343,9 +344,9 @@ impl Experiment {
         if self.recorder.robot().state() != SupervisorState::Running {
             self.hold_time = self.hold_time.or_else(|| Some(self.plant.lock().time()));
         }
-        let (Some(mirror), Some(sent), None) = (&mut self.detector, sent, self.hold_time) else { return };
+        let (Some(fault_detector), Some(sent), None) = (&mut self.detector, sent, self.hold_time) else { return };
         let time = self.plant.lock().time();
-        self.faults.extend_from_slice(mirror.update(&TickMeasurements::from_executor(
+        self.faults.extend_from_slice(fault_detector.update(&TickMeasurements::from_executor(
             &self.executor,
             time,
             sent,

@@ -49,10 +49,10 @@ mod tests {
             assert!(has(&plan.first, 0, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
             assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
             let mut numbers = BTreeSet::new();
-            for (id, worth) in &plan.second_grasps {
+            for (id, score) in &plan.second_grasps {
                 assert!(has(&plan.second, 1, *id), "{pair:?}: second grasp {id}");
                 assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
-                assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
+                assert!((0.0..=1.0).contains(score), "{pair:?}: second grasp {id} is worth {score}");
             }
         }
         for plan in &plans.pairs {

@@ -276,9 +276,10 @@ impl GraspPair {
         let others =
             self.alternative_firsts.iter().filter(|other| self.verification.is_none() || other.verification.is_some());
         let others = others.map(|other| {
-            let proven = other.verification.iter().flat_map(|proof| proof.grasps.iter().map(|proven| proven.grasp));
+            let verified =
+                other.verification.iter().flat_map(|proof| proof.grasps.iter().map(|verified| verified.grasp));
             let numbers = match &other.verification {
-                Some(_) => proven.collect(),
+                Some(_) => verified.collect(),
                 None => other.outcomes.iter().map(|outcomes| outcomes.grasp).collect::<Vec<_>>(),
             };
             let second = numbers.into_iter().map(|id| {
@@ -305,8 +306,8 @@ impl GraspPair {
 
 /// True if the grasp was tried under errors.
 fn was_tested(outcomes: &[GraspOutcomes], proof: &Option<Verification>, id: u32) -> bool {
-    let proven = proof.iter().flat_map(|proof| &proof.grasps).any(|proven| proven.grasp == id);
-    proven || outcomes.iter().any(|outcomes| outcomes.grasp == id)
+    let verified = proof.iter().flat_map(|proof| &proof.grasps).any(|verified| verified.grasp == id);
+    verified || outcomes.iter().any(|outcomes| outcomes.grasp == id)
 }
 
 /// Returns a grasp with its rehearsals. If some grasps were proven, the rehearsals of the others are too optimistic,

@@ -133,10 +133,10 @@ impl<'a> FirstGraspRollout<'a> {
 /// not reach the object or the grasp does not hold it.
 pub fn roll_out_first(
     world: &SimulatedWorld,
-    rehearsal: &FirstGraspRollout<'_>,
+    rollout: &FirstGraspRollout<'_>,
     board: &TactileBoard,
 ) -> Result<Option<(RolloutSnapshot, HoldOutcome)>> {
-    let FirstGraspRollout { protocol, start, grasps, noise } = *rehearsal;
+    let FirstGraspRollout { protocol, start, grasps, noise } = *rollout;
     let Some(first) = grasps.first() else { return Ok(None) };
     let objects = grasps.iter().map(|grasp| world.object(&grasp.object)).collect::<Result<Vec<_>>>()?;
     let seen = world.detected_objects(&objects, noise)[0];

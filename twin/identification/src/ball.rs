@@ -178,9 +178,9 @@ pub fn plan_approach(
         }
         let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
         let mut way: Vec<Joints> = Vec::with_capacity(looks + 1);
-        for look in 0..=looks {
+        for snapshot in 0..=looks {
             let seed = way.last().unwrap_or(&hover);
-            let next = kinematics.solve(&palm_at(&turn, early - look as f64 * ball.stride), seed)?;
+            let next = kinematics.solve(&palm_at(&turn, early - snapshot as f64 * ball.stride), seed)?;
             // A jump to another branch of the inverse kinematics is not a straight way.
             if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
                 return None;

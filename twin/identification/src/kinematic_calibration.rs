@@ -102,12 +102,12 @@ pub struct KinematicCalibration {
 }
 
 /// Returns the places of an individual's kinematic parameters.
-pub fn kinematic_parameters(individual: &RobotInstance) -> Vec<usize> {
+pub fn kinematic_parameters(instance: &RobotInstance) -> Vec<usize> {
     let kinematic = |quantity| {
         use Quantity::{ArmEncoder, JointZero, MountPosition, MountTurn};
         matches!(quantity, ArmEncoder | MountPosition | MountTurn | JointZero)
     };
-    let parameters = individual.parameters();
+    let parameters = instance.parameters();
     (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
 }
 
@@ -136,13 +136,13 @@ struct CalibrationSearch<'a> {
 
 impl CalibrationSearch<'_> {
     fn instance_at(&self, p: &[f64]) -> RobotInstance {
-        let mut individual = self.from.clone();
+        let mut instance = self.from.clone();
         for (place, z) in self.places.iter().zip(p) {
-            let spread = &individual.parameters()[*place].prior;
+            let spread = &instance.parameters()[*place].prior;
             let deviation = spread.mean + z * spread.sigma;
-            individual.set(*place, deviation);
+            instance.set(*place, deviation);
         }
-        individual
+        instance
     }
 
     fn ball_center(&self, p: &[f64]) -> Point3<f64> {
@@ -162,8 +162,8 @@ impl CalibrationSearch<'_> {
 
     /// Returns the vector from the ball's centre to the centre that each touch gives, m, with its covariance, m2.
     fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
-        let individual = self.instance_at(p);
-        let (robot, middle) = (individual.apply_to_robot(self.robot), self.ball_center(p));
+        let instance = self.instance_at(p);
+        let (robot, middle) = (instance.apply_to_robot(self.robot), self.ball_center(p));
         let of = |touch: &BallTouch| {
             let pad = self.robot.hand.cameras[touch.camera].pad;
             let alike = |n: usize, sigma: [f64; 3]| self.vector(p, n).component_mul(&Vector3::from(sigma));

@@ -78,8 +78,9 @@ pub fn gallery_grasp(hand: &GraspingHand, kind: &GraspKind<'_>) -> GalleryGrasp 
     if let Some([far, turned]) = grasp.moved {
         text += &format!("- closing moved the object {:.1} mm, {:.0} deg\n", 1e3 * far, turned.to_degrees());
     }
-    if let Some(proof) = grasp.verified_load {
-        text += &format!("- verified for {:.0} g, holds {:.0} g\n", 1e3 * proof.mass, 1e3 * proof.payload);
+    if let Some(verification) = grasp.verified_load {
+        text +=
+            &format!("- verified for {:.0} g, holds {:.0} g\n", 1e3 * verification.mass, 1e3 * verification.payload);
     }
     text += &format!("- chain {}", grasp.chain);
     let contacts = grasp.contacts.iter().map(|contact| GalleryContact {

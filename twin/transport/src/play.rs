@@ -128,8 +128,8 @@ impl TransportSite {
         };
         loop {
             let RolloutSnapshot { robot, executor } = &mut progress.branch;
-            let mut eyes = SimulatedDetector { robot, noise: &self.transport.noise, rng: &mut rng };
-            let step = sequence.decide(executor, &mut eyes)?;
+            let mut detector = SimulatedDetector { robot, noise: &self.transport.noise, rng: &mut rng };
+            let step = sequence.decide(executor, &mut detector)?;
             progress.log_events(sequence.take_reasons());
             progress.record.picks = sequence.picks();
             if step != PolicyStep::Continue {

@@ -114,9 +114,9 @@ fn write_page(
     let about = html! {
         p {
             "The hand takes the " (first) " with ring and little finger, keeps it, and takes the " (second) " with thumb, index and middle finger. \
-            Arm and eyes err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
+            Arm and detector err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
             object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses the grasp and the aim \
-            whose odds are best."
+            whose probabilities are best."
         }
         p {
             "The hand and the task are those of Zhao et al., "

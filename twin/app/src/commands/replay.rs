@@ -216,7 +216,7 @@ fn replay_trial(
             None => return Err(error),
         },
     };
-    let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
+    let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let decided = |record: &TrialRecord| (record.switched, record.retries, record.reason.clone());
     let same = match (&played, &outcome) {
         (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
@@ -230,7 +230,7 @@ fn replay_trial(
         ticks: progress.ticks,
         identical_commands: progress.commands,
         complete: whole,
-        difference: divergence.as_ref().map(ToString::to_string),
+        difference: fault.as_ref().map(ToString::to_string),
         same_decisions: same,
         failed_detection: failed.clone(),
     };
@@ -252,8 +252,8 @@ fn replay_trial(
         }
     }
     let other = describe_other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
-    let shortfall = match (divergence, same) {
-        (Some(divergence), _) => Some(format!("{divergence}{other}")),
+    let shortfall = match (fault, same) {
+        (Some(fault), _) => Some(format!("{fault}{other}")),
         (None, _) if progress.commands == 0 && failed.is_none() => {
             Some("the recording ends before its first command: nothing was compared".to_owned())
         }

@@ -138,7 +138,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     if args.robot != BackendKind::Sim {
         bail!(
             "--robot {}: found a body that does not see where the balls lie after each trip, expected sim: a transport looks at all of them before \
-             it goes on, which only the simulated eyes do",
+             it goes on, which only the simulated detector do",
             args.robot.name()
         );
     }
@@ -159,10 +159,10 @@ fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Resul
     scenario.effects = Effects::default();
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = grasp_verification::builtin::repertoire()?;
-    let mut proven = from_repertoire(&world, &repertoire)?;
-    proven.extend(SkillFile::builtin()?.skills);
+    let mut verified = from_repertoire(&world, &repertoire)?;
+    verified.extend(SkillFile::builtin()?.skills);
     if let Some(path) = more {
-        proven.extend(read_skills(path).context("--skills")?.skills);
+        verified.extend(read_skills(path).context("--skills")?.skills);
     }
     let mut sizes: Vec<f64> = Vec::new();
     let mut kind = Vec::new();
@@ -172,7 +172,7 @@ fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Resul
             sizes.len() - 1
         }));
     }
-    let numbered = for_sizes(&proven, &sizes);
+    let numbered = for_sizes(&verified, &sizes);
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
     let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);

@@ -78,8 +78,8 @@ impl Branches<'_> {
 
     /// Plays the user's own policy.
     fn play_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, detection_noise: looks } = self;
-        let options = bench.branch_settings(id, looks.clone());
+        let Self { bench, setup, start, detection_noise: detections } = self;
+        let options = bench.branch_settings(id, detections.clone());
         if bench.skips_planned_grasp(Condition::External) {
             return bench.play_external_policy(&setup.begin_at_rest(bench, None, watcher)?, options, watcher);
         }
@@ -93,8 +93,8 @@ impl Branches<'_> {
         means: PolicyCapabilities,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, detection_noise: looks } = self;
-        let options = bench.branch_settings(id, looks.clone());
+        let Self { bench, setup, start, detection_noise: detections } = self;
+        let options = bench.branch_settings(id, detections.clone());
         if let Some(why) = bench.intact_grasps.as_ref().and_then(|intact| intact.impossible.get(&id.combination)) {
             return bench.declined_trial(setup, id, why, watcher);
         }

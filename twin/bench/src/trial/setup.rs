@@ -147,13 +147,13 @@ impl<'a> InitialConditions<'a> {
 
     /// Sets up a trial with its noise and disturbances. Returns also the generators of its later looks.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, DetectionNoise)> {
-        let (noise, camera_noise, looks) = draw_noise(bench, combination, trial)?;
+        let (noise, camera_noise, detections) = draw_noise(bench, combination, trial)?;
         let mut setup = Self::planned(bench, combination, noise, camera_noise).with_drift(bench, combination, trial);
         setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
             setup.grasp_pair = ball_sizes::pair_for_trial(&setup.grasp_pair, sweep, trial);
         }
-        Ok((setup, looks))
+        Ok((setup, detections))
     }
 
     /// Adds the camera drift drawn for a trial, if the scenario has one.
@@ -364,9 +364,9 @@ pub fn draw_noise(bench: &Bench, combination: usize, trial: usize) -> Result<(Tr
     let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
     let stream = Effect::Detector.draw_rng(seed, combination, trial);
     let sight = scenario.effects.detector.map(|eyes| DetectorModel::draw(eyes, &scenario.noise.perception, stream));
-    let mut looks = DetectionNoise::new(rng, sight);
-    let noise = looks.first_detection(&noise, &objects, &world.objects, &world.object_poses(&objects, &noise));
-    Ok((noise, camera_noise, looks))
+    let mut detections = DetectionNoise::new(rng, sight);
+    let noise = detections.first_detection(&noise, &objects, &world.objects, &world.object_poses(&objects, &noise));
+    Ok((noise, camera_noise, detections))
 }
 
 /// Returns perception with the backgrounds that the body has shown.

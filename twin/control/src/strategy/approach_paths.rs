@@ -51,25 +51,25 @@ pub(super) fn first_clear_option<T>(
 pub fn clear_via_poses(
     moving: &[Solid],
     fixed: &[Solid],
-    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
+    paths: impl Iterator<Item = Vec<Isometry3<f64>>>,
     path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
 ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
-    let best = first_clear_option(ways, PALPATION_CLEARANCE, |stops| clearance_after(stops, moving, fixed, &path))?;
+    let best = first_clear_option(paths, PALPATION_CLEARANCE, |stops| clearance_after(stops, moving, fixed, &path))?;
     Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
 }
 
-/// First way that keeps the held object clear enough of the table and of `target` at `percept`, else the way with the
+/// First way that keeps the held object clear enough of the table and of `target` at `detected`, else the way with the
 /// largest clearance. `None` if every way makes them collide.
 pub fn clearest_palpation(
     hand: &Hand,
     held: &HeldObject,
-    (target, percept): (&[Solid], &DetectedObject),
-    ways: impl Iterator<Item = PalpationPaths>,
+    (target, detected): (&[Solid], &DetectedObject),
+    paths: impl Iterator<Item = PalpationPaths>,
 ) -> Result<Option<PalpationPaths>, StrategyError> {
     let moving = held_solids(hand, held, (&held.pose, &held.joints));
-    let mut fixed = transformed(target, &percept.pose());
+    let mut fixed = transformed(target, &detected.pose());
     fixed.push(Solid::table(0.0));
-    let best = first_clear_option(ways, PALPATION_CLEARANCE, |way: &PalpationPaths| {
+    let best = first_clear_option(paths, PALPATION_CLEARANCE, |way: &PalpationPaths| {
         let mut clearance = f64::INFINITY;
         for path in [&way.approach, &way.guarded_motion] {
             let found = clearance_along(path, &moving, &fixed, 2000)?;

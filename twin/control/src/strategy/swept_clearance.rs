@@ -129,8 +129,8 @@ impl<'a> ClearanceScene<'a> {
         let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
         // Rehearsals after many holds have met the obstacles of each of them.
-        let proven = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
-        let contact = if proven || taking > NO_CONTACT_SIGMAS * self.sigma {
+        let verified = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
+        let contact = if verified || taking > NO_CONTACT_SIGMAS * self.sigma {
             0.0
         } else {
             let known = match &self.rollout_solids {

@@ -160,7 +160,7 @@ fn from_row(object: &str, row: GraspRow) -> Result<HeldGrasp, String> {
             return Err(format!("{field}: found a quaternion of length {length:.4}, expected 1"));
         }
     }
-    let (margin, penetration, proof) = match checks[..] {
+    let (margin, penetration, verification) = match checks[..] {
         [margin, penetration] => (margin, penetration, None),
         [margin, penetration, mass, friction, payload] => {
             let kg = |grams: i64| grams as f64 / per_unit::MASS;
@@ -193,7 +193,7 @@ fn from_row(object: &str, row: GraspRow) -> Result<HeldGrasp, String> {
         held_without_tension: None,
         moved: Some(from_steps(&moved, per_unit::MOTION)),
         energy: Some(energy as f64 / per_unit::ENERGY),
-        verified_load: proof,
+        verified_load: verification,
     })
 }
 

@@ -53,7 +53,7 @@ impl Watcher for TruthRecorder {
 
 /// Runs the mode `sound` with arguments `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
 pub fn main(arguments: &[String]) -> Result<()> {
-    let [seed, from, to, plant, conditions, trials, individual @ ..] = arguments else {
+    let [seed, from, to, plant, conditions, trials, instance @ ..] = arguments else {
         bail!(
             "expected sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL], found {} after sound",
             arguments.len()
@@ -61,7 +61,7 @@ pub fn main(arguments: &[String]) -> Result<()> {
     };
     let (from, to, trials): (usize, usize, usize) = (from.parse()?, to.parse()?, trials.parse()?);
     let conditions = conditions.split(',').map(str::parse).collect::<Result<Vec<Condition>, _>>()?;
-    let bench = prepare_bench(to, seed.parse()?, plant.parse()?, individual.first())?;
+    let bench = prepare_bench(to, seed.parse()?, plant.parse()?, instance.first())?;
     let (mut seconds, mut wrongly) = (0.0, 0);
     for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
         let mut truths = TruthRecorder {

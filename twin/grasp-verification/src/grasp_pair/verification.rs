@@ -146,14 +146,14 @@ impl Verification {
 
     /// Returns the share of the draws in which the grasp that holds most often holds its object.
     pub fn best_share(&self) -> f64 {
-        let held = |proven: &VerifiedGrasp| proven.near.chars().filter(|letter| *letter == 'h').count();
+        let held = |verified: &VerifiedGrasp| verified.near.chars().filter(|letter| *letter == 'h').count();
         self.grasps.iter().map(held).max().unwrap_or(0) as f64 / self.holds.len().max(1) as f64
     }
 
     /// Returns the rehearsals of `grasp`, with the errors in axes that turn with its heading. `None` if it is not among
     /// the proven grasps.
     pub fn rollouts(&self, grasp: &Grasp) -> Result<Option<Vec<Rollout>>> {
-        let Some(proven) = self.grasps.iter().find(|proven| proven.grasp == grasp.id) else { return Ok(None) };
+        let Some(verified) = self.grasps.iter().find(|verified| verified.grasp == grasp.id) else { return Ok(None) };
         let narrow = (0..self.holds.len()).map(|number| draw_errors(ErrorMagnitude::Residual, number));
         let draws = self.holds.iter().zip(narrow).zip(wide_errors(self.holds.len()));
         let draws = draws.filter_map(|((hold, narrow), wide)| {
@@ -162,8 +162,8 @@ impl Verification {
             Some((hold, narrow, narrow + wide))
         });
         let draws: Vec<_> = draws.collect();
-        let near = proven.near.chars().zip(&draws).map(|(letter, (hold, error, _))| (letter, hold, error));
-        let wide = proven.wide.chars().zip(&draws).map(|(letter, (hold, _, error))| (letter, hold, error));
+        let near = verified.near.chars().zip(&draws).map(|(letter, (hold, error, _))| (letter, hold, error));
+        let wide = verified.wide.chars().zip(&draws).map(|(letter, (hold, _, error))| (letter, hold, error));
         let tried = near.chain(wide).map(|(letter, hold, error)| {
             Ok(Rollout { hold: Some(*hold), ..Rollout::new(*error, parse_outcome(grasp.id, letter)?) })
         });
@@ -303,11 +303,11 @@ impl<'a> GraspVerifier<'a> {
     /// proven, the one after which the known second grasps go best.
     fn verify_another(&self, race: &Race, plan: &mut GraspPair) -> Result<()> {
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
-        let proven: Vec<u32> =
-            plan.verification.iter().flat_map(|proof| &proof.grasps).map(|proven| proven.grasp).collect();
+        let verified: Vec<u32> =
+            plan.verification.iter().flat_map(|proof| &proof.grasps).map(|verified| verified.grasp).collect();
         let known =
             self.repertoire.for_digits(&plan.second, &sets[1]).chain(plan.variations_for(&plan.second, &sets[1]));
-        let seconds: Vec<Grasp> = known.filter(|grasp| proven.contains(&grasp.id)).cloned().collect();
+        let seconds: Vec<Grasp> = known.filter(|grasp| verified.contains(&grasp.id)).cloned().collect();
         let done =
             plan.alternative_firsts.iter().filter(|other| other.verification.is_some()).map(|other| other.first_grasp);
         let done: Vec<u32> = done.chain([plan.first_grasp]).collect();
@@ -406,7 +406,10 @@ mod tests {
         let proof = plan.verification.as_ref().expect("a proof");
         let held = proof.holds.iter().flatten().count();
         assert!(proof.holds.len() == 3 && held > 0 && proof.best_share() > 0.5, "{proof:?}");
-        assert!(proof.grasps.iter().all(|proven| proven.near.len() == held && proven.wide.len() <= 1), "{proof:?}");
+        assert!(
+            proof.grasps.iter().all(|verified| verified.near.len() == held && verified.wide.len() <= 1),
+            "{proof:?}"
+        );
         let grasps = plan.grasps(&world.cell.robot.hand, &repertoire).expect("the grasps");
         assert!(!grasps.second_candidates[0].rollouts.is_empty());
         let found = plan.variations.iter().filter(|grasp| grasp.id >= race::FIRST_NUMBER);

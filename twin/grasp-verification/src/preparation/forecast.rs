@@ -43,8 +43,8 @@ pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String
 
 /// Describes how reliable the pairs are that did not come with a plan: those with a proof by name, the others together.
 pub fn describe_verification<'a>(plans: impl Iterator<Item = &'a GraspPair>) -> Vec<String> {
-    let (proven, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.verification.is_some());
-    let sure = proven.iter().map(|plan| {
+    let (verified, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.verification.is_some());
+    let sure = verified.iter().map(|plan| {
         let best = plan.reversed.iter().map(|other| other.best_share()).fold(plan.best_share(), f64::max);
         let draws = plan.verification.iter().map(|proof| proof.holds.len()).max().unwrap_or(0);
         format!(

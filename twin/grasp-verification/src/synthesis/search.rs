@@ -99,8 +99,8 @@ pub fn search(
         }
         // A proof costs more than all earlier steps, so only the grasps that are kept get one.
         kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
-            let proof: VerifiedLoad = synthesizer.verified_load(checked);
-            record::add_verification(hand, checked, proof, grasp);
+            let verification: VerifiedLoad = synthesizer.verified_load(checked);
+            record::add_verification(hand, checked, verification, grasp);
         });
         if let Some(writer) = &mut writer {
             for grasp in &kept[before..] {

@@ -78,18 +78,20 @@ pub fn under_changes(
         .chain(changes)
         .map(|change| {
             let hand = &bench.world.cell.robot.hand;
-            let eyes = [CameraUnit::new(hand, HAND_UNIT, change)?, CameraUnit::new(hand, HAND_UNIT + 1, change)?];
-            let look_up = simulated_touch_pipeline(&bench.world.cell.robot, eyes[0].backgrounds())?;
-            let sampled: Vec<SampledPress> = press_unseen_shapes(&eyes, bench.seed)?;
+            let detector = [CameraUnit::new(hand, HAND_UNIT, change)?, CameraUnit::new(hand, HAND_UNIT + 1, change)?];
+            let look_up = simulated_touch_pipeline(&bench.world.cell.robot, detector[0].backgrounds())?;
+            let sampled: Vec<SampledPress> = press_unseen_shapes(&detector, bench.seed)?;
             let normals = NormalMethod::ALL
-                .map(|method| Ok((method, evaluate_normals(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
+                .map(|method| {
+                    Ok((method, evaluate_normals(&sampled, &detector, &networks.pipeline(&look_up, method))?))
+                })
                 .into_iter()
                 .collect::<Result<_>>()?;
             let poses = NormalMethod::ALL
                 .into_iter()
                 .filter(|method| !some.is_empty() && (*method == METHOD_IN_USE || *change == OpticsChange::NONE))
                 .map(|method| {
-                    let felt = evaluate_poses(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
+                    let felt = evaluate_poses(bench, &detector[0], &networks.pipeline(&look_up, method), &some, || {})?;
                     Ok((method, error_percentiles(&felt, PoseSource::Touch, |_| true)))
                 })
                 .collect::<Result<_>>()?;

@@ -110,14 +110,14 @@ fn check_servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<SetupFind
         whole += u32::from(hand.read(0.0)?.iter().all(Option::is_some));
     }
     let rate = f64::from(CYCLE_COUNT) / started.elapsed().as_secs_f64();
-    let books = hand.bus.statistics();
-    let ms = |share| books.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
+    let queue = hand.bus.statistics();
+    let ms = |share| queue.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let wanted = config.servos.rate;
     findings.push(SetupFinding::new("reads of all servos a second", format!("{rate:.0}"), wanted, rate >= wanted));
     let complete = format!("{whole} of {CYCLE_COUNT}");
     findings.push(SetupFinding::new("complete reads", complete, "99 % or more", whole * 100 >= CYCLE_COUNT * 99));
     let period = format!("p99 below {:.1}", 1e3 / wanted);
-    let in_time = books.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
+    let in_time = queue.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
     findings.push(SetupFinding::new(
         "round trip p50 / p99, ms",
         format!("{} / {}", ms(0.5), ms(0.99)),

@@ -224,7 +224,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     settings.servos = settings.servos.into_iter().map(|servo| servo.with_firmware(args.firmware)).collect();
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
     std::fs::create_dir_all(&args.dir).with_context(|| display_path(&args.dir))?;
-    let door = TableEndpoint::open(&args.dir.join(REQUEST_SOCKET), args.keys)?;
+    let endpoint = TableEndpoint::open(&args.dir.join(REQUEST_SOCKET), args.keys)?;
     let hand = EmulatedHand::start(plant, settings, &robot)?;
     let camera = start_vision(args, table.as_ref(), terminal.seed)?;
     let arm = match args.springs {
@@ -262,7 +262,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     terminal.print(&started, &text)?;
     let truth = (args.truth.is_some() || args.live).then(|| TruthRecorder::new(args.truth.clone(), args.live));
     let mut running = RunningDevices { robot, hand, arm, table, breakable, truth };
-    run_devices(args, &mut running, mishaps, &door)?;
+    run_devices(args, &mut running, mishaps, &endpoint)?;
     print_stops(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
@@ -271,14 +271,14 @@ fn run_devices(
     args: &EmulateArgs,
     running: &mut RunningDevices,
     mut pending: Vec<(f64, EmulatorFault)>,
-    door: &TableEndpoint,
+    endpoint: &TableEndpoint,
 ) -> Result<()> {
     // Ctrl-C ends the loop, so that a recording is finished.
     let interrupt = Interrupt::catch()?;
     let started = Instant::now();
     while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
         std::thread::sleep(POLL_INTERVAL);
-        for request in door.requests() {
+        for request in endpoint.requests() {
             let outcome = running.execute_request(&request.line);
             request.answer(outcome);
         }
@@ -389,7 +389,9 @@ fn start_vision(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) ->
     let settings = EmulatedDetectorSettings { sigma: DETECTOR_SIGMA, seed, period: Some(VISION_PERIOD) };
     let table = table.clone();
     let sight = move || table.placed_objects().0.into_iter().zip(table.plant().lock().truth().objects).collect();
-    EmulatedDetector::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--detector {address}"))
+    EmulatedDetector::start(address, settings, Box::new(sight))
+        .map(Some)
+        .with_context(|| format!("--detector {address}"))
 }
 
 /// Runs `--send`: sends `line` to the emulator that runs in `dir` and prints its answer.

@@ -80,9 +80,10 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available_threads).max(1) };
-    let MatrixRequest { seed, rounds, kinds, phases, detector: mirror, .. } = request;
+    let MatrixRequest { seed, rounds, kinds, phases, detector: fault_detector, .. } = request;
     let (record, live) = (args.record.clone(), args.live);
-    let matrix = FaultMatrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, with_detector: mirror };
+    let matrix =
+        FaultMatrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, with_detector: fault_detector };
     if !quiet {
         eprintln!("outcomes go into {} as they come", ledger.folder.display());
     }

@@ -74,8 +74,8 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
         None => ("balls".to_owned(), "balls of the registration".to_owned(), ball_objects(&robot, terminal.seed)?),
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
-    let drawing = draw_sheet(&title, &standing);
-    ftac_platform::data::write_atomically(&out, drawing.as_bytes())?;
+    let nominal = draw_sheet(&title, &standing);
+    ftac_platform::data::write_atomically(&out, nominal.as_bytes())?;
     let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
         let [x_m, y_m, z_m] = place.translation.vector.into();
         PlacedObject { object: object.name.clone(), x_m, y_m, z_m, turn_rad: yaw(place) }

@@ -61,7 +61,7 @@ pub struct StopReport {
 
 /// Runs `ftac bridge stop`.
 pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
-    let wish = if args.release { RemoteCommand::Release } else { RemoteCommand::Hold };
+    let command = if args.release { RemoteCommand::Release } else { RemoteCommand::Hold };
     let (sockets, looked) = sockets(args);
     if args.release && sockets.len() > 1 {
         let robots = answering(remote::ask_all(&sockets, RemoteCommand::State));
@@ -71,7 +71,7 @@ pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
             bail!("found {count} robots, expected one to let go of: name it by --config or --socket ({listed})");
         }
     }
-    let answers = answering(remote::ask_all(&sockets, wish));
+    let answers = answering(remote::ask_all(&sockets, command));
     if answers.is_empty() {
         return stop_without_bridge(terminal, args, &looked);
     }

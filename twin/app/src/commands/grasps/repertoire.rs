@@ -213,10 +213,10 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
             &mut plans,
             verification::VerificationEffort::of_level(args.effort),
             quiet,
-            |proven| {
+            |verified| {
                 let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(pair) = written.pairs.iter_mut().find(|pair| pair.objects() == proven.objects()) {
-                    *pair = proven.clone();
+                if let Some(pair) = written.pairs.iter_mut().find(|pair| pair.objects() == verified.objects()) {
+                    *pair = verified.clone();
                 }
                 written.write(&args.out)
             },

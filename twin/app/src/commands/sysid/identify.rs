@@ -68,26 +68,26 @@ pub struct IdentifyOutput<'a> {
 }
 
 pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
-    let drawing = NominalModel::new(args.model.model()?)?;
+    let nominal = NominalModel::new(args.model.model()?)?;
     let mut traces = Vec::new();
     for path in session_files(&args.sessions)? {
-        let trace = Trace::read(&path, &drawing.robot)?;
+        let trace = Trace::read(&path, &nominal.robot)?;
         if !trace.is_complete {
             eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
         }
         traces.push(trace);
     }
-    let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
+    let found = identify(&nominal.robot, nominal.losses, &nominal.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
-    let text = found.robot.to_toml(&drawing.robot, &program)?;
+    let text = found.robot.to_toml(&nominal.robot, &program)?;
     ftac_platform::data::write_atomically(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
-    let (actuators, parameters) = result_rows(&drawing, &found);
+    let (actuators, parameters) = result_rows(&nominal, &found);
     ftac_platform::data::write_atomically(
         &page,
         report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
     )?;
-    let (pads, told) = write_pad_calibration(args, calibrate_pads(&drawing.robot.hand, &drawing.pads, &traces))?;
+    let (pads, told) = write_pad_calibration(args, calibrate_pads(&nominal.robot.hand, &nominal.pads, &traces))?;
     let kinematics = &found.kinematics;
     let identified = IdentifyOutput {
         touches: kinematics.touches,
@@ -172,8 +172,8 @@ fn session_files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns the result as rows for pages and terminal: actuators and parameters.
-fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
-    let names = drawing.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+fn result_rows(nominal: &NominalModel, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
+    let names = nominal.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
     let actuators = names
         .zip(&found.fits)
         .map(|(actuator, fit)| ActuatorRow {

@@ -92,9 +92,10 @@ fn best_picks(pickups: &[PickSkill], thing: &ReachableObject, holding: &[Digit])
         if pickup.grasp.digits.iter().any(|digit| holding.contains(digit)) {
             continue;
         }
-        let proven = pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
+        let verified =
+            pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
         let score = pickup.grasp.score
-            * if proven { 1.0 } else { score::UNVERIFIED_PICK_FACTOR }
+            * if verified { 1.0 } else { score::UNVERIFIED_PICK_FACTOR }
             * score::FAILURE_FACTOR.powi(failures);
         if score < score::MIN_PICK_SCORE {
             continue;

@@ -255,10 +255,10 @@ impl<'a> Race<'a> {
             poses.push(pose);
             let HeldExtent(extent) = HeldExtent::from_shape(&object.shape, &pose);
             holds.push(Some(extent.map(|reach| (reach * 1e5).round() / 1e2)));
-            for (grasp, proven) in kept.iter().zip(&mut grasps) {
-                proven.near.push(outcome_letter(try_second(&hold, grasp)?));
+            for (grasp, verified) in kept.iter().zip(&mut grasps) {
+                verified.near.push(outcome_letter(try_second(&hold, grasp)?));
                 if let Some(error) = wide.get(number) {
-                    proven.wide.push(outcome_letter(try_second(&hold, &misaimed(grasp, error, 1))?));
+                    verified.wide.push(outcome_letter(try_second(&hold, &misaimed(grasp, error, 1))?));
                 }
             }
         }

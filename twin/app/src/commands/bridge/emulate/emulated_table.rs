@@ -60,15 +60,15 @@ pub struct EmulatedTable {
 }
 
 impl EmulatedTable {
-    /// Builds the table and robot `individual` (0 is the nominal robot), with the objects of `wish`. If seed `mount` is
+    /// Builds the table and robot `instance` (0 is the nominal robot), with the objects of `wish`. If seed `mount` is
     /// given, the base stands at a hidden pose drawn from it.
     pub fn new(
         robot: &RobotModel,
         wish: TableCommand,
-        (mount, individual): (Option<u64>, u64),
+        (mount, instance): (Option<u64>, u64),
         seed: u64,
     ) -> Result<Self> {
-        let mut bench = make_instance_bench(individual, robot, Scenario::benchmark(), COMBINATION_COUNT, seed, true)?;
+        let mut bench = make_instance_bench(instance, robot, Scenario::benchmark(), COMBINATION_COUNT, seed, true)?;
         let plan = RegistrationPlan::standard()?;
         if let Some(seed) = mount {
             bench.world.true_world_from_base = hidden_mount(&plan, seed);
