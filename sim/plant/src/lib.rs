@@ -2,8 +2,8 @@
 //!
 //! [`arm`] and [`object`] describe one arm and one object, sampled for each trial. [`robot`] is one instance of the
 //! nominal model, [`prior`] the prior of each of its parameters, and [`identified`] the file with the parameters
-//! identified for one instance. [`gel`] describes the compliance of the covers, [`cameras`] the failures of cameras. Only
-//! simulator, benchmark and identification use this crate: no controller does.
+//! identified for one instance. [`gel`] describes the compliance of the covers, [`cameras`] the failures of cameras.
+//! Only simulator, benchmark and identification use this crate: no controller does.
 
 pub mod arm;
 pub mod cameras;
