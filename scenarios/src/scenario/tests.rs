@@ -83,7 +83,7 @@ fn the_table_lies_under_every_place_within_reach() {
     assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
 }
 
-/// Robots drawn from one model differ in encoders and mount by as much as the arms of the benchmark's trials.
+/// Robot instances differ in encoders and mount by as much as the arms of the benchmark's trials.
 #[test]
 fn individuals_and_trials_have_the_same_arms() {
     use plant::prior::{Quantity, parameters};
