@@ -2,8 +2,8 @@
 //! fits the base pose to them.
 //!
 //! A pad that comes down on the flat table measures only the table's height under it. A ball gives all three
-//! coordinates of its centre, by the same guarded motion and the same registration of touches with which `touch_ball`
-//! palpates an object before grasping it.
+//! coordinates of its centre, by the same guarded motion and the same registration of touches with which the policy
+//! `touch` palpates an object before grasping it.
 
 mod file;
 
