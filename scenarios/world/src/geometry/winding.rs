@@ -1,8 +1,8 @@
 //! Inside-outside test for any set of triangles: the generalized winding number (Jacobson et al. 2013).
 //!
-//! For a closed surface, it is 1 inside and 0 outside. With holes, overlaps and loose ends it varies smoothly instead of
-//! failing. Distant triangles are combined into one dipole (Barill et al. 2018), so that a query costs a walk down a tree
-//! instead of a pass over all triangles.
+//! For a closed surface, it is 1 inside and 0 outside. With holes, overlaps and loose ends it varies smoothly instead
+//! of failing. Distant triangles are combined into one dipole (Barill et al. 2018), so that a query costs a walk down a
+//! tree instead of a pass over all triangles.
 
 use nalgebra::{Point3, Vector3};
 
