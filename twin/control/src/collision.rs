@@ -2,7 +2,7 @@
 //!
 //! The hand is represented by its covers (rounded boxes) at given joint angles. All moving solids are rigid in the palm
 //! frame while the palm follows a [`PosePath`]. Distances are signed; a negative one is a penetration depth. Meshes are
-//! surfaces, not solids: a solid wholly inside a closed mesh is at a positive distance from it. Solids without voids
+//! surfaces, not solids: a solid wholly inside a closed mesh is at a positive distance from it. Meshes of solids
 //! must therefore be given as convex parts (`SharedShape::compound` of hulls).
 
 use std::cmp::Ordering;

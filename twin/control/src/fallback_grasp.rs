@@ -24,7 +24,7 @@ const FIRST_FALLBACK_ID: u32 = 1000;
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
 /// Finds grasps with `digits` for `object`, detected at `detected`, which lies in a pose that none of its own grasps
-/// fits. Some of them have rollouts with the held object: `rehearsed`.
+/// fits. Candidates in `rehearsed` have rollouts with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, detected): (&ObjectModel, &DetectedObject),

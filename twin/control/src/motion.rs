@@ -193,7 +193,7 @@ impl MotionExecutor {
         PosePath::new(vec![(0.0, self.end()), (time, self.end())])
     }
 
-    /// Path that rests for `time` s at the present palm pose, between its ends.
+    /// Path that rests for `time` s at the present palm pose, also before the end of the present path.
     pub fn stop_path(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
     }

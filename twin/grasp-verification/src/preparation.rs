@@ -235,7 +235,7 @@ fn searches(world: &SimulatedWorld, builtin: bool) -> Vec<GraspSearch<'_>> {
     searches
 }
 
-/// Returns the grasps of an object, kept or searched. `for_other_first` are the searches that follow.
+/// Returns the grasps of an object, kept or searched. `after` are the searches that follow.
 fn find_grasps(
     world: &SimulatedWorld,
     repertoire: &Repertoire,

@@ -340,7 +340,7 @@ const WIDE_NOISE_FACTOR: f64 = 1.6;
 /// [`WIDE_NOISE_FACTOR`].
 const NARROW_NOISE_FACTOR: f64 = 0.5;
 
-/// Draws `count` samples of noise wider than a planner expects ([`WIDE_NOISE_FACTOR`]), the same ones for every grasp.
+/// Draws `count` samples of noise wider than a planner expects (`WIDE_NOISE_FACTOR`), the same ones for every grasp.
 pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
     let levels = EXPECTED_NOISE.scaled(WIDE_NOISE_FACTOR);
     let mut rng = trial_rng(VERIFICATION_SEED, 1, 0);

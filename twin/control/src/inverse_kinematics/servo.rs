@@ -159,7 +159,7 @@ impl ArmServo {
         let s = &self.settings;
         let gain = s.gain.min(0.5 / dt);
         let (shift, turn) = displacement(palm, target);
-        // Error relative to the target's present pose, one tick before the target pose.
+        // Error relative to the target's present pose; `target` is its pose one tick later.
         let shift = shift - feedforward.fixed_rows::<3>(0) * dt;
         let turn = turn - feedforward.fixed_rows::<3>(3) * dt;
         let toward = |error: Vector3<f64>, deceleration: f64| {

@@ -67,7 +67,7 @@ impl TouchPolicy<'_> {
         Ok(PolicyStep::Continue)
     }
 
-    /// [`prospects`] of the second object; `None` for the first one, and where no touch is possible.
+    /// [`scores_before_after_touch`] of the second object; `None` for the first one, and where no touch is possible.
     fn touch_scores(&self, object: usize, executor: &Executor) -> Option<[f64; 2]> {
         let felt = self.felt.as_ref().filter(|_| object == 1)?;
         should_palpate(&self.knowledge, &self.senses, self.expected_error(object)).then_some(())?;

@@ -87,7 +87,7 @@ pub(super) struct Race<'a> {
     /// Planned grasp of the second object.
     planned: Grasp,
     pub rng: ChaCha8Rng,
-    /// First number of the grasps found in races after this first grasp. `link_number` is the next one.
+    /// First number of the grasps found in races after this first grasp. `number` is the next one.
     first_number: u32,
     pub number: u32,
 }
