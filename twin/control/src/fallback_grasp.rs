@@ -1,7 +1,7 @@
-//! Stand-ins: substitute grasps for an object that fell over and lies in a way that none of its own grasps expects.
+//! Fallback grasps: substitutes for an object that fell over and lies in a pose that none of its own grasps expects.
 //!
 //! For many such objects the repertoire has grasps, because it lists a fallen can, for example, as an object of its
-//! own. Any other object is grasped like the most similar object of the repertoire as seen from above: a round one like
+//! own. Any other object is grasped like the object of the repertoire that is most similar from above: a round one like
 //! a ball whose centre is at the same height, one with flat sides like a box of the same height. A rod is grasped
 //! across: fingers and thumb close at right angles to its axis.
 
@@ -18,13 +18,13 @@ use crate::score::{self, GraspCandidate};
 
 /// Number of grasps that are adopted from the most similar object.
 const MAX_FALLBACK_GRASPS: usize = 6;
-/// First identifier of stand-ins, so that they are not mistaken for the object's own grasps.
+/// First identifier of fallback grasps, so that they are not mistaken for the object's own grasps.
 const FIRST_FALLBACK_ID: u32 = 1000;
 /// Yaws that are tried with an object that has no axis, rad.
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Finds grasps with `digits` for `object`, seen at `detected`, which lies in a way that none of its own grasps fits.
-/// Some of them were `rehearsed` together with the held object.
+/// Finds grasps with `digits` for `object`, detected at `detected`, which lies in a pose that none of its own grasps
+/// fits. Candidates in `rehearsed` have rollouts with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, detected): (&ObjectModel, &DetectedObject),
@@ -145,7 +145,7 @@ pub(crate) mod tests {
         assert!(yaw_candidates(rod, &lying(crosswise))[0].abs() < 1e-9);
     }
 
-    /// Rehearsals of a fallen object's own grasps come with them. A grasp with another number has none.
+    /// Rollouts of a fallen object's own grasps come with them. A grasp with another number has none.
     #[test]
     fn rehearsals_of_fallen_things_are_known() {
         let set = ObjectSet::standard().with_fallen();
@@ -161,8 +161,8 @@ pub(crate) mod tests {
         assert_eq!(known, [0, 1]);
     }
 
-    /// The grasp of the ball of the same height is adopted, and the hand comes from the intended side whatever the
-    /// percept's yaw.
+    /// The grasp of the ball of the same height is adopted, and the hand comes from the intended side whatever the yaw
+    /// of the detected pose.
     #[test]
     fn a_lying_can_is_grasped_like_the_ball_as_high() {
         let set = ObjectSet::standard();

@@ -24,7 +24,7 @@ use crate::tactile_snapshot::TactileSnapshot;
 
 /// Standard deviations of the planned pose of an object in the hand, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
-/// Lower bounds of these standard deviations for a grasp whose spread of holds is known, m and rad.
+/// Lower bounds of these standard deviations for a grasp with a known distribution of holds, m and rad.
 const MIN_PRIOR_SIGMA: (f64, f64) = (0.003, 0.08);
 
 /// Cell size of the distance grids of meshes, and their margin around the shape, m.
@@ -142,10 +142,10 @@ impl HoldState {
     /// as held if a cable shows that a finger did not close.
     ///
     /// A finger that takes no part in the verified hold of a later grasp, or that stops much later than in that hold,
-    /// has met the thumb and not the object. So has a finger that feels another part of the hand, or of which a pad
-    /// rests on the first object: such contacts are no evidence of a later object. A finger with links that bear no pad
-    /// is compared with its grasp's hold and with an empty closing ([`stops_early`]). Jaws can meet nothing else: a jaw
-    /// that did not close holds the first object.
+    /// has met the thumb and not the object. The same holds for a finger that feels another part of the hand, or of
+    /// which a pad rests on the first object: such contacts are no evidence of a later object. A finger with links that
+    /// bear no pad is compared with its grasp's hold and with an empty closing ([`stops_early`]). Jaws can meet nothing
+    /// else: a jaw that did not close holds the first object.
     pub fn from_evidence(hand: &Hand, signs: &HoldEvidence) -> Self {
         let HoldEvidence { limits, touches, servos, q, objects, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
@@ -232,7 +232,7 @@ pub struct ExpectedHolds<'a> {
 }
 
 impl<'a> ExpectedHolds<'a> {
-    /// Expectations from the `first` grasp and the ones after it; `detected` is the percept of the first object.
+    /// Expectations from the `first` grasp and the ones after it; `detected` is the detected pose of the first object.
     pub fn from_grasps(
         first: &'a Grasp,
         detected: &DetectedObject,
@@ -257,7 +257,7 @@ pub fn pose_in_hand(grasp: &Grasp, detected: &DetectedObject) -> Isometry3<f64> 
     grasp.held.unwrap_or_else(|| grasp.palm_pose(&detected.position, detected.yaw).inverse() * detected.pose())
 }
 
-/// Interprets a look at the hand with `object` as the first object.
+/// Interprets a tactile snapshot of the hand with `object` as the first object.
 pub fn estimate_hold(
     senses: &TouchPerception,
     look: &TactileSnapshot,
@@ -276,8 +276,9 @@ pub fn estimate_hold(
     Ok(ObjectEstimate { object: 0, touches, faults, estimate, prior: prior.palm_from_object, hold_state: grip })
 }
 
-/// Interprets a look, already perceived, at a hand that holds each object with digits of its own, and estimates the
-/// pose of each. Every object is given by its number, its shape, its digits and its expected `palm_from_object`.
+/// Interprets a tactile snapshot, already perceived, of a hand that holds each object with its own digits, and
+/// estimates the pose of each. Every object is given by its number, its shape, its digits and its expected
+/// `palm_from_object`.
 pub fn estimate_each_hold(
     senses: &TouchPerception,
     look: &TactileSnapshot,
@@ -333,7 +334,8 @@ pub fn default_prior(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Determines from a look which objects are in the hand; `objects` are the expected ones, the first one first.
+/// Determines from a tactile snapshot which objects are in the hand; `objects` are the expected ones, the first one
+/// first.
 pub fn detect_hold_state(
     senses: &TouchPerception,
     look: &TactileSnapshot,
@@ -390,7 +392,7 @@ pub(crate) mod tests {
         pulled(hand, share, 10.0)
     }
 
-    /// Grip from the servos alone, with the verified hold of the second grasp.
+    /// Hold state from the servos alone, with the verified hold of the second grasp.
     fn hold_state_from_servos(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> HoldState {
         let (q, sets) = (hand.open_angles(), dexterous_grasping::digit_sets(hand, 2));
         let objects =

@@ -91,7 +91,7 @@ pub struct PickTask<'a> {
     pub max_picks: usize,
 }
 
-/// An object that is believed to be in the hand.
+/// An object that is estimated to be in the hand.
 #[derive(Debug, Clone)]
 struct PickedObject {
     object: usize,
@@ -103,7 +103,7 @@ pub struct PickSequence<'a> {
     task: PickTask<'a>,
     mode: PickMode,
     senses: TouchPerception<'a>,
-    /// Objects that are believed to be still on the table.
+    /// Objects that are assumed to be still on the table.
     remaining: Vec<usize>,
     picked: Vec<PickedObject>,
     /// Remaining picks of the plan.
@@ -166,7 +166,7 @@ impl<'a> PickSequence<'a> {
         Ok(PolicyStep::Continue)
     }
 
-    /// Next pick and the percept of its object; `None` if there is nothing to take.
+    /// Next pick and the detected pose of its object; `None` if there is nothing to take.
     fn next_pick(&mut self, detector: &mut dyn ObjectDetector) -> Result<Option<(Pick, DetectedObject)>, PolicyError> {
         let most = match self.mode {
             PickMode::OneByOne => 1_usize.saturating_sub(self.picked.len()),
@@ -201,7 +201,7 @@ impl<'a> PickSequence<'a> {
         self.picked.iter().flat_map(|had| had.digits.iter().copied()).collect()
     }
 
-    /// Pickups for `object` at its percept that a rotation about the vertical brings within the arm's reach.
+    /// Pickups for `object` at its detected pose that a rotation about the vertical brings within the arm's reach.
     fn ready(&self, object: usize, percept: &DetectedObject) -> ReachableObject {
         let failed = |pickup: usize| self.failures.iter().filter(|failed| **failed == (object, pickup)).count() as i32;
         let item = &self.task.items[object];
@@ -253,7 +253,7 @@ impl<'a> PickSequence<'a> {
         Ok(executor.take(self.picks_since_delivery - 1, GraspTarget { grasp, detected: *percept })?)
     }
 
-    /// Determines the contents of the hand after a pick was played.
+    /// Determines the contents of the hand after a pick was carried out.
     pub fn perceive(&mut self, executor: &mut Executor) -> Result<(), PolicyError> {
         let Some(pick) = self.current_pick.take() else { return Ok(()) };
         let pickup = &self.task.skills[pick.skill];

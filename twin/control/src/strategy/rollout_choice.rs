@@ -1,5 +1,5 @@
-//! Choice by foresight: the options that are best by odds and geometry are played in the twin, one after another, until
-//! one is good.
+//! Choice by look-ahead: the options that are best by outcome probabilities and geometry are rolled out, one after
+//! another, until one is good.
 
 use std::sync::Arc;
 
@@ -16,14 +16,14 @@ use crate::look_ahead::{self, ANTITHETIC_PAIRS, LookAheadSettings, RolloutCounts
 use crate::outcome_model::OutcomeProbabilities;
 use crate::score::SWITCH_GAIN;
 
-/// Utility from which on no further option is played. Set by hand on seed 1.
+/// Score from which on no further option is rolled out. Set by hand on seed 1.
 const GOOD_SCORE: f64 = 0.9;
 
 /// Number of rounds in which the aim of the best option is shifted if none is good, and the size of the shift (m).
 const AIM_SEARCH_ROUNDS: usize = 2;
 const AIM_SHIFT: f64 = 0.005;
 
-/// Inputs for playing candidates in the twin.
+/// Inputs for rollouts of candidates.
 #[derive(Clone, Copy)]
 pub struct LookAhead<'a> {
     pub settings: LookAheadSettings<'a>,
@@ -34,8 +34,8 @@ pub struct LookAhead<'a> {
 }
 
 impl LookAhead<'_> {
-    /// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. They are played in turn until
-    /// one is good.
+    /// Best of `options`, ranked by their outcome probabilities, if it is clearly better than the `plan`. They are
+    /// rolled out in turn until one is good.
     pub(super) fn best<'a>(
         &self,
         situation: &DecisionContext,
@@ -132,13 +132,13 @@ impl LookAhead<'_> {
     }
 }
 
-/// Utility of an option; negative infinity if there is none.
+/// Score of an option; negative infinity if there is none.
 fn score_of(one: Option<&CheckedCandidate>) -> f64 {
     one.map_or(f64::NEG_INFINITY, |one| one.assessment.score)
 }
 
-/// Plays `one` under half of the samples, and under the others if its utility can still exceed `least`. If the arm
-/// finds no way, the odds stay.
+/// Rolls out `one` under half of the samples, and under the others if its score can still exceed `least`. If the arm
+/// finds no path, the outcome probabilities stay.
 fn roll_out(
     executor: &Executor,
     twin: &dyn SampledScene,

@@ -54,8 +54,8 @@ fn bar() -> ObjectModel {
     ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
 }
 
-/// A held bar at the place where the plan closes on the next object makes the choice switch to the grasp that closes
-/// below it.
+/// If a held bar is at the place where the planned grasp closes on the next object, the grasp that closes below it is
+/// chosen.
 #[test]
 fn a_bar_in_the_way_switches_the_grasp() {
     let (switched, plan) = with_bar_at(0.02);
@@ -80,12 +80,12 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
     assert!(!switched);
 }
 
-/// Decision with given rehearsals (plan, other grasp) and a held object that is out of the way.
+/// Decision with given rollouts (plan, other grasp) and a held object that is out of the way.
 fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
     with_twin(rehearsals, None)
 }
 
-/// A twin in which the grasp of this number makes contact and every other one holds.
+/// A rollout model in which the grasp of this number makes contact and every other one holds.
 struct OneContactModel(u32);
 
 impl RolloutModel for OneContactModel {
@@ -101,7 +101,7 @@ impl SampledScene for OneContactModel {
     }
 }
 
-/// Like [`with_rehearsals`], with a twin in which the candidates are played first.
+/// Like [`with_rehearsals`], with a rollout model in which the candidates are rolled out first.
 fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn RolloutModel>) -> Decision {
     let table = Table::new();
     let mut executor = table.executor();
@@ -169,7 +169,7 @@ fn the_aim_leaves_the_side_that_touches() {
     assert!(decision.chosen.risk < decision.planned.risk - 0.1, "{}", decision.reason);
 }
 
-/// A plan that is good in rehearsals is given up when it makes contact in the twin, and the reason says so.
+/// A plan that is good in its rollouts is given up when it makes contact in the look-ahead, and the reason states this.
 #[test]
 fn what_touches_in_the_twin_is_left() {
     let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
@@ -177,7 +177,7 @@ fn what_touches_in_the_twin_is_left() {
     assert!(!with_rehearsals(held).switched);
     let decision = with_twin(held, Some(&OneContactModel(plan)));
     assert!(decision.switched && decision.planned.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
-    assert!(decision.reason.contains("of 8 tries in the twin 8 hold and 0 touch"), "{}", decision.reason);
+    assert!(decision.reason.contains("of 8 rollouts 8 hold and 0 make contact"), "{}", decision.reason);
     let decision = with_twin(held, Some(&OneContactModel(other)));
     assert!(!decision.switched && decision.planned.risk < 0.1, "{}", decision.reason);
 }

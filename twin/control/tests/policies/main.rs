@@ -30,7 +30,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
     assert!(blind.trace().is_as_planned() && blind.trace().reasons.is_empty());
 }
 
-/// A percept returns the pose from which it was made.
+/// A detected pose returns the pose from which it was made.
 #[test]
 fn a_percept_keeps_the_pose() {
     let table = Table::new();

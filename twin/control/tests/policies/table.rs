@@ -1,4 +1,4 @@
-//! A constructed table, with a robot above it and its eyes.
+//! A constructed table, with a robot above it and its object detector.
 
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f
     }
 }
 
-/// A robot above a table with two objects in front of it, and the knowledge about them.
+/// A robot above a table with two objects in front of it, and the controller's knowledge of them.
 pub struct Table {
     pub cell: Workcell,
     pub library: ObjectSet,
@@ -176,11 +176,11 @@ impl Table {
     }
 }
 
-/// Sees the objects at their poses and counts the looks.
+/// Detects the objects at their poses and counts the detections.
 pub struct CountingDetector<'a> {
     pub table: &'a Table,
     pub detections: [usize; 2],
-    /// Number of further looks for which each object is hidden.
+    /// Number of further detections for which each object is hidden.
     pub hidden: [usize; 2],
     /// Height of each object above the table, m.
     pub raised: [f64; 2],
@@ -204,7 +204,7 @@ impl ObjectDetector for CountingDetector<'_> {
     }
 }
 
-/// Runs ticks until `phase`, without any image: looks end by their time limit.
+/// Runs ticks until `phase`, without any image: snapshots end by their time limit.
 pub fn run_until(executor: &mut Executor, phase: Phase) {
     for _ in 0..100_000 {
         if executor.phase() == phase {

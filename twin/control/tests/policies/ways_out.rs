@@ -13,7 +13,7 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// Second grasps with the given outcome in all rehearsals, whatever the error of the aim.
+/// Second grasps with the given outcome in all rollouts, whatever the error of the aim.
 fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
@@ -22,7 +22,7 @@ fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
-/// rehearsals after the other first grasp as given by `others`.
+/// rollouts after the other first grasp as given by `others`.
 fn with_contacts_after_the_plan(
     others: Option<TryOutcome>,
     recovery: Recovery,
@@ -58,8 +58,8 @@ fn with_contacts_after_the_plan(
     (step, executor.phase(), told)
 }
 
-/// If another first grasp was rehearsed and the second object can be taken after it, the first one is put down and
-/// taken that way.
+/// If another first grasp has rollouts and the second object can be taken after it, the first one is put down and taken
+/// that way.
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);

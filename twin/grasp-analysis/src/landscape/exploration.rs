@@ -59,7 +59,7 @@ pub fn attraction(pull: f64, temperature: f64) -> AttractionSettings {
     AttractionSettings { pull, temperature, near: ARRIVAL_DISTANCE, patience: MAX_IDLE_STEPS, chains: CHAIN_COUNT }
 }
 
-/// Returns the plan by which chains of `attraction` sort minima and measure barriers. `subject` describes the
+/// Returns the parameters with which chains of `attraction` sort minima and measure barriers. `subject` describes the
 /// landscape.
 pub fn mapping_parameters(attraction: AttractionSettings, seed: u64, subject: String) -> MappingParameters {
     MappingParameters { attraction, doublings: MAX_PULL_DOUBLINGS, neighbors: NEIGHBOR_COUNT, seed, subject }

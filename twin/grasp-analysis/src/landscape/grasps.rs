@@ -3,7 +3,7 @@
 //! A state is a hand on one of the objects with its contact points. Two grasps are the same strategy if the hand holds
 //! in the same way, whatever the object. The distance therefore compares joint angles and the position of the object's
 //! centre in the palm, and grasps of different objects can be close. A chain stays on its object. If it is drawn
-//! towards a grasp of another object, it tests if its own object can be held in that way, and over which energy.
+//! towards a grasp of another object, it tests whether its own object can be held in that way, and over which energy.
 
 use dexterous_grasping::synthesis::chain::{max_noise, replace_contact};
 use dexterous_grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};

@@ -70,9 +70,9 @@ pub enum JournalError {
     #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
     OtherRun {
         path: PathBuf,
-        /// Plan of the journal.
+        /// Parameters of the journal.
         found: String,
-        /// Plan of this run.
+        /// Parameters of this run.
         expected: String,
     },
 }

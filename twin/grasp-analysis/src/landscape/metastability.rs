@@ -1,8 +1,8 @@
 //! The metastability threshold: the pull below which chains between two minima no longer arrive.
 //!
 //! The pull is lowered from a value that certainly suffices until none of a number of trials arrives: first in coarse
-//! steps, then in 3 % steps from the last sufficient value. The threshold of a landscape is the median over pairs of its
-//! minima.
+//! steps, then in 3 % steps from the last sufficient value. The threshold of a landscape is the median over pairs of
+//! its minima.
 
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
-//! Variations: if no second grasp of a combination goes well, the search continues around its best ones, in the
+//! Variations: if no second grasp of a combination scores high, the search continues around its best ones, in the
 //! combination itself.
 //!
-//! A variation is selected under narrow errors that do not count for any odds. It is then tried under the errors that
-//! all grasps meet, so that the selection does not bias its odds.
+//! A variation is selected under narrow errors that do not count for the outcome model. It is then tried under the
+//! errors that all grasps meet, so that the selection does not bias its outcomes.
 
 use anyhow::Result;
 use dexterous_grasping::sampler::vary;
@@ -30,8 +30,8 @@ const VARIATIONS_KEPT: usize = 2;
 /// First number of variations, beyond those of a repertoire, also of one without some digits.
 const FIRST_NUMBER: u32 = 1_000_000;
 
-/// Searches variations for those of the `plans` none of whose second grasps goes well. Shows a progress bar unless
-/// `quiet`.
+/// Searches variations for those of the pairs `plans` without a second grasp that scores high. Shows a progress bar
+/// unless `quiet`.
 pub fn search_variations(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -39,10 +39,10 @@ pub fn search_variations(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    plans.for_each_pair("plans varied", quiet, |plan| search_pair_variations(world, repertoire, &board, plan))
+    plans.for_each_pair("pairs varied", quiet, |plan| search_pair_variations(world, repertoire, &board, plan))
 }
 
-/// Searches variations for one plan.
+/// Searches variations for one grasp pair.
 pub fn search_pair_variations(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -53,7 +53,7 @@ pub fn search_pair_variations(
     let sequences = std::iter::once((plan.first_grasp, &plan.outcomes))
         .chain(plan.alternative_firsts.iter().map(|other| (other.first_grasp, &other.outcomes)));
     let best = |outcomes: &[GraspOutcomes]| outcomes.iter().map(GraspOutcomes::score_once_touched).fold(0.0, f64::max);
-    // The first of sequences of equal worth, which is the plan's own.
+    // The first of sequences of equal score, which is the planned one.
     let Some((first, outcomes)) = sequences.reduce(|a, b| if best(b.1) > best(a.1) { b } else { a }) else {
         return Ok(());
     };
@@ -94,7 +94,7 @@ struct Climb<'a> {
 }
 
 impl Climb<'_> {
-    /// Returns the best variations of `parents`, (grasp, worth), that are better than the best parent.
+    /// Returns the best variations of `parents`, (grasp, score), that are better than the best parent.
     fn run(&self, mut parents: Vec<(Grasp, f64)>, plan: &GraspPair) -> Result<Vec<Grasp>> {
         let mut rng = ChaCha8Rng::from_seed(Sha256::digest(format!("{}, {}", plan.first, plan.second)).into());
         let rank =
