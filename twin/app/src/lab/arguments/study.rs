@@ -15,7 +15,7 @@ pub struct StudyArgs {
     /// for each hand and object.
     #[arg(long)]
     pub full: bool,
-    /// URDF of another hand to compare with ours (repeatable).
+    /// URDF of another hand for the comparison (repeatable).
     #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
     /// Transmission of that hand (TOML: actuators and their moment arms): one for each --urdf, in the same order.

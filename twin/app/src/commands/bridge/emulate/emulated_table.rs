@@ -153,8 +153,8 @@ mod tests {
         assert!("-1".parse::<TableCommand>().expect_err("bad").contains("found `-1`, expected back, balls"));
     }
 
-    /// Pushed objects return to their places. Another combination stands where its plan has it. Balls do not move when
-    /// pushed.
+    /// Pushed objects return to their places. Another combination stands as its grasp pair prescribes. Balls do not
+    /// move when pushed.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
         let table =
