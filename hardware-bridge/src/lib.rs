@@ -6,7 +6,7 @@
 //!   requests, and answers with deadlines. [`hand_bus`]: six servos as one hand.
 //! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead.
 //!   [`cameras`]: either of the two.
-//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
+//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kinova_kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
 //! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it.
 //!   [`remote`]: the handle of another terminal; `requests` carries out its requests.

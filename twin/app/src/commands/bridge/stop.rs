@@ -19,7 +19,7 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `bridge stop`.
 #[derive(Debug, Args)]
 pub struct StopArgs {
-    /// Stop only the robot that was started with this configuration, whatever the file holds by now; default: all
+    /// Stop only the robot that was started with this configuration, even if the file has changed since; default: all
     /// robots on this computer that this user may stop.
     #[arg(long)]
     config: Option<PathBuf>,

@@ -11,7 +11,7 @@ use super::grasps::GraspsArgs;
 pub struct StudyArgs {
     #[command(flatten)]
     pub grasps: GraspsArgs,
-    /// Run in full size instead of a quick look: 150 grasps of each object in the landscape and its sweep, 12 chains
+    /// Run in full size instead of a quick run: 150 grasps of each object in the landscape and its sweep, 12 chains
     /// for each hand and object.
     #[arg(long)]
     pub full: bool,

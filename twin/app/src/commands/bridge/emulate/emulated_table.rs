@@ -98,7 +98,7 @@ impl EmulatedTable {
         &self.bench
     }
 
-    /// Carries out `wish` at once, whatever the robot does, and describes the objects now on the table.
+    /// Carries out `wish` at once, regardless of the robot, and describes the objects now on the table.
     pub fn place_objects(&self, wish: TableCommand) -> Result<String> {
         let mut standing = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
         if wish == TableCommand::ResetObjects || wish == standing.command {
