@@ -46,7 +46,7 @@ impl Cameras {
         if config.uvc.is_empty() {
             return Ok(None);
         }
-        // The configuration shows every camera once.
+        // The configuration lists every camera once.
         let found: usize = config.uvc.iter().map(|device| device.squares.len()).sum();
         if found != cameras {
             return Err(CamerasError::Number { found, expected: cameras });

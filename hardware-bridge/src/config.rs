@@ -193,7 +193,7 @@ impl BridgeConfig {
         Ok(config)
     }
 
-    /// Like [`Self::read`], but without the arm's password, for callers that have nothing to do with the arm.
+    /// Like [`Self::read`], but without the arm's password, for callers that do not use the arm.
     pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
         Self::parse(&text, path)

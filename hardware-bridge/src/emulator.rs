@@ -88,7 +88,7 @@ pub enum Plug {
 }
 
 struct SharedDevices {
-    /// Device end of the servo line, used to see whether bytes wait in it; `None` once it is unplugged.
+    /// Device end of the servo line, used to check whether bytes wait in it; `None` once it is unplugged.
     servo_line: Mutex<Option<SerialPort>>,
     servos_unplugged: AtomicBool,
     cameras_unplugged: AtomicBool,
@@ -352,8 +352,8 @@ fn tick_plant(plant: &mut PlantWithImages, shared: &SharedDevices, tick: f64) ->
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
-    // With a stepped clock the tick has passed already. With a running one it begins now, however soon the plant is
-    // done with it.
+    // With a stepped clock the tick has passed already. With a running one it begins now, regardless of how soon the
+    // plant is done with it.
     let end = if shared.is_stepped() { shared.now() } else { shared.now() + tick };
     plant.physics.send(&RobotCommand { arm: shared.arm.goal(), servos: servos.into(), capture });
     plant.physics.wait_for_tick();

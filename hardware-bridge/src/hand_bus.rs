@@ -119,8 +119,8 @@ impl HandBus {
         Ok(())
     }
 
-    /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, of which a sync write
-    /// tells nothing.
+    /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, which a sync write
+    /// does not report.
     pub fn audit(&mut self, n: usize) -> Result<Option<StopCause>, BusError> {
         let status = self.bus.read_block(self.ids[n], AUDIT_START, AUDIT_LENGTH)?;
         let value = |register: Register| register.read_from(&status.data, AUDIT_START).unwrap_or(f64::NAN);

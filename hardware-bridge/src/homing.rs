@@ -1,9 +1,9 @@
 //! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! [`find_stops`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark, winds
-//! with a moderate current until the digit stops, and then fades the current so that the springs open the digit gently.
-//! It writes nothing to the servo's EEPROM. [`write_offsets`] writes the open marks of all servos as their homing offsets, so
-//! that each reads 0 there.
+//! [`find_stops`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark,
+//! winds with a moderate current until the digit stops, and then fades the current so that the springs open the digit
+//! gently. It writes nothing to the servo's EEPROM. [`write_offsets`] writes the open marks of all servos as their
+//! homing offsets, so that each reads 0 there.
 
 use std::time::{Duration, Instant};
 
@@ -21,8 +21,8 @@ pub struct HomingSettings {
     pub open_current: f64,
     /// Current for winding to the closed stop, A.
     pub close_current: f64,
-    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::stall_time`] has met its stop. It
-    /// may oscillate there, because gears have backlash and a stop is compliant.
+    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::stall_time`] has met its stop.
+    /// It may oscillate there, because gears have backlash and a stop is compliant.
     pub min_progress: f64,
     /// Time without progress after which a shaft counts as stopped, s.
     pub stall_time: f64,
@@ -51,8 +51,8 @@ impl Default for HomingSettings {
     }
 }
 
-/// Reason why a servo was not homed. Its EEPROM is unchanged, and its torque was read back as off unless
-/// [`HomingError::TorqueOn`] says otherwise.
+/// Reason why a servo was not homed. Its EEPROM is unchanged, and its torque was read back as off, except for
+/// [`HomingError::TorqueOn`].
 #[derive(Debug, thiserror::Error)]
 pub enum HomingError {
     /// The bus failed.
@@ -72,9 +72,7 @@ pub enum HomingError {
         longest: f64,
     },
     /// The shaft kept moving slowly until the time limit.
-    #[error(
-        "servo {id}: still gets further {direction} after {patience} s: is the cable off the spool, or does it slip?"
-    )]
+    #[error("servo {id}: still moves on {direction} after {patience} s: is the cable off the spool, or does it slip?")]
     StopTimeout {
         id: u8,
         /// `opening` or `closing`.
@@ -97,7 +95,7 @@ pub enum HomingError {
         /// Servos with a new offset.
         ids: Vec<u8>,
     },
-    #[error("servo {id}: stopped itself, because it heard nothing for {silence} s: is this computer too busy?")]
+    #[error("servo {id}: stopped itself after {silence} s without a packet: is this computer too busy?")]
     WatchdogTripped {
         id: u8,
         /// Time limit of the watchdog that tripped, s.
@@ -213,7 +211,7 @@ fn seek(
     let (mut tick, start) = read_timed_position(bus, id)?;
     bus.write(id, &xc330::GOAL_POSITION, start + sign * (settings.max_travel + 1.0))?;
     let began = Instant::now();
-    // Time on the servo's own clock: a host that is held up must not take a moving shaft for one at its stop.
+    // Time on the servo's own clock: during a delay of the host, a moving shaft must not count as one at its stop.
     let mut elapsed = 0.0;
     let mut stop = StopDetector::new(sign * start);
     loop {
@@ -243,7 +241,7 @@ fn read_timed_position(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingE
     let first = xc330::REALTIME_TICK.address;
     let last = xc330::PRESENT_POSITION.address + u16::from(xc330::PRESENT_POSITION.size);
     let mut answer = bus.read_block(id, first, last - first);
-    // One lost answer is no reason to start over.
+    // One lost answer does not restart the search.
     for _ in 0..2 {
         answer = answer.or_else(|_| bus.read_block(id, first, last - first));
     }
@@ -278,7 +276,7 @@ impl StopDetector {
         }
         self.sum += reading;
         self.count += 1;
-        // A host that was held up has too few readings.
+        // A host that was delayed has too few readings.
         let enough = time - self.since > settings.stall_time && self.count > 5;
         enough.then(|| self.sum / f64::from(self.count))
     }

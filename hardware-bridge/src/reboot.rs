@@ -1,6 +1,7 @@
 //! Recovery of a servo that has shut down or reports an error: a restart, and a check of the restarted servo.
 //!
-//! A restart loses the torque and everything in RAM, and what the servo held falls. It is therefore never done unasked.
+//! A restart loses the torque and everything in RAM, and the servo drops its object. It is therefore done only on
+//! request.
 
 use std::time::{Duration, Instant};
 

@@ -1,8 +1,8 @@
 //! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
-//! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`.
-//! [`endpoint`] is the server, [`ask`] the client, and [`socket_paths`] defines the location of the sockets. Write permission on
-//! a socket is all that is needed to stop the robot.
+//! A request is one line. The answer is two: `ok: RESULT` as read back or `no: REASON`, then `of: ROBOT`. [`endpoint`]
+//! is the server, [`ask`] the client, and [`socket_paths`] defines the location of the sockets. Write permission on a
+//! socket suffices to stop the robot.
 
 pub mod endpoint;
 pub mod socket_paths;
@@ -96,7 +96,7 @@ pub fn ask_all(paths: &[PathBuf], wish: RemoteCommand) -> Vec<(PathBuf, Result<R
     let asked = paths.iter().map(|path| {
         let (sender, answer) = mpsc::channel();
         let there = path.clone();
-        // Connecting blocks if nobody accepts; this thread is then left behind.
+        // Connecting blocks if the server does not accept; this thread is then left behind.
         std::thread::spawn(move || sender.send(exchange(&there, wish, deadline)));
         (path, answer)
     });
@@ -143,7 +143,7 @@ fn exchange(path: &Path, wish: RemoteCommand, deadline: Instant) -> io::Result<S
 }
 
 fn parse_answer(text: &str) -> Result<RemoteAnswer, RemoteError> {
-    // Whoever made the socket wrote this text, so it is escaped: it must not control a terminal.
+    // This text comes from the creator of the socket, so it is escaped: it must not control a terminal.
     let plain = |text: &str| text.escape_debug().to_string().replace("\\'", "'").replace("\\\"", "\"");
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
@@ -152,7 +152,7 @@ fn parse_answer(text: &str) -> Result<RemoteAnswer, RemoteError> {
         Some(("ok", text)) => Ok(RemoteAnswer { text: plain(text), robot: of }),
         Some(("no", text)) => Err(RemoteError::Refused { of, reason: plain(text) }),
         _ if text.is_empty() => {
-            let reason = "it ended before it answered: what became of the wish is not known".to_owned();
+            let reason = "it ended before it answered: the outcome of the request is unknown".to_owned();
             Err(RemoteError::Refused { of, reason })
         }
         _ => Err(RemoteError::Refused { of, reason: format!("found `{}`, expected ok or no", plain(first)) }),

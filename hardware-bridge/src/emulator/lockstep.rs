@@ -150,7 +150,7 @@ impl LockstepRobot {
         &self.calibration
     }
 
-    /// Sets the time-out of the servos' answers, s of real time; less once some are to get lost.
+    /// Sets the time-out of the servos' answers, s of real time; shorter for tests with lost answers.
     pub fn set_slack(&mut self, seconds: f64) {
         self.cycle.bus.slack = seconds;
         if let Some(hand) = &mut self.cycle.hand {
@@ -178,7 +178,7 @@ impl LockstepRobot {
         self.cycle.supervisor.hold(crate::safety::state::StopCause::Operator);
     }
 
-    /// Stops the host, as if it were killed or frozen; devices and plant go on.
+    /// Stops the host, as if it were killed or frozen; devices and plant continue.
     pub fn kill_host(&mut self) {
         self.host_alive = false;
     }
@@ -254,7 +254,7 @@ impl RobotBackend for LockstepRobot {
         if self.host_alive && due > 0 {
             self.wait_until(|robot| robot.image_events() >= arrived + due);
         }
-        // Readings must not look older than they are: the next ones are taken at this very moment.
+        // Readings must not look older than they are: the next ones are taken at this moment.
         if self.host_alive {
             self.cycle.measure();
         }

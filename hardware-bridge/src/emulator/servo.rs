@@ -1,7 +1,7 @@
 //! One emulated XC330: its control table, refusals, shutdowns and bus watchdog.
 //!
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the
-//! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "our reading".
+//! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "interpretation".
 
 mod identity_faults;
 mod indirect;
@@ -18,12 +18,12 @@ use self::indirect::MemoryWrite;
 
 /// Time off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
-/// Supply voltage below which a servo is off, V. Our reading.
+/// Supply voltage below which a servo is off, V. Interpretation.
 const BROWN_OUT_VOLTAGE: f64 = 5.0;
-/// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
+/// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Interpretation.
 const OVERLOAD_CURRENT: f64 = 0.8;
 const OVERLOAD_TIME: f64 = 1.0;
-/// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Our reading.
+/// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Interpretation.
 const TEMPERATURE_RISE: f64 = 60.0;
 const THERMAL_TIME_CONSTANT: f64 = 120.0;
 const AMBIENT_TEMPERATURE: f64 = 28.0;

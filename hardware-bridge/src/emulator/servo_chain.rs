@@ -2,7 +2,7 @@
 //!
 //! Line faults are drawn from a seeded generator; nothing else is random. In a sync or bulk read a servo answers only
 //! after all servos before it, so a missing servo silences those after it. A refused read ends a fast answer early.
-//! (Both are our reading.) Clear, factory reset and control table backup are refused with error 2.
+//! (Both are interpretations.) Clear, factory reset and control table backup are refused with error 2.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
@@ -102,7 +102,7 @@ impl ServoChain {
         self.faults.probabilities = chances;
     }
 
-    /// Feeds the bus watchdogs of all servos that listen, as anything on the line does.
+    /// Feeds the bus watchdogs of all servos that listen, as any packet on the line does.
     pub fn feed_watchdogs(&mut self, now: f64) {
         for servo in self.servos.iter_mut().filter(|servo| servo.listens(now)) {
             servo.feed_watchdog(now);

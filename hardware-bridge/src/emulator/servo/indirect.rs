@@ -50,7 +50,7 @@ impl EmulatedServo {
     }
 
     /// Returns the changes that a write would make, or the error with which it is refused. Only whole registers can be
-    /// written, also by way of the data area (our reading).
+    /// written, also by way of the data area (interpretation).
     pub(super) fn decode_write(&self, address: u16, data: &[u8]) -> Result<Vec<MemoryWrite>, ServoError> {
         let area = self.indirect();
         let (mut place, mut rest, mut changes) = (address, data, Vec::new());

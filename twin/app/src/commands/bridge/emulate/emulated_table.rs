@@ -98,7 +98,7 @@ impl EmulatedTable {
         &self.bench
     }
 
-    /// Carries out `wish` at once, whatever the robot does, and describes the objects now on the table.
+    /// Carries out `wish` at once, regardless of the robot, and describes the objects now on the table.
     pub fn place_objects(&self, wish: TableCommand) -> Result<String> {
         let mut standing = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
         if wish == TableCommand::ResetObjects || wish == standing.command {
@@ -153,8 +153,8 @@ mod tests {
         assert!("-1".parse::<TableCommand>().expect_err("bad").contains("found `-1`, expected back, balls"));
     }
 
-    /// Pushed objects return to their places. Another combination stands where its plan has it. Balls do not move when
-    /// pushed.
+    /// Pushed objects return to their places. Another combination stands as its grasp pair prescribes. Balls do not
+    /// move when pushed.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
         let table =
