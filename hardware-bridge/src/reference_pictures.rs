@@ -41,7 +41,7 @@ pub struct ExchangedCamera {
 }
 
 impl ReferencePictures {
-    /// Computes the pictures from the newest frame of each of `camera_counters` cameras; the error is the index of a camera
+    /// Computes the pictures from the newest frame of each of `cameras` cameras; the error is the index of a camera
     /// without one.
     pub fn from_frames(frames: &[TactileFrame], cameras: usize) -> Result<Self, usize> {
         let picture = |camera: usize| {
@@ -73,7 +73,7 @@ impl ReferencePictures {
         calibration.with_file_name("pictures.json")
     }
 
-    /// Reads a file and checks that it has `camera_counters` cameras; `None` if there is no file.
+    /// Reads a file and checks that it has `cameras` cameras; `None` if there is no file.
     pub fn read(path: &Path, cameras: usize) -> Result<Option<Self>, ConfigError> {
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),

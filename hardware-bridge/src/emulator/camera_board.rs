@@ -61,7 +61,7 @@ pub struct CameraBoard {
 }
 
 impl CameraBoard {
-    /// Creates a board with `camera_counters` cameras, which cuts a JPEG in half with probability `jpeg_cut_probability`.
+    /// Creates a board with `cameras` cameras, which cuts a JPEG in half with probability `jpeg_cut_probability`.
     pub fn new(settings: BoardSettings, cameras: usize, jpeg_chance: f64, seed: u64) -> Self {
         Self {
             settings,

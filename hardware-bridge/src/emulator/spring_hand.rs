@@ -39,7 +39,7 @@ pub struct SpringHand {
 }
 
 impl SpringHand {
-    /// Creates an open hand with `camera_counters` cameras, whose shafts stop at `travel`, rad.
+    /// Creates an open hand with `cameras` cameras, whose shafts stop at `travel`, rad.
     pub fn new(travel: [f64; SERVOS], cameras: usize) -> Self {
         Self {
             travel,
