@@ -2,9 +2,12 @@
 
 use std::time::Duration;
 
+use dynamixel_bus::register::Register;
+use dynamixel_bus::servo_bus::{BusError, BusSettings, PingReply, ServoBus};
+use dynamixel_bus::xc330;
+use dynamixel_bus::xc330::hardware_error;
+
 use crate::config::BridgeConfig;
-use crate::servo_bus::{BusError, BusSettings, PingReply, ServoBus};
-use crate::xc330::{self, Register, hardware_error};
 
 /// Operating mode 5, current-based position control: it controls force and position in one mode, so that no mode is
 /// switched under load.

@@ -1,5 +1,7 @@
 //! An emulated, calibrated hand, and a robot on it.
 
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::time::{Duration, Instant};
 
@@ -12,9 +14,7 @@ use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
-use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::servo_cycle::DryLines;
-use hardware_bridge::xc330;
 use tempfile::TempDir;
 
 pub const TRAVEL: f64 = 4.0;

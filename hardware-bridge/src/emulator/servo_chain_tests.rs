@@ -1,7 +1,7 @@
+use dynamixel_bus::protocol2::Decoder;
 use proptest::prelude::*;
 
 use super::*;
-use crate::protocol2::Decoder;
 
 const BAUD: u32 = 3_000_000;
 
@@ -133,7 +133,7 @@ fn fast_bulk_read() {
     assert_eq!((bytes.len(), bytes[5], bytes[7]), (8 + 6 + 5, 12, 0x55));
     assert_eq!((&bytes[8..12], &bytes[14..17]), (&[0, 4, 111, 0][..], &[0, 2, 28][..]));
     for end in [12, 17] {
-        assert_eq!(bytes[end..end + 2], crate::protocol2::crc::crc16(&bytes[..end]).to_le_bytes());
+        assert_eq!(bytes[end..end + 2], dynamixel_bus::protocol2::crc::crc16(&bytes[..end]).to_le_bytes());
     }
 }
 

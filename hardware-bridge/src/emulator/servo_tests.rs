@@ -58,7 +58,7 @@ fn all_or_nothing() {
 #[test]
 fn position_limits_only_in_position_mode() {
     let mut servo = EmulatedServo::provisioned(1, 0);
-    let far = 9000.0 * xc330::Unit::Angle.per_count();
+    let far = 9000.0 * Unit::Angle.per_count();
     write(&mut servo, &xc330::GOAL_POSITION, far).expect("mode 5 ignores the limits");
     write(&mut servo, &xc330::OPERATING_MODE, 3.0).expect("position mode");
     assert_eq!(write(&mut servo, &xc330::GOAL_POSITION, far), Err(ServoError::DataLimit));

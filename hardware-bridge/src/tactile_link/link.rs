@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::exclusive;
 use hand_model::robot::TactileFrame;
 use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
@@ -17,7 +18,6 @@ use super::deframer::Deframer;
 use super::message::{LinkImage, LinkMessage, VERSION};
 use super::{frame, image_data};
 use crate::clock::Clock;
-use crate::exclusive;
 use crate::lock::lock;
 
 /// Baud rate. A USB serial device ignores it; a real line at this rate carries two images a second.
@@ -109,7 +109,7 @@ pub struct TactileLink {
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board, which must have `camera_counters` cameras. Times are those of `clock`.
+    /// Opens the port and greets the board, which must have `cameras` cameras. Times are those of `clock`.
     pub fn open(path: &Path, cameras: usize, clock: Clock) -> Result<Self, TactileLinkError> {
         let failed = |source| TactileLinkError::Port { port: path.to_owned(), source };
         let mut port = exclusive::open(path, BAUD).map_err(failed)?;

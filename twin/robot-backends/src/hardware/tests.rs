@@ -1,5 +1,6 @@
 //! Questions of the real robot to its operator, on emulated devices in real time.
 
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::fs::File;
 use std::io::{PipeWriter, Write as _};
@@ -13,7 +14,6 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::KortexLink;
-use hardware_bridge::xc330;
 use kinova_kortex::emulator::{Emulator, Injection, Pace, Settings};
 use kinova_kortex::{Arm, Timeouts};
 

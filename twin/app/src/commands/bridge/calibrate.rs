@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::xc330::hardware_error;
+use dynamixel_bus::xc330;
 use hand_model::Hand;
 use hardware_bridge::calibration::{HandCalibration, PartialCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::homing::{HomingSettings, find_stops, write_offsets};
 use hardware_bridge::reboot::error_status;
-use hardware_bridge::servo_bus::ServoBus;
-use hardware_bridge::xc330::{self, hardware_error};
 use progress::interrupt::Interrupt;
 use robot_backends::operator::operator_agrees;
 use robot_backends::wire_emulation::shaft_travel;

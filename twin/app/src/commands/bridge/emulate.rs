@@ -5,6 +5,7 @@ mod emulator_fault;
 mod table_endpoint;
 mod truth_recorder;
 
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
@@ -26,7 +27,6 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::supported_robot::check_supported;
-use hardware_bridge::xc330;
 use kinova_kortex::Credentials;
 use kinova_kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 use kinova_kortex::joints::JOINTS;

@@ -15,7 +15,6 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
 use statistics::BusStatistics;
 use timing::LineTiming;
@@ -25,7 +24,9 @@ use crate::protocol2::error::InstructionError;
 use crate::protocol2::{
     BROADCAST_ID, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
 };
-use crate::xc330::{self, Register, RegisterError};
+use crate::register::{Register, RegisterError};
+use crate::tap::{Direction, Tap};
+use crate::xc330;
 
 /// Error of an operation on the bus.
 #[derive(Debug, thiserror::Error)]
@@ -108,7 +109,7 @@ pub struct ServoBus {
     settings: BusSettings,
     decoder: Decoder,
     statistics: BusStatistics,
-    tap: Option<LinkTap>,
+    tap: Option<Tap>,
 }
 
 impl ServoBus {
@@ -127,7 +128,7 @@ impl ServoBus {
     }
 
     /// Copies every byte that crosses the bus from now on to `tap`.
-    pub fn tap(&mut self, tap: LinkTap) {
+    pub fn tap(&mut self, tap: Tap) {
         self.tap = Some(tap);
     }
 
@@ -153,9 +154,9 @@ impl ServoBus {
     }
 
     /// Pings all servos at once and collects answers for `reply_timeout`; sorted by id.
-    pub fn scan(&mut self, patience: Duration) -> Result<Vec<PingReply>, BusError> {
+    pub fn scan(&mut self, reply_timeout: Duration) -> Result<Vec<PingReply>, BusError> {
         let wire = Instruction::Ping.encode(BROADCAST_ID)?;
-        let deadline = self.transmit(&wire)? + patience;
+        let deadline = self.transmit(&wire)? + reply_timeout;
         let mut received = Vec::new();
         while Instant::now() < deadline {
             self.receive(deadline, &mut received)?;
@@ -329,8 +330,8 @@ impl ServoBus {
         self.statistics.late_bytes += late.len() as u64;
         self.decoder = Decoder::default();
         self.port.write_all(wire).map_err(|source| self.port_error(source))?;
-        if let Some(tap) = &self.tap {
-            tap.copy_packet(Direction::Sent, wire);
+        if let Some(tap) = &mut self.tap {
+            tap.packet(Direction::Sent, wire);
         }
         Ok(Instant::now())
     }
@@ -346,8 +347,8 @@ impl ServoBus {
             Ok(0) => Err(self.port_error(ErrorKind::UnexpectedEof.into())),
             Ok(count) => {
                 into.extend_from_slice(&buffer[..count]);
-                if let Some(tap) = &self.tap {
-                    tap.copy_packet(Direction::Received, &buffer[..count]);
+                if let Some(tap) = &mut self.tap {
+                    tap.packet(Direction::Received, &buffer[..count]);
                 }
                 Ok(true)
             }

@@ -127,7 +127,7 @@ impl Status {
 /// Sorts the packets that came after a sync read. Returns for each servo asked, in that order, its `length` bytes, or
 /// the reason why there are none.
 ///
-/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::IfMissing`],
+/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::Missing`],
 /// and the answers of the others stand.
 pub fn sync_read_replies(
     ids: &[u8],

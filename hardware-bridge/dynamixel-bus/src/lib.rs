@@ -1,0 +1,10 @@
+//! Host side of a bus of Dynamixel servos.
+
+pub mod exclusive;
+pub mod protocol2;
+pub mod register;
+pub mod servo_bus;
+pub mod tap;
+pub mod xc330;
+
+pub use tap::{Direction, Tap};
