@@ -76,7 +76,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         let unit = xc330::HOMING_OFFSET.unit.per_count();
         let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
         bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
-        ServoCalibration { id, model: xc330::XC330_MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
+        ServoCalibration { id, model: xc330::MODEL.number, firmware: 46, homing_offset: offset, travel: TRAVEL }
     });
     HandCalibration::new("ftac", servos).write(&config.calibration).expect("written");
     Bench { hand, config, folder }

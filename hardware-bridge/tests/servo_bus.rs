@@ -43,7 +43,7 @@ fn present(bus: &mut ServoBus) -> Vec<Result<Vec<u8>, ReplyError>> {
 fn reads_writes_and_refusals() {
     let (_hand, mut bus) = start();
     for id in IDS {
-        assert_eq!(bus.ping(id).expect("there").model, xc330::XC330_MODEL);
+        assert_eq!(bus.ping(id).expect("there").model, xc330::MODEL.number);
     }
     assert!(matches!(bus.ping(9), Err(BusError::Reply(ReplyError::Missing(9)))));
     assert!((bus.read(2, &xc330::PRESENT_INPUT_VOLTAGE).expect("read") - 11.1).abs() < 1e-9);

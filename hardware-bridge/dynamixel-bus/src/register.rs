@@ -45,8 +45,12 @@ pub enum Unit {
     Velocity,
     /// 214.577 rev/min^2 -> rad/s^2.
     Acceleration,
-    /// 1 mA -> A; measured at the power input.
+    /// 1 mA -> A; measured at the power input. In the 330 series.
     Current,
+    /// 2.69 mA -> A. In the 430 and 540 series.
+    CoarseCurrent,
+    /// 0.1 % of the maximum torque, estimated -> share of it. In models that do not measure current.
+    Load,
     /// 0.1 V -> V.
     Voltage,
     /// Share of the full duty cycle, 885 counts = 1.
@@ -69,7 +73,8 @@ impl Unit {
             Self::Angle => TAU / COUNTS_PER_TURN,
             Self::Velocity => 0.229 * TAU / 60.0,
             Self::Acceleration => 214.577 * TAU / 3600.0,
-            Self::Current | Self::Millisecond => 1e-3,
+            Self::Current | Self::Load | Self::Millisecond => 1e-3,
+            Self::CoarseCurrent => 2.69e-3,
             Self::Voltage => 0.1,
             Self::DutyCycle => 1.0 / 885.0,
             Self::ReturnDelay => 2e-6,
@@ -167,5 +172,38 @@ impl Register {
     pub fn read_from(&self, block: &[u8], start: u16) -> Option<f64> {
         let first = usize::from(self.address.checked_sub(start)?);
         self.read(block.get(first..first + usize::from(self.size))?).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xc330::{
+        CURRENT_LIMIT, GOAL_CURRENT, GOAL_POSITION, MAX_VOLTAGE_LIMIT, PRESENT_POSITION, PWM_LIMIT, RETURN_DELAY_TIME,
+        VELOCITY_LIMIT,
+    };
+
+    /// Compares units with the figures in the e-Manual, to half of their last digit.
+    #[test]
+    fn published_units() {
+        let si = |register: Register, counts: f64| counts * register.unit.per_count();
+        assert!((si(PRESENT_POSITION, 1.0).to_degrees() - 0.088).abs() < 5e-4);
+        assert!((si(RETURN_DELAY_TIME, 250.0) - 500e-6).abs() < 1e-12);
+        assert!((si(VELOCITY_LIMIT, 320.0) * 60.0 / TAU - 73.28).abs() < 1e-9);
+        assert!((si(PWM_LIMIT, 1.0) - 0.00113).abs() < 5e-6);
+        assert!((si(CURRENT_LIMIT, 910.0) - 0.91).abs() < 1e-12);
+        assert!((si(MAX_VOLTAGE_LIMIT, 140.0) - 14.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn refusals_are_named() {
+        let error = GOAL_CURRENT.write(1.2).expect_err("above the limit");
+        assert_eq!(error.to_string(), "Goal Current: found 1.2, expected -0.91 to 0.91");
+        assert!(GOAL_POSITION.write(f64::NAN).is_err());
+        assert_eq!(PRESENT_POSITION.write(0.0), Err(RegisterError::ReadOnly("Present Position")));
+        assert_eq!(
+            GOAL_CURRENT.read(&[1]),
+            Err(RegisterError::Length { register: "Goal Current", found: 1, expected: 2 })
+        );
     }
 }

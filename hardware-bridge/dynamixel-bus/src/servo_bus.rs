@@ -95,7 +95,7 @@ impl Default for BusSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PingReply {
     pub id: u8,
-    /// Model number; [`xc330::XC330_MODEL`] for an XC330-T288-T.
+    /// Model number; the key of [`crate::models::Model::by_number`].
     pub model: u16,
     /// Firmware version.
     pub firmware: u8,

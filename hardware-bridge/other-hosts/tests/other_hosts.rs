@@ -29,7 +29,7 @@ fn crate_dynamixel2() {
     let mut bus = dynamixel2::Bus::open(hand.servo_port(), BAUD).expect("opens");
     let found: Vec<u8> = bus.scan().expect("scans").into_iter().flatten().map(|pong| pong.motor_id).collect();
     assert_eq!(found, IDS);
-    assert_eq!(bus.read_u16(4, xc330::MODEL_NUMBER.address).expect("read").data, xc330::XC330_MODEL);
+    assert_eq!(bus.read_u16(4, xc330::MODEL_NUMBER.address).expect("read").data, xc330::MODEL.number);
     for id in IDS {
         bus.write_u8(id, xc330::TORQUE_ENABLE.address, 1).expect("torque");
     }
@@ -51,7 +51,7 @@ fn crate_rustypot() {
     for handler in [DynamixelProtocolHandler::v2(), DynamixelProtocolHandler::v2().with_fast_sync_read()] {
         assert!(handler.ping(port.as_mut(), 3).expect("answers"));
         let models = handler.sync_read(port.as_mut(), &IDS, xc330::MODEL_NUMBER.address as u8, 2).expect("read");
-        assert!(models.iter().all(|model| model[..] == xc330::XC330_MODEL.to_le_bytes()), "{models:?}");
+        assert!(models.iter().all(|model| model[..] == xc330::MODEL.number.to_le_bytes()), "{models:?}");
     }
     let handler = DynamixelProtocolHandler::v2();
     handler.write(port.as_mut(), 2, xc330::TORQUE_ENABLE.address as u8, &[1]).expect("torque");

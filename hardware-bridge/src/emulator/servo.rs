@@ -10,8 +10,8 @@ mod registered_write;
 
 use dynamixel_bus::protocol2::ServoError;
 use dynamixel_bus::register::{Access, Register, Unit};
+use dynamixel_bus::x_series::{hardware_error, mode};
 use dynamixel_bus::xc330::{self, REGISTERS};
-use dynamixel_bus::xc330::{hardware_error, mode};
 use hand_model::robot::{ServoGoal, ServoState};
 
 use crate::config::LimitConfig;

@@ -6,8 +6,8 @@
 
 use dynamixel_bus::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
 use dynamixel_bus::servo_bus::timing::LineTiming;
+use dynamixel_bus::x_series::hardware_error;
 use dynamixel_bus::xc330;
-use dynamixel_bus::xc330::hardware_error;
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -29,7 +29,7 @@ fn broadcast_ping_and_single_reads() {
     let mut chain = chain(&[]);
     assert_eq!(ids(&ask(&mut chain, BROADCAST_ID, Instruction::Ping, 0.0)), [1, 2, 3, 4, 5, 6]);
     let model = ask(&mut chain, 3, Instruction::Read { address: 0, length: 2 }, 0.0);
-    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::XC330_MODEL.to_le_bytes()[..]));
+    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::MODEL.number.to_le_bytes()[..]));
     assert_eq!(ids(&ask(&mut chain, 9, Instruction::Ping, 0.0)), [0_u8; 0]);
 }
 
@@ -114,7 +114,7 @@ fn bulk_read_with_trouble() {
     assert_eq!(ids(&statuses), [1, 2]);
     assert_eq!(
         (statuses[0].error, &statuses[1].data[..]),
-        (Some(ServoError::Access), &xc330::XC330_MODEL.to_le_bytes()[..])
+        (Some(ServoError::Access), &xc330::MODEL.number.to_le_bytes()[..])
     );
 }
 

@@ -16,7 +16,7 @@ fn shaft(position: f64, velocity: f64, current: f64) -> ServoState {
 fn factory_values() {
     let servo = EmulatedServo::factory(100);
     assert_eq!((servo.id(), servo.baud(), servo.return_delay()), (1, 57_600, 500e-6));
-    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::XC330_MODEL));
+    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::MODEL.number));
     assert_eq!(read(&servo, &xc330::GOAL_CURRENT), 0.91);
 }
 

@@ -1,8 +1,8 @@
 //! Velocity control, and direct control of the duty cycle. Profiles are not emulated: goals are approached at once.
 
 use dynamixel_bus::register::Unit;
+use dynamixel_bus::x_series::mode;
 use dynamixel_bus::xc330;
-use dynamixel_bus::xc330::mode;
 
 use super::EmulatedServo;
 

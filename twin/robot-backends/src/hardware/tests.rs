@@ -51,7 +51,7 @@ fn bench() -> Bench {
     (config.limits.staleness, config.limits.arm_watchdog) = (30.0, 30.0);
     let servo = |n: usize| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware: 46,
         homing_offset: -(zeros[n].rem_euclid(4096) as i32),
         travel: TRAVEL,

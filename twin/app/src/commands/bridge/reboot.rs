@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use dynamixel_bus::servo_bus::ServoBus;
-use dynamixel_bus::xc330::hardware_error;
+use dynamixel_bus::x_series::hardware_error;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
 use hardware_bridge::setup::SetupFinding;
