@@ -14,7 +14,12 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::termios::ioctl_tiocexcl;
 use serial2::{IntoSettings as _, SerialPort};
 
-/// Opens `path` at `baud` for exclusive use.
+/// Opens `path` at `baud` (bits per second) for exclusive use, in raw mode, 8N1.
+///
+/// ```no_run
+/// let port = dynamixel_bus::exclusive::open("/dev/ttyACM0".as_ref(), 115_200)?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
 ///
 /// # Errors
 /// The operating system's error, or one that names the program that has the port.

@@ -84,6 +84,23 @@ impl Unit {
 }
 
 /// One entry of the control table.
+///
+/// A register that is not in [`crate::models`] is a constant of the program that uses it:
+/// ```
+/// use dynamixel_bus::register::{Access, Register, Unit};
+///
+/// const PRESENT_CURRENT: Register = Register {
+///     address: 126,
+///     size: 2,
+///     name: "Present Current",
+///     access: Access::Read,
+///     default: None,
+///     range: (-32_768, 32_767),
+///     unit: Unit::CoarseCurrent,
+/// };
+/// assert!((PRESENT_CURRENT.read(&[0x9C, 0xFF])? + 0.269).abs() < 1e-12);
+/// # Ok::<(), dynamixel_bus::RegisterError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Register {
     /// Address of the first byte.
@@ -108,6 +125,7 @@ pub enum RegisterError {
     /// The value is outside the register's range.
     #[error("{register}: found {found}, expected {low} to {high}")]
     Range {
+        /// Name of the register.
         register: &'static str,
         /// Value given, SI.
         found: f64,
@@ -122,6 +140,7 @@ pub enum RegisterError {
     /// The number of bytes is not the register's size.
     #[error("{register}: found {found} bytes, expected {expected}")]
     Length {
+        /// Name of the register.
         register: &'static str,
         /// Number of bytes given.
         found: usize,

@@ -14,6 +14,26 @@ pub enum Direction {
 type OnPacket = dyn FnMut(Direction, &[u8]) + Send;
 
 /// A callback that gets a copy of all bytes on the bus. It runs in the thread of the bus and must not block.
+///
+/// # Example
+/// ```
+/// # include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/support/responder.rs"));
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let servos = Responder::start(&dynamixel_bus::xc330::MODEL, &[1])?;
+/// # let port = &servos.path;
+/// use std::sync::mpsc;
+///
+/// use dynamixel_bus::{BusSettings, Direction, ServoBus, Tap};
+///
+/// let mut bus = ServoBus::open(port, BusSettings { slack: 1.0, ..BusSettings::default() })?;
+/// let (packets, record) = mpsc::channel();
+/// bus.tap(Tap::new(move |direction, bytes| drop(packets.send((direction, bytes.to_vec())))));
+/// bus.ping(1)?;
+/// let (direction, bytes) = record.recv()?;
+/// assert_eq!((direction, bytes.len()), (Direction::Sent, 10));
+/// # Ok(())
+/// # }
+/// ```
 pub struct Tap(Box<OnPacket>);
 
 impl Tap {

@@ -6,11 +6,18 @@
 pub const BAUD_RATES: [u32; 8] = [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000];
 
 /// Bits of the hardware error status register.
+///
+/// ```
+/// use dynamixel_bus::x_series::hardware_error;
+///
+/// assert_eq!(hardware_error::describe(0x24), "overheating, overload");
+/// ```
 pub mod hardware_error {
     /// Input voltage outside its limits.
     pub const VOLTAGE: u8 = 1 << 0;
     /// Too hot.
     pub const OVERHEAT: u8 = 1 << 2;
+    /// The encoder does not work.
     pub const ENCODER: u8 = 1 << 3;
     /// Electrical shock, or too little power for the motor.
     pub const SHOCK: u8 = 1 << 4;

@@ -1,11 +1,24 @@
-//! The XC330-T288-T: its control table as data, and its counts in SI units.
+//! The XC330-T288-T: its control table, and the blocks of registers that a control cycle needs.
 //!
-//! A [`Register`] has an address, a size, a sign, a range and a unit. [`Register::write`] converts SI to bytes and checks the range;
-//! [`Register::read`] converts back. The servo ignores its
-//! own position limits (48, 52) in current and current-based position mode: the sender must clamp its goals.
+//! The servo ignores its own position limits (48, 52) in current and current-based position mode: the sender must clamp
+//! its goals. The blocks are contiguous ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]), so that a cycle needs no indirect
+//! addressing, whose addresses depend on the firmware ([`Indirect`]). All models that measure current have the same
+//! blocks.
 //!
-//! Source: ROBOTIS e-Manual, XC330-T288. The control loop does not use indirect addressing, whose addresses depend on
-//! the firmware ([`Indirect`]): the two blocks that it needs are contiguous ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
+//! Source: ROBOTIS e-Manual, XC330-T288.
+//!
+//! # Example
+//! ```
+//! use dynamixel_bus::xc330::{PRESENT_BLOCK, PRESENT_CURRENT, PRESENT_POSITION};
+//!
+//! // A block as a sync read returns it: -120 mA, at rest, after one turn.
+//! let block = [0x88, 0xFF, 0, 0, 0, 0, 0x00, 0x10, 0, 0];
+//! assert_eq!(block.len(), PRESENT_BLOCK.len());
+//! let current = PRESENT_CURRENT.read_from(&block, PRESENT_BLOCK.start).ok_or("not in the block")?;
+//! let angle = PRESENT_POSITION.read_from(&block, PRESENT_BLOCK.start).ok_or("not in the block")?;
+//! assert!((current + 0.12).abs() < 1e-9 && (angle - std::f64::consts::TAU).abs() < 1e-9);
+//! # Ok::<(), &str>(())
+//! ```
 
 use std::ops::Range;
 
