@@ -72,9 +72,12 @@ impl Servo {
             servo.set(register, register.default.unwrap_or(0));
         }
         servo.set(&ID, id.into());
-        for (name, counts) in [("Firmware Version", 52), ("Present Input Voltage", 50), ("Present Temperature", 31)] {
-            servo.set(model.register(name).expect("in all models"), counts);
-        }
+        let named = |name: &str| model.register(name).expect("in all models");
+        let limit = |name: &str| named(name).default.expect("a limit");
+        let voltage = (limit("Min Voltage Limit") + limit("Max Voltage Limit")) / 2;
+        servo.set(named("Firmware Version"), 52);
+        servo.set(named("Present Input Voltage"), voltage);
+        servo.set(named("Present Temperature"), 31);
         servo.set(&PRESENT_POSITION, 2048);
         servo
     }
