@@ -149,12 +149,8 @@ impl HandBus {
     }
 
     fn sync_write(&mut self, register: &Register, value: impl Fn(usize) -> f64) -> Result<(), BusError> {
-        let mut data = Vec::with_capacity(SERVOS);
-        for (n, id) in self.ids.iter().enumerate() {
-            let bytes = register.write(value(n)).map_err(|source| BusError::Register { id: *id, source })?;
-            data.push((*id, bytes));
-        }
-        self.bus.sync_write(register.address, register.size.into(), data)
+        let values: [(u8, f64); SERVOS] = std::array::from_fn(|n| (self.ids[n], value(n)));
+        self.bus.sync_write_values(register, &values)
     }
 }
 

@@ -3,8 +3,8 @@
 //!
 //! # From the wire to the robot
 //! - [`dynamixel_bus`]: the bus of the servos. [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`camera_counters`]: either of the two.
-//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
+//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`cameras`]: either of the two.
+//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kinova_kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
 //! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it. [`remote`]: the handle of
 //!   another terminal; `requests` carries out its requests.

@@ -30,6 +30,9 @@ use crate::tap::{Direction, Tap};
 
 pub use error::BusError;
 
+/// Maximum time for which an answer may be awaited, s.
+const MAX_TIMEOUT: f64 = 3600.0;
+
 /// Settings of a bus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusSettings {
@@ -104,9 +107,13 @@ impl ServoBus {
     /// Opens the port in raw mode, 8N1, for exclusive use ([`exclusive`]).
     ///
     /// # Errors
-    /// [`BusError::Port`].
+    /// [`BusError::Port`], [`BusError::Settings`].
     pub fn open(path: impl AsRef<Path>, settings: BusSettings) -> Result<Self, BusError> {
         let path = path.as_ref();
+        let times = [settings.return_delay, settings.slack];
+        if settings.baud == 0 || !times.iter().all(|time| (0.0..=MAX_TIMEOUT).contains(time)) {
+            return Err(BusError::Settings(settings));
+        }
         let failed = |source| BusError::Port { port: path.to_owned(), source };
         let port = exclusive::open(path, settings.baud).map_err(failed)?;
         Ok(Self {
@@ -134,7 +141,8 @@ impl ServoBus {
         self.settings
     }
 
-    /// Sets the time-out of an answer beyond its time on the line, s.
+    /// Sets the time-out of an answer beyond its time on the line, s. Requests fail with [`BusError::Settings`] if it is
+    /// negative, above an hour or no number.
     pub fn set_slack(&mut self, seconds: f64) {
         self.settings.slack = seconds;
     }
@@ -229,9 +237,10 @@ impl ServoBus {
         sizes: &[usize],
     ) -> Result<(Vec<Result<Packet, StreamError>>, Duration), BusError> {
         let wire = request.encode(id)?;
-        let started = self.transmit(&wire)?;
         let bytes: Vec<usize> = sizes.iter().map(|size| timing::STATUS_OVERHEAD + size).collect();
-        let deadline = started + self.reply_timeout(self.timing().answers(wire.len(), &bytes));
+        let timeout = self.reply_timeout(self.timing().answers(wire.len(), &bytes))?;
+        let started = self.transmit(&wire)?;
+        let deadline = started + timeout;
         let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
         let mut chunk = Vec::new();
         // An answer of another size belongs to an earlier request and came after this one was sent.
@@ -254,8 +263,12 @@ impl ServoBus {
         Ok((packets, started.elapsed()))
     }
 
-    fn reply_timeout(&self, on_the_line: f64) -> Duration {
-        Duration::from_secs_f64(on_the_line + self.settings.slack)
+    fn reply_timeout(&self, on_the_line: f64) -> Result<Duration, BusError> {
+        let seconds = on_the_line + self.settings.slack;
+        if !(0.0..=MAX_TIMEOUT).contains(&seconds) {
+            return Err(BusError::Settings(self.settings));
+        }
+        Ok(Duration::from_secs_f64(seconds))
     }
 
     /// Discards bytes that came too late for their own request, then sends `wire`.

@@ -144,6 +144,20 @@ fn a_port_that_is_not_there() {
     assert!(error.to_string().starts_with("/dev/no-such-port: "), "{error}");
 }
 
+#[test]
+fn settings_without_a_time_out() {
+    let (servos, mut bus) = start();
+    for slack in [-1.0, f64::NAN, f64::INFINITY] {
+        bus.set_slack(slack);
+        assert!(matches!(bus.ping(1), Err(BusError::Settings(_))), "{slack}");
+        assert!(matches!(bus.fast_sync_read(&IDS, 0, 2), Err(BusError::Settings(_))), "{slack}");
+    }
+    for settings in [BusSettings { baud: 0, ..patient() }, BusSettings { return_delay: f64::NAN, ..patient() }] {
+        let error = ServoBus::open(&servos.path, settings).expect_err("refused").to_string();
+        assert!(error.starts_with("bus settings: found BusSettings"), "{error}");
+    }
+}
+
 /// A late answer that comes after the next request was sent is not taken for the answer to it.
 #[test]
 fn a_late_answer_is_not_mistaken() {

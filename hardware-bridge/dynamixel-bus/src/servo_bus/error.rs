@@ -3,6 +3,7 @@
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
+use super::BusSettings;
 use crate::protocol2::ReplyError;
 use crate::protocol2::error::InstructionError;
 use crate::register::RegisterError;
@@ -18,6 +19,9 @@ pub enum BusError {
         /// The operating system's reason.
         source: std::io::Error,
     },
+    /// No time-out follows from the settings.
+    #[error("bus settings: found {0:?}, expected a positive baud rate, and times from 0 to 3600 s")]
+    Settings(BusSettings),
     /// The request does not fit a packet.
     #[error(transparent)]
     Request(#[from] InstructionError),

@@ -6,7 +6,7 @@ use crate::register::Register;
 use crate::xc330;
 
 impl ServoBus {
-    /// Reads `length` bytes from `address` on from each of `ids`. Returns a result for each of them, in this order.
+    /// Reads `length` bytes from `address` on from each of `ids`, which are distinct. Returns a result for each of them, in this order.
     pub fn sync_read(
         &mut self,
         ids: &[u8],
@@ -117,10 +117,11 @@ impl ServoBus {
     ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
         let size = fast_sync::packet_length(expected.iter().map(|(_, length)| *length));
         let wire = request.encode(BROADCAST_ID)?;
-        let started = self.transmit(&wire)?;
         let timing = self.timing();
         let turns = expected.len() as f64 * (timing.return_delay + timing.turnaround);
-        let deadline = started + self.reply_timeout(timing.answers(wire.len(), &[size]) + turns);
+        let timeout = self.reply_timeout(timing.answers(wire.len(), &[size]) + turns)?;
+        let started = self.transmit(&wire)?;
+        let deadline = started + timeout;
         let mut received = Vec::with_capacity(size);
         let mut replies = Vec::new();
         // Enough bytes may have garbage before the answer and still lack its end.
