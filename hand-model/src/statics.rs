@@ -170,12 +170,12 @@ struct Problem<'a, F> {
 
 impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     /// Raises the digit's tension from zero to `full` (N) and moves the joints from `angles` along. The residual
-    /// torques are at most `max_residual` (N m).
+    /// torques are at most `most` (N m).
     fn close(&self, angles: &mut HandVector, full: f64, slid: &GuideFriction, most: f64) -> Result<(), NoEquilibrium> {
         (1..=LOAD_STEPS).try_for_each(|step| self.settle(angles, full * step as f64 / LOAD_STEPS as f64, slid, most))
     }
 
-    /// Moves the joints from `angles` to rest at this `tension` (N), with residual torques of at most `max_residual` (N m).
+    /// Moves the joints from `angles` to rest at this `tension` (N), with residual torques of at most `most` (N m).
     fn settle(
         &self,
         angles: &mut HandVector,
@@ -233,7 +233,7 @@ impl<F: Fn(usize, &Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         (energy, gradient, hessian)
     }
 
-    /// Calls `residual` for each skin element that penetrates the obstacle: link, position, outward direction, depth (m),
+    /// Calls `found` for each skin element that penetrates the obstacle: link, position, outward direction, depth (m),
     /// stiffness (N/m), poses.
     fn for_each_penetrating(
         &self,

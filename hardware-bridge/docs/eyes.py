@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A vision system for `ftac trial --eyes 127.0.0.1:PORT`, as an example: it sends the objects' places ten times a second.
+"""A vision system for `ftac trial --detector 127.0.0.1:PORT`, as an example: it sends the objects' places ten times a second.
 
     ftac bridge sheet 0 --json > places.json       # or a file of your own: {"objects": [{"object", "x_m", "y_m", "z_m", "turn_rad"}]}
     eyes.py --port 7700 --sigma 0.002 places.json

@@ -15,7 +15,7 @@ step() {
     echo "== $*"
 }
 
-"$ftac" bridge emulate --dir "$folder/hand" --patient --mount 1 --balls --eyes "unix:$folder/eyes" \
+"$ftac" bridge emulate --dir "$folder/hand" --patient --mount 1 --balls --detector "unix:$folder/eyes" \
     --truth "$folder/truth.rrd" </dev/null >"$folder/emulator.log" 2>&1 &
 emulator=$!
 trap 'kill $emulator' EXIT
@@ -29,7 +29,7 @@ step "who is on the bus"
 step "open marks and travels, from cold"
 echo yes | "$ftac" bridge calibrate --config "$config"
 step "is everything as it should be"
-if "$ftac" bridge doctor --quiet --know-cameras --config "$config"; then
+if "$ftac" bridge doctor --quiet --store-references --config "$config"; then
     echo "every row is ok"
 else
     echo "not every row is ok: of real devices that is mended before anything moves"
@@ -41,7 +41,7 @@ step "where the base stands: balls on three marks"
 "$ftac" bridge register --dry-run
 printf 'yes\nrelease\n' | "$ftac" bridge register --config "$config"
 step "objects for the trial"
-"$ftac" bridge emulate --dir "$folder/hand" --tell objects=0
+"$ftac" bridge emulate --dir "$folder/hand" --send objects=0
 
 step "a trial"
 # Enter, then yes to every question, as often as there may be one; the hand keeps what it holds.
@@ -51,7 +51,7 @@ answers() {
 }
 verdict=0
 answers | "$ftac" trial 0 --policy "$policy" --robot hardware --config "$config" \
-    --registration "$folder/hand/registration.toml" --eyes "unix:$folder/eyes" \
+    --registration "$folder/hand/registration.toml" --detector "unix:$folder/eyes" \
     --session "$folder/sessions" --out "$folder/live.rrd" || verdict=$?
 # 1 is a trial that failed, which is a result too.
 [ $verdict -le 1 ]

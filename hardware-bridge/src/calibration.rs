@@ -144,7 +144,7 @@ fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
 }
 
 /// Returns the whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a
-/// servo knows its angle only within one turn; `decode_reading` (rad) is its present one.
+/// servo knows its angle only within one turn; `reading` (rad) is its present one.
 pub fn turn_offset(reading: f64) -> f64 {
     ((reading + OPEN_MARK_MARGIN * TAU) / TAU).floor() * TAU
 }

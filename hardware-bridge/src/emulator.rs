@@ -125,10 +125,10 @@ impl SharedDevices {
 }
 
 /// Waits up to `timeout`; true if there is something to read on `port`.
-fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
-    let patience = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
+fn has_bytes(port: &SerialPort, timeout: Duration) -> bool {
+    let timeout = Timespec { tv_sec: timeout.as_secs() as i64, tv_nsec: timeout.subsec_nanos().into() };
     let mut polled = [PollFd::new(port, PollFlags::IN)];
-    let ready = poll(&mut polled, Some(&patience)).unwrap_or(0);
+    let ready = poll(&mut polled, Some(&timeout)).unwrap_or(0);
     ready > 0 && polled[0].revents().contains(PollFlags::IN)
 }
 

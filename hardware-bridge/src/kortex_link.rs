@@ -10,8 +10,8 @@ use kinova_kortex::link::LinkError;
 use kinova_kortex::refusal::Reason;
 use kinova_kortex::safety_bank::{self, Report};
 use kinova_kortex::servo_loop::{Pacing, ServoLoop};
-use kinova_kortex::servoing::{Limits, fault_of};
-use kinova_kortex::{Arm, KortexError, Motion};
+use kinova_kortex::servoing::{ServoingLimits, fault_of};
+use kinova_kortex::{Arm, JointMotion, KortexError};
 use robot_session_log::LinkPacket;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
@@ -19,11 +19,11 @@ use crate::safety::checks::ArmReading;
 use crate::safety::state::ArmTrouble;
 
 /// Returns the limits of the commands to an arm of this model, which are sent at 1 kHz.
-pub fn limits(arm: &ArmModel) -> Limits {
+pub fn limits(arm: &ArmModel) -> ServoingLimits {
     let joints = &arm.tree.joints;
     let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
     let speed = std::array::from_fn(|i| arm.velocity_limits[i]);
-    Limits::at_1_khz(lower, upper, speed)
+    ServoingLimits::at_1_khz(lower, upper, speed)
 }
 
 /// Converts joint values to those of a Gen3; [`check_supported`](crate::driven::expect_driven) has refused other arms.
@@ -32,8 +32,8 @@ pub fn to_gen3(joints: &[f64]) -> [f64; JOINTS] {
 }
 
 /// Converts the client's measurement to the state that the robot reports.
-pub fn arm_state(motion: Motion) -> ArmState {
-    let Motion { position, velocity, torque } = motion;
+pub fn arm_state(motion: JointMotion) -> ArmState {
+    let JointMotion { position, velocity, torque } = motion;
     ArmState { position: position.into(), velocity: velocity.into(), torque: torque.into() }
 }
 
@@ -67,7 +67,7 @@ enum ArmOwner {
 /// A connected Gen3.
 pub struct KortexLink {
     owner: ArmOwner,
-    limits: Limits,
+    limits: ServoingLimits,
     pacing: Pacing,
     reading: Option<ArmReading>,
     last_read: Option<Instant>,
@@ -83,7 +83,7 @@ impl KortexLink {
         let limits = limits(model);
         // The arm may be silent for as long as the controller may.
         let silent_cycles = (deadline.as_secs_f64() / limits.cycle.as_secs_f64()).round() as u32;
-        let limits = Limits { silent_cycles, ..limits };
+        let limits = ServoingLimits { silent_cycles, ..limits };
         let pacing = Pacing { tick, host_deadline: deadline };
         Self {
             owner: ArmOwner::Idle(Box::new(arm)),

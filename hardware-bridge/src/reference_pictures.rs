@@ -52,7 +52,7 @@ impl ReferencePictures {
     }
 
     /// Takes one image with every camera; the error says in words what went wrong.
-    pub fn capture(link: &Cameras, patience: Duration) -> Result<Self, String> {
+    pub fn capture(link: &Cameras, timeout: Duration) -> Result<Self, String> {
         link.take_images();
         link.request_capture().map_err(|error| error.to_string())?;
         let (started, cameras, mut frames) = (Instant::now(), link.camera_counters().len(), Vec::new());
@@ -60,7 +60,7 @@ impl ReferencePictures {
             frames.extend(link.take_images());
             match Self::from_frames(&frames, cameras) {
                 Ok(pictures) => return Ok(pictures),
-                Err(camera) if started.elapsed() > patience => {
+                Err(camera) if started.elapsed() > timeout => {
                     return Err(format!("found no image of camera {camera}, expected one"));
                 }
                 Err(_) => std::thread::sleep(Duration::from_millis(5)),

@@ -27,11 +27,11 @@ const RELEASE_TIMEOUT: Duration = Duration::from_secs(6);
 pub(crate) fn execute_request(
     shared: &CycleShared,
     clock: &Clock,
-    wish: RemoteCommand,
+    command: RemoteCommand,
     release_time: f64,
 ) -> Result<String, String> {
-    let state = send_order(shared, CycleOrder::Remote(wish))?;
-    match wish {
+    let state = send_order(shared, CycleOrder::Remote(command))?;
+    match command {
         RemoteCommand::Hold if lock(&shared.state).state == SupervisorState::Connected => {
             Ok(format!("{state}, without torque by this program; it has to be checked again before it moves"))
         }
@@ -51,7 +51,7 @@ pub(crate) fn execute_request(
 }
 
 /// Waits for the end of a release; returns for how many servos the torque was read back as off.
-fn wait_for_release(shared: &CycleShared, patience: Duration) -> Result<String, String> {
+fn wait_for_release(shared: &CycleShared, timeout: Duration) -> Result<String, String> {
     let begun = Instant::now();
     loop {
         let board = lock(&shared.state);
@@ -61,7 +61,7 @@ fn wait_for_release(shared: &CycleShared, patience: Duration) -> Result<String, 
                 let off = format!("torque read back as off from {} of {SERVOS} servos", SERVOS - unsure.len());
                 return if unsure.is_empty() { Ok(off) } else { Err(format!("{off}; {}", unsure.join("; "))) };
             }
-            SupervisorState::Release { .. } if begun.elapsed() < patience => {}
+            SupervisorState::Release { .. } if begun.elapsed() < timeout => {}
             state => return Err(format!("not released: found {state}, expected connected, without torque")),
         }
         drop(board);

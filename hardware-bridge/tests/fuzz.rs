@@ -124,8 +124,8 @@ fn tactile_link() {
 
 fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
     use kinova_kortex::call;
-    use kinova_kortex::frame::{Header, Kind};
-    let kind = [Kind::Request, Kind::Response, Kind::Notification][rng.random_range(0..3)];
+    use kinova_kortex::frame::{FrameKind, Header};
+    let kind = [FrameKind::Request, FrameKind::Response, FrameKind::Notification][rng.random_range(0..3)];
     let call = [call::REFRESH, call::REFRESH_FEEDBACK, call::KEEP_ALIVE][rng.random_range(0..3)];
     let (error, sub_error) = (rng.random_range(0..16), rng.random_range(0..4096));
     let header =

@@ -12,11 +12,11 @@ use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::{KortexLink, limits, tap};
 use kinova_kortex::base::Notification;
 use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
-use kinova_kortex::frame::{Frame, Kind};
+use kinova_kortex::frame::{Frame, FrameKind};
 use kinova_kortex::message::action::ActionEvent;
 use kinova_kortex::message::base::ServoingMode;
 use kinova_kortex::message::cyclic::{Command, Feedback};
-use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::servoing::{Servoing, ServoingLimits};
 use kinova_kortex::tcp_framing::Deframer;
 use kinova_kortex::{Arm, Credentials, Timeouts, call, gen3};
 use prost::Message;
@@ -88,11 +88,11 @@ fn every_packet_is_on_record() {
             ("arm_udp", _) => {
                 let frame = Frame::decode(&bytes).expect("a frame");
                 match frame.header.kind {
-                    Kind::Request if frame.header.call == call::REFRESH => {
+                    FrameKind::Request if frame.header.call == call::REFRESH => {
                         let command = Command::decode(frame.payload.as_slice()).expect("a command");
                         sent.push(command.actuators[6].position);
                     }
-                    Kind::Response if frame.header.call == call::REFRESH => {
+                    FrameKind::Response if frame.header.call == call::REFRESH => {
                         let feedback = Feedback::decode(frame.payload.as_slice()).expect("measurements");
                         answers += usize::from(feedback.actuators.len() == 7);
                     }
@@ -199,6 +199,6 @@ fn the_session_timeout_passes_unnoticed() {
 /// The client's own figures of the arm are those of the hand model's arm.
 #[test]
 fn published_figures_agree() {
-    assert_eq!(limits(&ArmModel::gen3()), Limits::gen3());
+    assert_eq!(limits(&ArmModel::gen3()), ServoingLimits::gen3());
     assert_eq!(home(), gen3::HOME);
 }

@@ -24,7 +24,8 @@ pub enum Ablation {
     /// Retries: it decides once.
     NoRetry,
     /// New looks: it retries where the first look saw the objects.
-    NoNewLook,
+    #[serde(alias = "no_new_look")]
+    NoNewDetection,
     /// The exploratory touch of the second object before it is grasped.
     NoExploration,
 }
@@ -47,7 +48,7 @@ impl Ablation {
         Self::PointsOnly,
         Self::TruePose,
         Self::NoRetry,
-        Self::NoNewLook,
+        Self::NoNewDetection,
         Self::NoExploration,
     ];
 
@@ -61,7 +62,7 @@ impl Ablation {
             Self::PointsOnly => "points_only",
             Self::TruePose => "true_pose",
             Self::NoRetry => "no_retry",
-            Self::NoNewLook => "no_new_look",
+            Self::NoNewDetection => "no_new_look",
             Self::NoExploration => "no_exploration",
         }
     }
@@ -70,7 +71,7 @@ impl Ablation {
     pub fn label(self) -> &'static str {
         match self {
             Self::NoRetry => "touch without retry",
-            Self::NoNewLook => "retry without a new look",
+            Self::NoNewDetection => "retry without a new look",
             Self::NoExploration => "touch without an exploratory motion",
             _ => self.sensing().label(),
         }
@@ -85,7 +86,7 @@ impl Ablation {
             Self::CoarseImages => Sensing::CoarseImages,
             Self::PointsOnly => Sensing::PointsOnly,
             Self::TruePose => Sensing::TruePose,
-            Self::NoRetry | Self::NoNewLook | Self::NoExploration => Sensing::Full,
+            Self::NoRetry | Self::NoNewDetection | Self::NoExploration => Sensing::Full,
         }
     }
 }

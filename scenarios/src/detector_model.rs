@@ -102,7 +102,7 @@ mod tests {
         fn new() -> Self {
             let scenario = Scenario::benchmark();
             let library = ObjectSet::standard().with_fallen();
-            Self { levels: scenario.noise, eyes: scenario.effects.eyes.unwrap(), library }
+            Self { levels: scenario.noise, eyes: scenario.effects.detector.unwrap(), library }
         }
 
         /// Returns the errors of three looks in one trial: the first looks at both objects, and a later one at the
@@ -110,7 +110,8 @@ mod tests {
         fn trial(&self, name: &str, trial: usize) -> [ObjectNoise; 3] {
             let object = self.library.get(name).unwrap();
             let mut rng = trial_rng(3, 0, trial);
-            let mut sight = DetectorModel::draw(self.eyes, &self.levels.perception, Effect::Eyes.draw_rng(3, 0, trial));
+            let mut sight =
+                DetectorModel::draw(self.eyes, &self.levels.perception, Effect::Detector.draw_rng(3, 0, trial));
             let [first, second, _] = TrialNoise::draw(&self.levels, 2, &mut rng).objects;
             let later = TrialNoise::draw(&self.levels, 2, &mut rng).objects[0];
             [first, second, later].map(|fresh| sight.draw_error(&fresh, object, &self.library, &object.rest))

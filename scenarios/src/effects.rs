@@ -25,7 +25,8 @@ pub enum Effect {
     /// Cables rub in their guides, and gears have backlash.
     Cables,
     /// Vision has persistent errors, and does not see everything.
-    Eyes,
+    #[serde(alias = "eyes")]
+    Detector,
     /// The arm has errors of its encoders, its mount and its payload.
     Arm,
     /// Individual objects differ from their models.
@@ -47,7 +48,7 @@ pub struct UnknownEffect {
 impl Effect {
     /// All effects in order.
     pub const ALL: [Self; 8] =
-        [Self::Pads, Self::Gel, Self::Cables, Self::Eyes, Self::Arm, Self::Objects, Self::Floor, Self::Time];
+        [Self::Pads, Self::Gel, Self::Cables, Self::Detector, Self::Arm, Self::Objects, Self::Floor, Self::Time];
 
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -55,7 +56,7 @@ impl Effect {
             Self::Pads => "pads",
             Self::Gel => "gel",
             Self::Cables => "cables",
-            Self::Eyes => "eyes",
+            Self::Detector => "detector",
             Self::Arm => "arm",
             Self::Objects => "objects",
             Self::Floor => "floor",
@@ -81,6 +82,8 @@ impl std::str::FromStr for Effect {
     type Err = UnknownEffect;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        // Scenarios of version 0.1 call the detector's effects `eyes`.
+        let text = if text == "eyes" { Self::Detector.name() } else { text };
         let known = Self::ALL.into_iter().find(|effect| effect.name() == text);
         known.ok_or_else(|| UnknownEffect { found: text.to_owned() })
     }
@@ -217,7 +220,8 @@ pub struct Effects {
     pub cables: Option<CableEffects>,
     /// See [`Effect::DetectorErrors`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub eyes: Option<DetectorErrors>,
+    #[serde(alias = "eyes")]
+    pub detector: Option<DetectorErrors>,
     /// See [`Effect::Arm`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm: Option<ArmErrors>,
@@ -240,7 +244,7 @@ impl Effects {
             Effect::Pads => self.pads = None,
             Effect::Gel => self.gel = None,
             Effect::Cables => self.cables = None,
-            Effect::Eyes => self.eyes = None,
+            Effect::Detector => self.detector = None,
             Effect::Arm => self.arm = None,
             Effect::Objects => self.objects = None,
             Effect::Floor => self.floor = None,
@@ -252,7 +256,7 @@ impl Effects {
     /// Returns the effects with the arm's and the eyes' own standard deviations multiplied by `factor`.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
-        if let Some(eyes) = &mut self.eyes {
+        if let Some(eyes) = &mut self.detector {
             eyes.tilt_sigma *= factor;
         }
         if let Some(arm) = &mut self.arm {
@@ -277,7 +281,7 @@ impl Effects {
         if self.cables.is_some() {
             words.push("cables: they rub, and gears have play".to_owned());
         }
-        if let Some(eyes) = self.eyes.filter(|eyes| eyes.mistaken > 0.0 || eyes.latency > 0.0) {
+        if let Some(eyes) = self.detector.filter(|eyes| eyes.mistaken > 0.0 || eyes.latency > 0.0) {
             let share = 100.0 * eyes.mistaken;
             words.push(format!(
                 "eyes: {share} % of looks take one way to lie for another, all are {} s late",
@@ -305,7 +309,7 @@ impl Effects {
         if let Some(CableEffects { friction, backlash }) = self.cables {
             values.extend([("cables.friction", friction, [0.0, 5.0]), ("cables.backlash", backlash, [0.0, 0.2])]);
         }
-        if let Some(DetectorErrors { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.eyes {
+        if let Some(DetectorErrors { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.detector {
             values.extend([
                 ("eyes.lasting", lasting, [0.0, 1.0]),
                 ("eyes.tilt_sigma", tilt_sigma, [0.0, 0.5]),

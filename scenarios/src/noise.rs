@@ -117,7 +117,8 @@ pub struct TrialNoise {
     /// Defects of the arm, which replace the constant error.
     pub arm: ArmDefects,
     /// True mass, friction and size of the objects relative to their models.
-    pub individuals: [ObjectInstance; MAX_OBJECTS],
+    #[serde(alias = "individuals")]
+    pub object_instances: [ObjectInstance; MAX_OBJECTS],
 }
 
 impl TrialNoise {
@@ -129,7 +130,7 @@ impl TrialNoise {
             objects: [ObjectNoise::default(); MAX_OBJECTS],
             shifts: [PlacementShift::default(); MAX_OBJECTS],
             arm: ArmDefects::default(),
-            individuals: [ObjectInstance::NOMINAL; MAX_OBJECTS],
+            object_instances: [ObjectInstance::NOMINAL; MAX_OBJECTS],
         }
     }
 
@@ -159,7 +160,7 @@ impl TrialNoise {
         }
         if let Some(spread) = &effects.objects {
             let mut rng = Effect::Objects.draw_rng(seed, combination, trial);
-            self.individuals = [(); MAX_OBJECTS].map(|()| spread.draw(&mut rng));
+            self.object_instances = [(); MAX_OBJECTS].map(|()| spread.draw(&mut rng));
         }
         self
     }
@@ -169,7 +170,7 @@ impl TrialNoise {
     pub fn with_swapped_objects(mut self) -> Self {
         self.objects.swap(0, 1);
         self.shifts.swap(0, 1);
-        self.individuals.swap(0, 1);
+        self.object_instances.swap(0, 1);
         self
     }
 

@@ -24,7 +24,7 @@ pub struct PhaseTracker {
 
 impl PhaseTracker {
     /// Creates the follower of one trial. Objects count as lifted when they have risen by `lift` (m), and all must be
-    /// held within `max_distance` (m) of the palm for `hold` (s).
+    /// held within `reach` (m) of the palm for `hold` (s).
     pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
         Self { reach, lift, hold, phase: Phase::run(Skill::Approach, 0), rest: None, held_since: None }
     }

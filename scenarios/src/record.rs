@@ -21,18 +21,19 @@ pub enum Condition {
     /// The same noise, policy `touch`.
     Touch,
     /// The same noise, the user's own policy.
-    Own,
+    #[serde(alias = "own")]
+    External,
 }
 
 impl Condition {
     /// All conditions in order.
-    pub const ALL: [Self; 5] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch, Self::Own];
+    pub const ALL: [Self; 5] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch, Self::External];
 
     /// Conditions that come with the program.
     pub const BUILT_IN: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
 
     /// Conditions with noise.
-    pub const NOISY: [Self; 4] = [Self::Blind, Self::Reflex, Self::Touch, Self::Own];
+    pub const NOISY: [Self; 4] = [Self::Blind, Self::Reflex, Self::Touch, Self::External];
 
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -41,7 +42,7 @@ impl Condition {
             Self::Blind => "blind",
             Self::Reflex => "reflex",
             Self::Touch => "touch",
-            Self::Own => "own",
+            Self::External => "external",
         }
     }
 }
@@ -57,6 +58,8 @@ impl std::str::FromStr for Condition {
     type Err = UnknownCondition;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        // Tables of version 0.1 call the external policy's condition `own`.
+        let text = if text == "own" { Self::External.name() } else { text };
         let known = Self::ALL.into_iter().find(|condition| condition.name() == text);
         known.ok_or_else(|| UnknownCondition { found: text.to_owned() })
     }

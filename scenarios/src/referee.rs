@@ -215,7 +215,8 @@ pub enum FailureCause {
     /// The controller declined an object: a contact was more likely than a hold.
     Declined,
     /// An object was not detected anywhere.
-    NotSeen,
+    #[serde(alias = "not_seen")]
+    NotDetected,
     /// The controller found no strategy left to try.
     NoStrategy,
     /// The decision maker (policy) failed, or gave an invalid answer.
@@ -242,7 +243,7 @@ impl std::fmt::Display for FailureCause {
             Self::Slipped => "slipped",
             Self::Unreachable => "unreachable",
             Self::Declined => "declined",
-            Self::NotSeen => "not seen",
+            Self::NotDetected => "not seen",
             Self::NoStrategy => "no strategy",
             Self::PolicyFailed => "policy failed",
             Self::RobotFault => "robot fault",

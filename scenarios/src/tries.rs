@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::record::{Condition, RecordError, TrialId};
@@ -13,7 +14,7 @@ use world::layout::MAX_OBJECTS;
 const ORDER_NAMES: [&str; MAX_OBJECTS] = ["first", "second", "third"];
 
 /// A row of `tries.csv`, whose columns are in this order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TryRecord {
     /// Number of the combination, [`crate::CombinationRow::id`].
     pub combination: usize,

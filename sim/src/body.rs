@@ -374,7 +374,7 @@ impl RobotBody {
 }
 
 /// Sets a hinge's torque (N m) for the next step at its present `angle` (rad), with an implicit stiffness (N m/rad), by
-/// a spring with a shifted rest angle. Its limits are enabled only where the joint is beyond one or within `slack_tensions`
+/// a spring with a shifted rest angle. Its limits are enabled only where the joint is beyond one or within `slack`
 /// (rad) of it. Elsewhere they could not act, yet would cost the engine a solved constraint.
 pub(crate) fn set_hinge_torque(joint: &mut MultibodyJoint, angle: f64, torque: f64, stiffness: f64, slack: f64) {
     joint.set_spring(HINGE_DOF, stiffness, angle + torque / stiffness);

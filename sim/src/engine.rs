@@ -42,7 +42,7 @@ pub struct EngineSettings {
 
 impl Default for EngineSettings {
     fn default() -> Self {
-        let Physics { contact, table, sticking, .. } = Physics::standard();
+        let Physics { contact, table, bristle_friction: sticking, .. } = Physics::standard();
         Self {
             dt: 1.0 / 240.0,
             solver_iterations: 1,

@@ -49,7 +49,7 @@ struct SoftCover {
 }
 
 impl SoftCover {
-    /// Returns the surface around `point`, where the normal is `out`, and `cover_from_frame` of that surface's frame:
+    /// Returns the surface around `middle`, where the normal is `out`, and `cover_from_frame` of that surface's frame:
     /// that of a pad if there is one.
     fn surface(&self, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (PressedSurface<'_>, Isometry3<f64>) {
         let pressed = self.pads.iter().find(|(pad, pad_from_cover)| {

@@ -26,7 +26,7 @@ pub enum PressedSurface<'a> {
 }
 
 impl<'a> PressedSurface<'a> {
-    /// Returns the surface of the solid `cover` around `point`, where its normal is `out`, and `cover_from_frame`.
+    /// Returns the surface of the solid `cover` around `middle`, where its normal is `out`, and `cover_from_frame`.
     pub fn around(cover: &'a ObjectShape, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Self, Isometry3<f64>) {
         // Align the tangential axes with the solid's edges, if it has any.
         let least = out.iamin();

@@ -174,7 +174,7 @@ impl TactileBoard {
         self.renderer.sensors()
     }
 
-    /// Captures one image of every camera. `pads` are `world_from_pad`, `link_forces` the normal forces on them (N), and
+    /// Captures one image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), and
     /// `objects` everything that may press (`world_from_object`).
     pub fn capture(
         &mut self,

@@ -194,12 +194,12 @@ fn a_limit_stops_a_joint() {
         let settings = EngineSettings { solver_iterations, ..EngineSettings::default() };
         let mechanism =
             LinkageModel { tree: &tree, masses: &masses, damping: &[1e-3], armature: &[1e-4], separate_roots: false };
-        let mut door = Linkage::new(settings, &mechanism, Vec::new(), &[0.0]);
+        let mut endpoint = Linkage::new(settings, &mechanism, Vec::new(), &[0.0]);
         for (torque, limit) in [(0.05, 0.5), (-0.05, -0.2), (0.05, 0.5)] {
             for _ in 0..240 {
-                door.step(&[JointEffort { torque, stiffness: 1e-3 }]);
+                endpoint.step(&[JointEffort { torque, stiffness: 1e-3 }]);
             }
-            let angle = door.angles()[0];
+            let angle = endpoint.angles()[0];
             assert!((angle - limit).abs() < 0.02, "{solver_iterations} iterations, {torque} N m: {angle}, not {limit}");
         }
     }

@@ -212,7 +212,7 @@ fn a_pipe_is_no_file() {
         &["export", "rrd", pipe],
         &["bench", "--combos", "1", "--scenario", pipe],
         &["bench", "--combos", "1", "--uncertainty", pipe],
-        &["trial", "0", "--individual", pipe],
+        &["trial", "0", "--instance", pipe],
         &["trial", "0", "--pads", pipe],
         &["sweep", "plan", pipe],
         &["grasps", "generate", "--mesh", pipe],

@@ -59,13 +59,13 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
 #[test]
 fn a_mirror_changes_no_row() {
     let folder = tempdir().expect("a folder");
-    bench(&["--mirror", "--out", text(folder.path())]);
+    bench(&["--detect-faults", "--out", text(folder.path())]);
     assert_eq!(trials(folder.path()), trials(reference()));
-    let named = fs::read_to_string(folder.path().join("divergences.csv")).expect("divergences.csv");
+    let named = fs::read_to_string(folder.path().join("faults.csv")).expect("faults.csv");
     let mut lines = named.lines();
     assert_eq!(lines.next(), Some("combination,trial,condition,time_s,divergence,part,found,expected"));
     assert!(lines.all(|line| line.split(',').count() == 8), "{named}");
-    assert!(!reference().join("divergences.csv").exists(), "only where a mirror looked on");
+    assert!(!reference().join("faults.csv").exists(), "only where a mirror looked on");
 }
 
 /// A condition played alone gives the same rows as beside the others, except for the risk that touch would have predicted.
@@ -208,10 +208,10 @@ fn killed_and_resumed_is_as_if_nothing_had_happened() {
     let size = [&["bench", "--record", "none"], &RUN_SIZE_ARGS[..], &["--jobs", "1", "--out", text(&out)]].concat();
     let began = Instant::now();
     let mut child = ftac(&size).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
-    let patience = Duration::from_secs(120);
+    let timeout = Duration::from_secs(120);
     // The journal grows with each finished trial: two growths mean that one trial is finished and another is under way.
     let (mut sizes, mut last) = (0, 0);
-    while sizes < 2 && began.elapsed() < patience && child.try_wait().expect("ours").is_none() {
+    while sizes < 2 && began.elapsed() < timeout && child.try_wait().expect("ours").is_none() {
         let now = bytes_in(&out);
         sizes += usize::from(now > last);
         last = last.max(now);

@@ -34,7 +34,7 @@ fn replay(file: &Path) -> (Option<i32>, Value) {
 fn the_same_trial_on_three_bodies() {
     let folder = tempdir().expect("a folder");
     let mut records = Vec::new();
-    for robot in ["sim", "rounded", "emulated"] {
+    for robot in ["sim", "direct", "emulated"] {
         let sessions = folder.path().join(robot);
         let out = folder.path().join("trial.rrd");
         let arguments = [
@@ -66,13 +66,13 @@ fn the_same_trial_on_three_bodies() {
     assert!(records.windows(2).all(|pair| pair[0] == pair[1]), "{records:?}");
 }
 
-/// The backend `rounded` processes commands, measurements and images like the emulated devices, but without wires: two
+/// The backend `direct` processes commands, measurements and images like the emulated devices, but without wires: two
 /// trials with noise are the same on both, command by command and image by image.
 #[test]
 fn wires_change_nothing() {
     let folder = tempdir().expect("a folder");
     for (combination, policy) in [("0", "blind"), ("1", "touch")] {
-        let sessions = ["rounded", "emulated"].map(|robot| {
+        let sessions = ["direct", "emulated"].map(|robot| {
             let sessions = folder.path().join(format!("{robot}-{policy}"));
             let out = folder.path().join("trial.rrd");
             let body = ["--robot", robot, "--session", text(&sessions), "--out", text(&out), "--json"];
@@ -169,7 +169,8 @@ fn faults_end_as_they_should() {
     }
     // No camera sends a readable image: the robot continues, and a mirror reports it.
     let out = folder.path().join("mirrored");
-    let mirrored = ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--mirror", "--json"];
+    let mirrored =
+        ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--detect-faults", "--json"];
     let output = run(&[&mirrored[..], &["--out", text(&out)]].concat());
     let matrix = json(&output.stdout);
     let named = &matrix["rows"][0]["named"];

@@ -259,7 +259,6 @@ fn members_know_only_whom_they_may() {
         ),
         ("sweep", "statistics hand-model ftac-platform scenarios control robot-backends bench report progress"),
         ("workspace-hack", ""),
-        ("guide", "hand-model scenarios tactile-optics tactile-perception dexterous-grasping control grasp-analysis"),
         (
             "ftac",
             "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",

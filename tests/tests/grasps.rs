@@ -321,13 +321,13 @@ fn proven_plans_stay() {
     all.truncate(2);
     all.iter_mut().for_each(|plan| plan["proven"] = 2.into());
     fs::write(&of, plans.to_string()).expect("written");
-    let prove = ["grasps", "plan", "--of", text(&of), "--prove", "--effort", "2", "--quiet", "--out", text(&out)];
+    let prove = ["grasps", "pairs", "--pairs", text(&of), "--verify", "--effort", "2", "--quiet", "--out", text(&out)];
     let output = run(&prove);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let written: Value = serde_json::from_str(&fs::read_to_string(&out).expect("written")).expect("JSON");
     assert_eq!(written, plans);
-    let without_of = run(&["grasps", "plan", "--prove", "--out", text(&out)]);
-    assert!(stderr(&without_of).contains("--of"), "{}", stderr(&without_of));
+    let without_of = run(&["grasps", "pairs", "--verify", "--out", text(&out)]);
+    assert!(stderr(&without_of).contains("--pairs"), "{}", stderr(&without_of));
     let none = run(&[&prove[..6], &["0", "--out", text(&out)]].concat());
     assert_eq!(none.status.code(), Some(2), "{}", stderr(&none));
 }

@@ -52,12 +52,12 @@ fn a_trial_feels_with_the_pads_that_it_is_given_and_keeps_them() {
         ("{}".to_owned(), &["version"]),
     ] {
         fs::write(&bad, wrong).expect("written");
-        for door in [
+        for endpoint in [
             &["trial", "0", "--out", text(&out)][..],
             &["bench", "--combos", "1", "--trials", "1", "--out", text(&out)],
             &["touch", "eval", "--combos", "1", "--trials", "1"],
         ] {
-            let output = run(&[door, &["--pads", text(&bad)]].concat());
+            let output = run(&[endpoint, &["--pads", text(&bad)]].concat());
             let said = stderr(&output);
             assert_eq!(output.status.code(), Some(2), "{said}");
             assert!(["--pads", "bad.json"].iter().chain(words).all(|word| said.contains(word)), "{said}");

@@ -35,7 +35,7 @@ fn a_registered_robot_with_eyes_plays_and_replays() {
 
     let sessions = folder.path().join("sessions");
     let usual = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--mount", "5", "--json"];
-    let registered = ["--registration", text(&file), "--eyes", "emulated", "--session", text(&sessions)];
+    let registered = ["--registration", text(&file), "--detector", "emulated", "--session", text(&sessions)];
     let recording = folder.path().join("trial.rrd");
     let output = run(&[&usual[..], &registered, &["--out", text(&recording)]].concat());
     assert!(output.status.code().is_some_and(|code| code <= 1), "{}", stderr(&output));
@@ -58,10 +58,10 @@ fn places_that_cannot_be_are_refused() {
         assert_eq!(output.status.code(), Some(2), "{message}");
         words.iter().for_each(|words| assert!(message.contains(words), "{message}"));
     };
-    refused(&["--eyes", "emulated"], &["--eyes: found --robot sim, expected emulated or hardware"]);
+    refused(&["--detector", "emulated"], &["--detector: found --robot sim, expected emulated or hardware"]);
     refused(&["--mount", "1"], &["--mount: found --robot sim"]);
-    refused(&["--robot", "emulated", "--eyes", "nowhere"], &["expected HOST:PORT or unix:PATH"]);
-    refused(&["--robot", "emulated", "--eyes", "unix:/nowhere/eyes"], &["--eyes unix:/nowhere/eyes"]);
+    refused(&["--robot", "emulated", "--detector", "nowhere"], &["expected HOST:PORT or unix:PATH"]);
+    refused(&["--robot", "emulated", "--detector", "unix:/nowhere/eyes"], &["--detector unix:/nowhere/eyes"]);
     let file = folder.path().join("registration.toml");
     fs::write(
         &file,
@@ -82,7 +82,7 @@ fn places_that_cannot_be_are_refused() {
         }
     });
     refused(
-        &["--robot", "emulated", "--eyes", &address],
+        &["--robot", "emulated", "--detector", &address],
         &["salt_mill", "line 1: object: found plum, expected one of", "within 3 s"],
     );
 }
@@ -107,8 +107,8 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
         assert_eq!(order, None, "{said:?}");
     };
     let (sessions, out) = (folder.path().join("sessions"), folder.path().join("trial.rrd"));
-    let eyes = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--eyes", &address];
-    let output = run(&[&eyes[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
+    let detector = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--detector", &address];
+    let output = run(&[&detector[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
     assert_eq!(output.status.code(), Some(2));
     harmless(&output, "found \\u001b[2Jplum\\u009b1m, expected one of");
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
@@ -118,7 +118,7 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
     let found = json(&replayed.stdout);
     let why = found["failed_look"].as_str().expect("why");
     assert!(why.contains("salt_mill") && why.contains("\u{1b}[2Jplum"), "{found}");
-    harmless(&run(&["replay", text(&session)]), "it ends in the same failed look: --eyes 127.0.0.1");
+    harmless(&run(&["replay", text(&session)]), "it ends in the same failed look: --detector 127.0.0.1");
 
     let scenario = folder.path().join("scenario.toml");
     fs::write(&scenario, "version = 1\n\"\\u001b]0;owned\\u0007\" = 1\n").expect("written");
@@ -132,11 +132,11 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
 #[test]
 fn a_script_rearranges_the_emulated_table() {
     let folder = tempdir().expect("a folder");
-    let (truth, eyes) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
-    let address = format!("unix:{}", eyes.display());
-    let devices = EmulatedDevices::start(folder.path(), &["--truth", text(&truth), "--eyes", &address]);
+    let (truth, detector) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
+    let address = format!("unix:{}", detector.display());
+    let devices = EmulatedDevices::start(folder.path(), &["--truth", text(&truth), "--detector", &address]);
     let dir = devices.config.parent().expect("its folder").to_owned();
-    let told = |line: &str| run(&["bridge", "emulate", "--dir", text(&dir), "--tell", line, "--json"]);
+    let told = |line: &str| run(&["bridge", "emulate", "--dir", text(&dir), "--send", line, "--json"]);
     let answer = |line: &str| {
         let output = told(line);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -161,7 +161,7 @@ fn a_script_rearranges_the_emulated_table() {
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
     // Any program can read the measurements of the vision system from its socket.
-    let stream = std::os::unix::net::UnixStream::connect(&eyes).expect("it listens");
+    let stream = std::os::unix::net::UnixStream::connect(&detector).expect("it listens");
     let mut line = String::new();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stream), &mut line).expect("a measurement");
     let seen = json(line.as_bytes());
@@ -204,7 +204,7 @@ fn devices_in_the_wrong_place_are_named() {
     };
     let pads = "every camera shows its own pad";
     assert_eq!(row(pads).expect("its row")["found"], "unknown: none are kept");
-    bridge(&["doctor", "--know-cameras"]);
+    bridge(&["doctor", "--store-references"]);
     assert_eq!(row(pads).expect("its row")["found"], "yes");
     devices.happen("swap=7");
     let found = until_wrong(pads)["found"].clone();

@@ -1,5 +1,5 @@
 //! The Python package: its wheel is built and installed into a fresh environment, in which the examples of its page and
-//! its own tests run.
+//! of the book, and its own tests run.
 //!
 //! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, pyarrow and av. Without them it prints a
 //! note and passes, unless `FTAC_PYTHON=required` is set.
@@ -11,6 +11,8 @@ use std::process::{Command, Output};
 
 use e2e::{forget_package, root, stderr, target_dir};
 use tempfile::tempdir;
+
+use crate::guide;
 
 /// Packages that the test downloads.
 const PIP_PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
@@ -110,6 +112,7 @@ fn the_wheel_installs_and_its_examples_run() {
     std::fs::create_dir(&without).expect("made");
     refuses_to_build_without_rust(&python, &without);
     let wheel = wheel(&python, &folder.path().join("wheels"));
+    crate::release::accepts_wheel(&wheel);
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"];
     run(Command::new(&python).args(install).arg(&wheel)).expect("the wheel installs");
     // The package includes the program.
@@ -119,9 +122,11 @@ fn the_wheel_installs_and_its_examples_run() {
     let refused = Command::new(&program).arg("bnch").output().expect("the program runs");
     assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
     let page = std::fs::read_to_string(root().join("twin/python/README.md")).expect("the page");
-    let examples = examples(&page);
-    assert!(examples.len() >= 4, "the page has {} examples", examples.len());
-    for (n, example) in examples.iter().enumerate() {
+    let own = examples(&page);
+    assert!(own.len() >= 4, "the page has {} examples", own.len());
+    let of_book: Vec<String> = guide::PYTHON.iter().flat_map(|name| examples(&guide::page(name))).collect();
+    assert!(of_book.len() >= guide::PYTHON.len(), "the book has {} examples", of_book.len());
+    for (n, example) in own.iter().chain(&of_book).enumerate() {
         let script = folder.path().join(format!("example_{n}.py"));
         std::fs::write(&script, example).expect("written");
         run(Command::new(&python).arg(&script).current_dir(folder.path())).expect("an example runs");

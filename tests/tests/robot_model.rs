@@ -149,7 +149,7 @@ fn a_repertoire_of_another_robot_is_refused() {
     let out = folder.path().join("repertoire.json");
     let of = |robot: &str| {
         let robot = shipped(robot);
-        let asked = ["grasps", "pick-ups", "--robot-model", text(&robot), "--object", "ball_45", "--role", "first"];
+        let asked = ["grasps", "repertoire", "--robot-model", text(&robot), "--object", "ball_45", "--role", "first"];
         ftac(&[&asked[..], &["--n", "16", "--out", text(&out)]].concat()).output().expect("runs")
     };
     let made = of("ftac_right.toml");
@@ -166,7 +166,7 @@ fn a_repertoire_of_another_robot_is_refused() {
     // Without a file, a robot with other kinematics has no grasps to plan with.
     let robot = shipped("ftac_right.toml");
     let plans = folder.path().join("plans.json");
-    let plan = run(&["grasps", "plan", "--robot-model", text(&robot), "--combos", "1", "--out", text(&plans)]);
+    let plan = run(&["grasps", "pairs", "--robot-model", text(&robot), "--combos", "1", "--out", text(&plans)]);
     assert_eq!(plan.status.code(), Some(2));
     assert!(stderr(&plan).contains("--repertoire: found none, expected grasps of ftac_right"), "{}", stderr(&plan));
 }

@@ -151,7 +151,7 @@ fn bad_input_is_named() {
         ("seed = [1, 1]", &["axes.seed: found 1 twice"]),
         ("seed = [-1]", &["axes.seed: found -1"]),
         ("policy = [\"psychic\"]", &["axes.policy: found psychic", "ideal, blind, reflex, touch"]),
-        ("robot = [\"hardware\"]", &["axes.robot: found hardware", "sim, emulated, rounded"]),
+        ("robot = [\"hardware\"]", &["axes.robot: found hardware", "sim, emulated, direct"]),
         ("scenario = [\"nowhere.toml\"]", &["nowhere.toml"]),
         ("\"scenario.referee.slip\" = [-1.0]", &["axes.scenario.referee.slip", "referee.slip: found -1"]),
     ] {

@@ -26,8 +26,8 @@ fn more_than_one_at_once() {
     let most = |n: usize| result["policies"][n]["most_per_trip"].as_u64().expect("a number");
     assert_eq!(most(0), 1);
     assert!(most(1) >= 2, "{result}");
-    let story = result["transports"][1]["story"].to_string();
-    assert!(story.contains("plan: ball_") && story.contains("is felt by") && story.contains("trip 1:"), "{story}");
+    let trace = result["transports"][1]["story"].to_string();
+    assert!(trace.contains("plan: ball_") && trace.contains("is felt by") && trace.contains("trip 1:"), "{trace}");
     assert!(folder.path().join("touch.rrd").is_file() && folder.path().join("one_by_one.rrd").is_file());
     let kept: Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("transports.json")).expect("kept")).expect("JSON");
@@ -41,8 +41,8 @@ fn more_than_one_at_once() {
 fn four_balls_one_pushed() {
     let file = root().join("scenarios/data/transport/four_balls.toml");
     let result = carried(&["--trials", "1", "--policy", "touch", "--scenario", utf8(&file)]);
-    let story = result["transports"][0]["story"].to_string();
-    let mut rest = story.as_str();
+    let trace = result["transports"][0]["story"].to_string();
+    let mut rest = trace.as_str();
     let plan = "plan: golf_ball with little finger (holds";
     for next in [
         plan,
@@ -51,7 +51,7 @@ fn four_balls_one_pushed() {
         "nothing felt of golf_ball",
         "yoga_ball with thumb, index and middle finger",
     ] {
-        rest = rest.split_once(next).unwrap_or_else(|| panic!("no {next:?} in what is left of {story}")).1;
+        rest = rest.split_once(next).unwrap_or_else(|| panic!("no {next:?} in what is left of {trace}")).1;
     }
     assert!(result["policies"][0]["most_per_trip"].as_u64() >= Some(2), "{result}");
 }
@@ -61,7 +61,7 @@ fn four_balls_one_pushed() {
 fn a_search_of_skills() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("skills.json");
-    let result = carried(&["--rehearse", utf8(&file), "--pick", "ball_1=ring+little", "--n", "8"]);
+    let result = carried(&["--search-skills", utf8(&file), "--pick", "ball_1=ring+little", "--n", "8"]);
     assert_eq!(result["picks"][0]["ball"], "ball_1");
     assert!(result["picks"][0]["tried"].as_u64() >= Some(4), "{result}");
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).expect("kept")).expect("JSON");
@@ -87,8 +87,8 @@ fn what_cannot_be_run_is_refused() {
     assert!(wide.contains("ball[0].diameter: found 0.5, expected 0.02 to 0.12 m"), "{wide}");
     let unknown = refused(&good.replace("friction =", "stickiness ="), &out);
     assert!(unknown.contains("mine.toml:") && unknown.contains("stickiness"), "{unknown}");
-    let pick = refused(&good, &["--rehearse", "x.json", "--pick", "ball_9=ring"]);
+    let pick = refused(&good, &["--search-skills", "x.json", "--pick", "ball_9=ring"]);
     assert!(pick.contains("ball_9") && pick.contains("ball_1"), "{pick}");
-    let digit = run(&["transport", "--rehearse", "x.json", "--pick", "ball_1=toe"]);
+    let digit = run(&["transport", "--search-skills", "x.json", "--pick", "ball_1=toe"]);
     assert!(digit.status.code() == Some(2) && stderr(&digit).contains("toe"), "{}", stderr(&digit));
 }

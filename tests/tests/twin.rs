@@ -59,9 +59,9 @@ fn refused(arguments: &[&str], words: &[&str]) {
 fn a_robot_is_excited_identified_and_used() {
     let folder = tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let (script, sessions, truth, found) = (at("short.toml"), at("sessions"), at("truth.json"), at("individual.toml"));
+    let (script, sessions, truth, found) = (at("short.toml"), at("sessions"), at("truth.json"), at("instance.toml"));
     fs::write(&script, EXCITATION_SCRIPT).expect("written");
-    let excite = ["twin", "excite", text(&sessions), "--individual", "3", "--script", text(&script)];
+    let excite = ["sysid", "excite", text(&sessions), "--instance", "3", "--script", text(&script)];
 
     let dry = json(&run(&[&excite[..], &["--dry-run", "--json"]].concat()));
     assert_eq!((&dry["steps"], &dry["done"]), (&3.into(), &0.into()));
@@ -73,7 +73,7 @@ fn a_robot_is_excited_identified_and_used() {
     let another = [&excite[..4], &["4", "--script", text(&script)]].concat();
     refused(&another, &["excitation.json", "another robot, individual or script"]);
 
-    let identified = json(&run(&["twin", "identify", text(&sessions), "--out", text(&found), "--json"]));
+    let identified = json(&run(&["sysid", "identify", text(&sessions), "--out", text(&found), "--json"]));
     for row in identified["actuators"].as_array().expect("rows") {
         let [before, after] = ["residual_before", "residual_after"].map(|key| row[key].as_f64().expect("a number"));
         assert!(after < 0.2 * before, "{row}");
@@ -83,16 +83,16 @@ fn a_robot_is_excited_identified_and_used() {
 
     // The same robot again, bit by bit, and a session that was cut short.
     let again = at("again");
-    assert!(run(&["twin", "excite", text(&again), "--individual", "3", "--script", text(&script)]).status.success());
+    assert!(run(&["sysid", "excite", text(&again), "--instance", "3", "--script", text(&script)]).status.success());
     let cut = fs::read(again.join("part_1.mcap")).expect("a session");
     fs::write(again.join("part_1.mcap"), &cut[..cut.len() * 4 / 5]).expect("written");
     let second = at("second.toml");
-    let output = run(&["twin", "identify", text(&again), "--out", text(&second)]);
+    let output = run(&["sysid", "identify", text(&again), "--out", text(&second)]);
     assert!(output.status.success() && stderr(&output).contains("cut short"), "{}", stderr(&output));
 
     // A trial runs with the file, and not with an edited one.
     let record = at("trial.rrd");
-    let trial = ["trial", "0", "--policy", "ideal", "--out", text(&record), "--individual"];
+    let trial = ["trial", "0", "--policy", "ideal", "--out", text(&record), "--instance"];
     let output = run(&[&trial[..], &[text(&found)]].concat());
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     let written = fs::read_to_string(&found).expect("the file");
@@ -104,21 +104,21 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml"]);
     // The other commands refuse the edited file in the same words before they do anything, and accept the good one.
     let pads = at("pads");
-    for door in [
+    for endpoint in [
         &["touch", "train", "--presses", "1", "--out", text(&pads)][..],
         &["touch", "eval", "--combos", "1", "--trials", "1"],
         &["optics", "pads", "--out", text(&pads)],
         &["bridge", "register", "--emulated", "1", "--dry-run"],
     ] {
-        refused(&[door, &["--individual", text(&edited)]].concat(), &["--individual", "edited.toml"]);
+        refused(&[endpoint, &["--instance", text(&edited)]].concat(), &["--instance", "edited.toml"]);
     }
     assert!(!pads.exists(), "a refused command leaves nothing behind");
-    let own = ["optics", "pads", "--out", text(&pads), "--individual", text(&found)];
+    let own = ["optics", "pads", "--out", text(&pads), "--instance", text(&found)];
     assert!(run(&own).status.success() && pads.join("index_distal.toml").exists());
     // Files and folders without sessions of an excitation are refused.
     let output = ["--out", text(&edited)];
-    refused(&[&["twin", "identify", text(&truth)], &output[..]].concat(), &["truth.json"]);
-    refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
+    refused(&[&["sysid", "identify", text(&truth)], &output[..]].concat(), &["truth.json"]);
+    refused(&[&["sysid", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
 }
 
 /// Presses of pads on a ball identify arm and mount, and yield a calibration of the pads or the reason why there is
@@ -161,11 +161,11 @@ name = "forearm turned"
 turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
 "#;
     fs::write(&script, format!("{EXCITATION_SCRIPT}{ball}")).expect("written");
-    let excite = ["twin", "excite", text(&sessions), "--individual", "2", "--script", text(&script), "--json"];
+    let excite = ["sysid", "excite", text(&sessions), "--instance", "2", "--script", text(&script), "--json"];
     let done = json(&run(&excite));
     assert_eq!(done["done"], 3 + 18 + 3 + 1);
-    let found = folder.path().join("individual.toml");
-    let identified = json(&run(&["twin", "identify", text(&sessions), "--out", text(&found), "--json"]));
+    let found = folder.path().join("instance.toml");
+    let identified = json(&run(&["sysid", "identify", text(&sessions), "--out", text(&found), "--json"]));
     assert!(identified["touches"].as_u64().expect("a number") >= 6, "{}", identified["touches"]);
     let [drawn, own] = [0, 1].map(|n| identified["touches_rms_m"][n].as_f64().expect("a number"));
     assert!(own < 0.5 * drawn && own < 5e-4, "{own} {drawn}");
@@ -217,7 +217,7 @@ fn an_interrupted_excitation_goes_on() {
     let sessions = folder.path().join("sessions");
     let script = folder.path().join("short.toml");
     fs::write(&script, EXCITATION_SCRIPT.replace("\ntime = 1.0", "\ntime = 12.0")).expect("written");
-    let excite = ["twin", "excite", text(&sessions), "--script", text(&script)];
+    let excite = ["sysid", "excite", text(&sessions), "--script", text(&script)];
     let mut child = ftac(&excite).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     let state = || fs::read_to_string(sessions.join("excitation.json")).unwrap_or_default();
     while !state().contains("\"done\": 1") {
@@ -230,8 +230,8 @@ fn an_interrupted_excitation_goes_on() {
     assert!(stderr(&output).contains("of 3 steps are done"), "{}", stderr(&output));
     let done = json(&run(&[&excite[..], &["--json"]].concat()));
     assert_eq!((&done["done"], done["sessions"].as_array().map(Vec::len)), (&3.into(), Some(2)));
-    let found = folder.path().join("individual.toml");
-    assert!(run(&["twin", "identify", text(&sessions), "--out", text(&found)]).status.success());
+    let found = folder.path().join("instance.toml");
+    assert!(run(&["sysid", "identify", text(&sessions), "--out", text(&found)]).status.success());
     // A damaged state file is refused by name, and nothing moves.
     let kept = state();
     for (damaged, says) in [

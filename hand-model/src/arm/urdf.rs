@@ -68,7 +68,7 @@ pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
     Ok(parse_toml::<UrdfName>(text, path)?.urdf)
 }
 
-/// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf_name`).
+/// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf`).
 pub fn merge_with_urdf((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> Result<ArmFile, DataError> {
     let file: UrdfArmFile = parse_toml(text, path)?;
     let (mut robot, _) = parse_robot(bytes, urdf)?;

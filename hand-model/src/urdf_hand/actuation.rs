@@ -69,7 +69,7 @@ struct PalmFile {
 }
 
 impl ActuationFile {
-    /// Builds the file of a hand whose joints `free_equilibrium` move and which nothing pulls.
+    /// Builds the file of a hand whose joints `free` move and which nothing pulls.
     pub fn without_actuators(free: Vec<String>) -> Self {
         Self {
             version: 1,

@@ -63,7 +63,7 @@ impl MeshCache {
         Self { tools, meshes: BTreeMap::new() }
     }
 
-    /// Reads the mesh `filename` that `element` of the URDF at `urdf_name` names.
+    /// Reads the mesh `filename` that `element` of the URDF at `urdf` names.
     pub fn read(
         &mut self,
         filename: &str,
@@ -190,7 +190,7 @@ fn open_edges(vertices: &[Point3<f64>], faces: &[[u32; 3]]) -> usize {
     edges.values().filter(|count| **count != 2).count()
 }
 
-/// Locates the mesh file that `filename` of the URDF at `urdf_name` names. The error is what was found and what was
+/// Locates the mesh file that `filename` of the URDF at `urdf` names. The error is what was found and what was
 /// expected.
 ///
 /// A name is a path relative to the URDF's folder. `file://` names a path on this machine, `package://` and `model://`

@@ -153,10 +153,10 @@ impl ServoBus {
         ping_reply(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
     }
 
-    /// Pings all servos at once and collects answers for `reply_timeout`; sorted by id.
-    pub fn scan(&mut self, reply_timeout: Duration) -> Result<Vec<PingReply>, BusError> {
+    /// Pings all servos at once and collects answers for `timeout`; sorted by id.
+    pub fn scan(&mut self, timeout: Duration) -> Result<Vec<PingReply>, BusError> {
         let wire = Instruction::Ping.encode(BROADCAST_ID)?;
-        let deadline = self.transmit(&wire)? + reply_timeout;
+        let deadline = self.transmit(&wire)? + timeout;
         let mut received = Vec::new();
         while Instant::now() < deadline {
             self.receive(deadline, &mut received)?;

@@ -5,7 +5,7 @@
 use std::time::{Duration, Instant};
 
 use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
-use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::servoing::{Servoing, ServoingLimits};
 use kinova_kortex::{Arm, Timeouts, gen3};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let credentials = settings.credentials.clone();
     let emulator = Emulator::start(settings, Box::new(FirstOrderJoints::gen3()), Pace::RealTime)?;
     let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
-    let limits = Limits::gen3();
+    let limits = ServoingLimits::gen3();
     let cycle = limits.cycle;
     let mut servoing = Servoing::enter(&mut arm, limits)?;
     let home = *servoing.command();

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use kinova_kortex::emulator::{Emulator, FirstOrderJoints, Pace, Settings};
 use kinova_kortex::servo_loop::{Pacing, ServoLoop};
-use kinova_kortex::servoing::Limits;
+use kinova_kortex::servoing::ServoingLimits;
 use kinova_kortex::{Arm, Timeouts, gen3};
 
 /// Interval between set-points.
@@ -17,7 +17,7 @@ const TICK: Duration = Duration::from_millis(10);
 fn main() -> Result<(), Box<dyn Error>> {
     // Generous deadlines, for a machine that does other work besides.
     let settings = Settings { cyclic_deadline: 1000, ..Settings::default() };
-    let limits = Limits { silent_cycles: 1000, ..Limits::gen3() };
+    let limits = ServoingLimits { silent_cycles: 1000, ..ServoingLimits::gen3() };
     let pacing = Pacing { tick: TICK, host_deadline: Duration::from_secs(1) };
 
     let credentials = settings.credentials.clone();

@@ -12,7 +12,7 @@ use crate::call;
 use crate::degrees::{self, Turns};
 use crate::error::KortexError;
 use crate::frame::{Frame, is_younger};
-use crate::joints::{JOINTS, Motion};
+use crate::joints::{JOINTS, JointMotion};
 use crate::link::UdpLink;
 use crate::message::cyclic::{ActuatorCommand, ActuatorFeedback, Command, Feedback as WireFeedback, SERVO_ENABLE};
 use crate::message::{ArmState, Empty};
@@ -35,7 +35,7 @@ pub struct Feedback {
     /// Operating state of the arm.
     pub state: ArmState,
     /// Angles (rad, unwrapped over full turns), speeds, torques.
-    pub motion: Motion,
+    pub motion: JointMotion,
     /// Motor currents, A.
     pub current: [f64; JOINTS],
     /// Motor temperatures, degrees Celsius.
@@ -154,8 +154,8 @@ impl Cyclic {
         let mut asked = Vec::new();
         while asked.is_empty() || Instant::now() < deadline {
             asked.push(self.session.post(call, 0, &Empty {})?);
-            let patience = deadline.min(Instant::now() + ASK_AGAIN);
-            while let Some(response) = self.session.next_response(patience)? {
+            let timeout = deadline.min(Instant::now() + ASK_AGAIN);
+            while let Some(response) = self.session.next_response(timeout)? {
                 if response.header.call != call || !asked.contains(&response.header.message) {
                     self.counters.stray += 1;
                     continue;
@@ -253,7 +253,7 @@ impl Cyclic {
         Ok(Feedback {
             frame: wire.frame_id as u16,
             state,
-            motion: Motion {
+            motion: JointMotion {
                 position: self.turns.read(joints.map(|joint| joint.position)),
                 velocity: joints.map(|joint| degrees::to_radians(joint.velocity)),
                 torque: joints.map(|joint| f64::from(joint.torque)),

@@ -23,7 +23,7 @@ pub const LONGEST: usize = 65_536;
 
 /// Purpose of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FrameKind {
     /// Request of the host.
     Request,
     /// Answer of the arm; the message number is the request's.
@@ -32,7 +32,7 @@ pub enum Kind {
     Notification,
 }
 
-impl Kind {
+impl FrameKind {
     fn number(self) -> u32 {
         match self {
             Self::Request => 1,
@@ -55,7 +55,7 @@ impl Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
     /// Purpose of the frame.
-    pub kind: Kind,
+    pub kind: FrameKind,
     /// Addressed device inside the arm; 0 is the base.
     pub device: u8,
     /// Error class of a response, 0 for none; see [`crate::refusal`].
@@ -168,7 +168,7 @@ impl Frame {
         if version != VERSION {
             return Err(FrameError::Version { found: version });
         }
-        let kind = Kind::from_number(header.frame >> 24 & 0xF)?;
+        let kind = FrameKind::from_number(header.frame >> 24 & 0xF)?;
         if payload.len() != header.payload as usize {
             return Err(FrameError::PayloadLength { found: payload.len(), expected: header.payload });
         }
@@ -209,7 +209,7 @@ pub(crate) mod tests {
     #[test]
     fn keep_alive_bytes() {
         let header = Header {
-            kind: Kind::Request,
+            kind: FrameKind::Request,
             device: 0,
             error: 0,
             sub_error: 0,
@@ -237,7 +237,7 @@ pub(crate) mod tests {
             0x02, 0x00, 0x00, 0x00, 0x12, 2, 0x08, 0x03,
         ];
         let header = Header {
-            kind: Kind::Response,
+            kind: FrameKind::Response,
             device: 3,
             error: 3,
             sub_error: 75,
@@ -263,7 +263,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn frames() -> impl Strategy<Value = Frame> {
-        let kind = prop_oneof![Just(Kind::Request), Just(Kind::Response), Just(Kind::Notification)];
+        let kind = prop_oneof![Just(FrameKind::Request), Just(FrameKind::Response), Just(FrameKind::Notification)];
         (
             kind,
             any::<(u8, u16, u16)>(),

@@ -5,7 +5,7 @@ pub const JOINTS: usize = 7;
 
 /// Measured motion of all joints, from the base on.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Motion {
+pub struct JointMotion {
     /// Joint angles, rad, not wrapped.
     pub position: [f64; JOINTS],
     /// Joint speeds, rad/s.

@@ -73,7 +73,7 @@ pub mod tcp_framing;
 
 pub use arm::{Address, Arm};
 pub use error::{CommandError, KortexError};
-pub use joints::{JOINTS, Motion, ToolPose};
+pub use joints::{JOINTS, JointMotion, ToolPose};
 pub use session::{Credentials, Timeouts};
 pub use tap::{Direction, Tap};
 

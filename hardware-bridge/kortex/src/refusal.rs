@@ -104,12 +104,12 @@ impl std::fmt::Display for Refusal {
 mod tests {
     use super::*;
     use crate::call;
-    use crate::frame::{Header, Kind};
+    use crate::frame::{FrameKind, Header};
 
     #[test]
     fn header_decides_and_text_is_added() {
         let header = Header {
-            kind: Kind::Response,
+            kind: FrameKind::Response,
             device: 0,
             error: 3,
             sub_error: 75,

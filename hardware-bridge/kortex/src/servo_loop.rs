@@ -16,7 +16,7 @@ use crate::cyclic::{Counters, Feedback};
 use crate::error::{CommandError, KortexError};
 use crate::joints::JOINTS;
 use crate::lock::lock;
-use crate::servoing::{Limits, Servoing};
+use crate::servoing::{Servoing, ServoingLimits};
 
 /// Timing of the controller that sets the targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,7 +93,7 @@ struct Shared {
 #[derive(Debug)]
 pub struct ServoLoop {
     shared: Arc<Mutex<Shared>>,
-    limits: Limits,
+    limits: ServoingLimits,
     thread: Option<JoinHandle<(Arm, Result<(), KortexError>)>>,
 }
 
@@ -108,7 +108,7 @@ impl ServoLoop {
     ///
     /// # Errors
     /// As [`Servoing::enter`].
-    pub fn start(arm: Arm, limits: Limits, pacing: Pacing) -> Result<Self, KortexError> {
+    pub fn start(arm: Arm, limits: ServoingLimits, pacing: Pacing) -> Result<Self, KortexError> {
         let (entered, entry) = mpsc::channel();
         let thread = std::thread::spawn(move || {
             let mut arm = arm;
@@ -177,7 +177,7 @@ struct Path {
 }
 
 impl Path {
-    fn new(from: &[f64; JOINTS], target: [f64; JOINTS], cycles: f64, limits: &Limits) -> Self {
+    fn new(from: &[f64; JOINTS], target: [f64; JOINTS], cycles: f64, limits: &ServoingLimits) -> Self {
         let step = std::array::from_fn(|i| ((target[i] - from[i]).abs() / cycles).min(limits.step[i]));
         Self { target, step }
     }
@@ -271,7 +271,7 @@ mod tests {
     /// The path takes ten cycles to the target, in equal steps, and goes no further.
     #[test]
     fn path_is_straight_and_ends_at_the_target() {
-        let limits = Limits::gen3();
+        let limits = ServoingLimits::gen3();
         let target = [0.01, -0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut at = [0.0; JOINTS];
         let path = Path::new(&at, target, 10.0, &limits);
@@ -286,7 +286,7 @@ mod tests {
     /// A target too far for one tick is approached at top speed.
     #[test]
     fn path_keeps_the_speed_limit() {
-        let limits = Limits::gen3();
+        let limits = ServoingLimits::gen3();
         let from = [0.0; JOINTS];
         let next = Path::new(&from, [1.0; JOINTS], 10.0, &limits).next(&from);
         assert_eq!(next, limits.step);

@@ -46,7 +46,7 @@ const LATE_CYCLES: u32 = 10;
 /// assert!(matches!(limits.check(&next, &gen3::HOME, &gen3::HOME), Err(CommandError::Step { joint: 2, .. })));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct ServoingLimits {
     /// Lower limits of the angles, rad.
     pub lower: [f64; JOINTS],
     /// Upper limits of the angles, rad.
@@ -61,7 +61,7 @@ pub struct Limits {
     pub cycle: Duration,
 }
 
-impl Limits {
+impl ServoingLimits {
     /// Returns limits at 1 kHz for joints with these ranges (rad) and top speeds (rad/s): a lead of 3 degrees, and 100
     /// cycles of silence (loopback UDP has been seen to stall for 92 ms).
     pub fn at_1_khz(lower: [f64; JOINTS], upper: [f64; JOINTS], top_speed: [f64; JOINTS]) -> Self {
@@ -157,7 +157,7 @@ impl Limits {
 #[derive(Debug)]
 pub struct Servoing<'a> {
     arm: &'a mut Arm,
-    limits: Limits,
+    limits: ServoingLimits,
     command: [f64; JOINTS],
     latest: Feedback,
     silent: u32,
@@ -171,7 +171,7 @@ impl<'a> Servoing<'a> {
     /// # Errors
     /// A refusal or fault; [`KortexError::ControlMode`]; [`KortexError::State`] if the arm does not follow the change
     /// of mode. The arm is then back in high-level mode, unless that fails too.
-    pub fn enter(arm: &'a mut Arm, limits: Limits) -> Result<Self, KortexError> {
+    pub fn enter(arm: &'a mut Arm, limits: ServoingLimits) -> Result<Self, KortexError> {
         arm.base.clear_faults()?;
         for (i, address) in arm.base.actuators()?.into_iter().enumerate() {
             let found = arm.base.control_mode(address)?;
@@ -223,7 +223,7 @@ impl<'a> Servoing<'a> {
     }
 
     /// Returns the limits that commands are checked against.
-    pub fn limits(&self) -> &Limits {
+    pub fn limits(&self) -> &ServoingLimits {
         &self.limits
     }
 
@@ -373,7 +373,7 @@ mod tests {
 
     #[test]
     fn commands_are_checked_joint_by_joint() {
-        let limits = Limits::gen3();
+        let limits = ServoingLimits::gen3();
         let check = |command, previous, measured| limits.check(&command, &previous, &measured);
         assert_eq!(check(only(1, 0.00139), ZERO, ZERO), Ok(()));
         assert!(matches!(check(only(3, f64::NAN), ZERO, ZERO), Err(CommandError::NotFinite { joint: 3, .. })));
@@ -385,7 +385,7 @@ mod tests {
     /// A joint without end stops may be commanded a full turn away from its count: the posture is the same.
     #[test]
     fn lead_is_measured_as_posture() {
-        let limits = Limits::gen3();
+        let limits = ServoingLimits::gen3();
         let turn = only(1, std::f64::consts::TAU);
         assert_eq!(limits.check(&turn, &turn, &ZERO), Ok(()));
     }

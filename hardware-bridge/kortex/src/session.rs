@@ -15,7 +15,7 @@ use prost::Message;
 use crate::call::{self, Call};
 use crate::error::KortexError;
 use crate::frame::is_younger;
-use crate::frame::{Frame, Header, Kind};
+use crate::frame::{Frame, FrameKind, Header};
 use crate::link::Link;
 use crate::message::Empty;
 use crate::message::session::CreateSessionInfo;
@@ -234,7 +234,7 @@ impl<L: Link> Session<L> {
         self.note_sign(call != call::KEEP_ALIVE);
         let message = self.next_message;
         self.next_message = self.next_message.wrapping_add(1);
-        let (session, kind) = (self.number, Kind::Request);
+        let (session, kind) = (self.number, FrameKind::Request);
         let header = Header { kind, device, error: 0, sub_error: 0, session, message, call };
         self.link.send(&Frame { header, payload: argument.encode_to_vec() })?;
         Ok(message)
@@ -259,7 +259,8 @@ impl<L: Link> Session<L> {
     /// Notes an answer. One to a message after a neglect shows that the session has survived it.
     fn note_answer(&mut self, header: &Header) {
         let since = |first: u16| header.message == first || is_younger(header.message, first);
-        if header.kind == Kind::Response && header.error == 0 && self.neglected.is_some_and(|it| since(it.message)) {
+        if header.kind == FrameKind::Response && header.error == 0 && self.neglected.is_some_and(|it| since(it.message))
+        {
             self.neglected = None;
         }
     }
@@ -305,12 +306,12 @@ impl<L: Link> Session<L> {
             self.unanswered = None;
             self.note_answer(&frame.header);
             match (frame.header.kind, frame.header.call) {
-                (Kind::Response, call::KEEP_ALIVE) => {
+                (FrameKind::Response, call::KEEP_ALIVE) => {
                     if let Some(refusal) = Refusal::of(&frame) {
                         return Err(self.refused(call::KEEP_ALIVE, refusal));
                     }
                 }
-                (Kind::Response, _) => {
+                (FrameKind::Response, _) => {
                     let Some(place) = self.keeping.iter().position(|sent| *sent == frame.header.message) else {
                         return Ok(Some(frame));
                     };
@@ -320,8 +321,8 @@ impl<L: Link> Session<L> {
                         return Err(self.refused(self.kept_by, refusal));
                     }
                 }
-                (Kind::Notification, _) => self.notifications.push_back(frame),
-                (Kind::Request, _) => self.stray += 1,
+                (FrameKind::Notification, _) => self.notifications.push_back(frame),
+                (FrameKind::Request, _) => self.stray += 1,
             }
         }
     }

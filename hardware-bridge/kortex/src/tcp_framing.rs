@@ -76,13 +76,20 @@ mod tests {
     use super::*;
     use crate::call;
     use crate::frame::tests::frames;
-    use crate::frame::{Header, Kind};
+    use crate::frame::{FrameKind, Header};
     use proptest::prelude::*;
 
     fn keep_alive() -> Frame {
         let (session, message) = (0x1234, 7);
-        let header =
-            Header { kind: Kind::Request, device: 0, error: 0, sub_error: 0, session, message, call: call::KEEP_ALIVE };
+        let header = Header {
+            kind: FrameKind::Request,
+            device: 0,
+            error: 0,
+            sub_error: 0,
+            session,
+            message,
+            call: call::KEEP_ALIVE,
+        };
         Frame { header, payload: vec![] }
     }
 

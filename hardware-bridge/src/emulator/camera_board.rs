@@ -61,7 +61,7 @@ pub struct CameraBoard {
 }
 
 impl CameraBoard {
-    /// Creates a board with `cameras` cameras, which cuts a JPEG in half with probability `jpeg_cut_probability`.
+    /// Creates a board with `cameras` cameras, which cuts a JPEG in half with probability `jpeg_chance`.
     pub fn new(settings: BoardSettings, cameras: usize, jpeg_chance: f64, seed: u64) -> Self {
         Self {
             settings,
@@ -120,7 +120,7 @@ impl CameraBoard {
         reaction
     }
 
-    /// Encodes images taken at `port_in_use` (s) as packets.
+    /// Encodes images taken at `taken` (s) as packets.
     pub fn send_images(&mut self, frames: &[TactileFrame], taken: f64) -> Vec<u8> {
         self.sequence += 1;
         frames.iter().flat_map(|picture| frame::encode(&self.image(picture, taken))).collect()

@@ -116,7 +116,7 @@ impl DirectRobot {
         self.write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0));
     }
 
-    /// Measures as the bridge does, with the plant in the state `measured_state`.
+    /// Measures as the bridge does, with the plant in the state `seen`.
     fn measure(&mut self, seen: &Observation) {
         let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
         for (n, servo) in self.servos.iter_mut().enumerate() {
@@ -128,7 +128,7 @@ impl DirectRobot {
         self.measured.arm = Some(ArmReading { received_at: self.time, state, fault: self.arm.fault });
     }
 
-    /// Passes images taken at `port_in_use` (s) through the board's encoding.
+    /// Passes images taken at `taken` (s) through the board's encoding.
     fn encode_images(&mut self, frames: &[TactileFrame], taken: f64) {
         let wire = self.board.send_images(frames, taken);
         for message in Deframer::default().push(&wire).into_iter().flatten() {

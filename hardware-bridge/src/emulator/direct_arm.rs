@@ -7,7 +7,7 @@ use kinova_kortex::CommandError;
 use kinova_kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
 use kinova_kortex::emulator::Settings;
 use kinova_kortex::joints::JOINTS;
-use kinova_kortex::servoing::Limits;
+use kinova_kortex::servoing::ServoingLimits;
 
 use super::lockstep_arm::{step_towards, whole_milliseconds};
 use crate::kortex_link::{limits, to_gen3};
@@ -15,7 +15,7 @@ use crate::safety::state::ArmTrouble;
 
 /// An arm that is commanded at 1 kHz, and its client.
 pub(super) struct DirectArm {
-    limits: Limits,
+    limits: ServoingLimits,
     following_error: f64,
     turns: Turns,
     /// Remainder of a millisecond, s.
@@ -34,7 +34,7 @@ pub(super) struct DirectArm {
 }
 
 impl DirectArm {
-    /// Creates an engaged arm of this model in the state `true_state`.
+    /// Creates an engaged arm of this model in the state `real`.
     pub fn new(model: &ArmModel, real: ArmState) -> Self {
         let mut arm = Self {
             limits: limits(model),
@@ -53,7 +53,7 @@ impl DirectArm {
         arm
     }
 
-    /// Updates the state of the plant's arm to `true_state`; returns the client's measurement of it.
+    /// Updates the state of the plant's arm to `real`; returns the client's measurement of it.
     pub fn measure(&mut self, real: ArmState) -> ArmState {
         self.true_state = real;
         self.measured_state = ArmState {

@@ -11,7 +11,7 @@ use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
 use kinova_kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
 use kinova_kortex::joints::JOINTS;
-use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::servoing::{Servoing, ServoingLimits};
 use kinova_kortex::{Arm, CommandError, KortexError, Timeouts};
 use robot_session_log::LinkPacket;
 
@@ -232,7 +232,7 @@ impl ArmLink for LockstepLink {
 /// Runs the client's thread: owns the arm, enters and leaves low-level servoing, and cycles.
 fn serve(
     mut arm: Arm,
-    limits: Limits,
+    limits: ServoingLimits,
     emulator: &Emulator,
     (orders, answers): (&Receiver<ClientOrder>, &Sender<ClientAnswer>),
     waited: &AtomicU64,
@@ -301,7 +301,7 @@ fn deadline(lossy: bool) -> Instant {
     Instant::now() + if lossy { LOSSY_ANSWER_TIMEOUT } else { ANSWER_TIMEOUT }
 }
 
-/// Returns the whole milliseconds in `seconds` and in the remainder from before; `remainder` (s) becomes the new remainder.
+/// Returns the whole milliseconds in `seconds` and in the remainder from before; `rest` (s) becomes the new remainder.
 pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
     *rest += seconds;
     let milliseconds = (*rest * 1e3 + 1e-9).floor();

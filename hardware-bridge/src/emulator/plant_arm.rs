@@ -7,7 +7,7 @@ use crate::kortex_link::to_gen3;
 use hand_model::robot::ArmState;
 use hand_model::{Arm, ArmVector};
 use kinova_kortex::emulator::{Drive, Plant};
-use kinova_kortex::{Motion, ToolPose};
+use kinova_kortex::{JointMotion, ToolPose};
 
 use crate::lock::lock;
 use crate::safety::limits::ArmLimits;
@@ -81,9 +81,9 @@ impl Plant for SharedArm {
         joints.age += seconds;
     }
 
-    fn state(&self) -> Motion {
+    fn state(&self) -> JointMotion {
         let ArmState { position, velocity, torque } = lock(&self.0).state;
-        Motion { position: to_gen3(&position), velocity: to_gen3(&velocity), torque: to_gen3(&torque) }
+        JointMotion { position: to_gen3(&position), velocity: to_gen3(&velocity), torque: to_gen3(&torque) }
     }
 
     /// Returns the tool's pose. The tool frame is the interface of the bracelet, as on an arm whose web page has no

@@ -15,7 +15,7 @@ fn asks_and_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("stop");
     assert!(matches!(ask(&path, RemoteCommand::Hold), Err(RemoteError::NoBridge { .. })));
-    let open = door(&path, |wish| match wish {
+    let open = door(&path, |command| match command {
         RemoteCommand::Hold => Ok("held".into()),
         other => Err(format!("not\n{other:?}\u{1b}[2J")),
     });
@@ -56,11 +56,11 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let path = folder.path().join("stop");
     let (done, over) = mpsc::channel::<()>();
     let over = std::sync::Mutex::new(over);
-    let _open = door(&path, move |wish| {
-        if wish == RemoteCommand::Release {
+    let _open = door(&path, move |command| {
+        if command == RemoteCommand::Release {
             let _ = over.lock().expect("whole").recv();
         }
-        Ok(format!("{wish:?}"))
+        Ok(format!("{command:?}"))
     });
     let silent: Vec<UnixStream> = (0..2 * MAX_CALLERS).map(|_| UnixStream::connect(&path).expect("connects")).collect();
     let dripping = UnixStream::connect(&path).expect("connects");
@@ -88,7 +88,8 @@ fn all_robots_are_told_at_once() {
     let [dead, live] = ["a", "b"].map(|name| folder.path().join(name));
     let _nobody_accepts = UnixListener::bind(&dead).expect("bound");
     let (told, heard) = mpsc::channel();
-    let _open = door(&live, move |wish| told.send(wish).map(|()| "held".to_owned()).map_err(|error| error.to_string()));
+    let _open =
+        door(&live, move |command| told.send(command).map(|()| "held".to_owned()).map_err(|error| error.to_string()));
     let paths = [dead.clone(), live.clone()];
     let asking = std::thread::spawn(move || ask_all(&paths, RemoteCommand::Hold));
     assert_eq!(heard.recv(), Ok(RemoteCommand::Hold));

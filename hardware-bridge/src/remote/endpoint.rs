@@ -41,7 +41,7 @@ pub struct RemoteEndpoint {
 }
 
 impl RemoteEndpoint {
-    /// Listens at `path`, open to its owner and, if one is given, to `group`. Every request is passed to `execute_request`,
+    /// Listens at `path`, open to its owner and, if one is given, to `group`. Every request is passed to `fulfil`,
     /// whose answer goes back with the robot's name `of`.
     pub fn open(path: &Path, group: Option<u32>, of: &str, fulfil: Arc<RequestHandler>) -> Result<Self, RemoteError> {
         let failed = |source| RemoteError::Socket { path: path.to_owned(), source };
@@ -184,16 +184,16 @@ fn serve(listener: &UnixListener, of: &str, fulfil: &Arc<RequestHandler>, stoppe
 
 /// Answers a line on a separate thread.
 fn answer(stream: UnixStream, line: &str, of: &str, fulfil: &Arc<RequestHandler>, under_way: &Arc<AtomicUsize>) {
-    let Some(wish) = RemoteCommand::from_keyword(line) else {
+    let Some(command) = RemoteCommand::from_keyword(line) else {
         return write_answer(&stream, of, &Err(format!("found {line:?}, expected hold, release or state")));
     };
-    if wish != RemoteCommand::Hold && under_way.load(Ordering::Relaxed) >= MAX_REQUESTS {
+    if command != RemoteCommand::Hold && under_way.load(Ordering::Relaxed) >= MAX_REQUESTS {
         return write_answer(&stream, of, &Err(format!("busy with {MAX_REQUESTS} requests; hold is always taken")));
     }
     under_way.fetch_add(1, Ordering::Relaxed);
     let (fulfil, of, count, stream) = (fulfil.clone(), of.to_owned(), under_way.clone(), Arc::new(stream));
     let work = move || {
-        write_answer(&stream, &of, &fulfil(wish));
+        write_answer(&stream, &of, &fulfil(command));
         count.fetch_sub(1, Ordering::Relaxed);
     };
     // If no thread can be started, others wait.

@@ -132,7 +132,7 @@ impl ArmLimits {
     }
 
     /// Returns the angles, rad, at which an arm comes to rest when it is stopped while its set-points are at `at` (rad)
-    /// and move at `max_joint_speed` (rad/s).
+    /// and move at `speed` (rad/s).
     pub fn stopping_position(&self, at: &[f64], speed: &[f64]) -> ArmVector {
         let stand = |joint: usize| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint];
         (0..at.len()).map(stand).collect()
@@ -148,7 +148,7 @@ impl ArmLimits {
         (0..asked.len()).map(limited).collect()
     }
 
-    /// Brakes: returns the set-points `dt` (s) after `previous`, and the speeds that remain of `max_joint_speed` (rad/s).
+    /// Brakes: returns the set-points `dt` (s) after `previous`, and the speeds that remain of `speed` (rad/s).
     ///
     /// A set-point that stops from one cycle to the next demands more torque than a joint has, so that the arm
     /// overshoots and swings back. The set-point therefore advances by `v dt`, with `v` reduced by the deceleration in

@@ -65,7 +65,7 @@ impl SetPoints {
         self.0.iter().map(|joint| joint.speed).collect()
     }
 
-    /// Returns the set-points of the next tick when `requested` (rad) is requested.
+    /// Returns the set-points of the next tick when `wanted` (rad) is requested.
     #[must_use]
     pub fn follow(&self, wanted: &[f64], limits: &[MotionLimits]) -> Self {
         Self(
@@ -128,7 +128,7 @@ impl JointSetPoint {
     }
 
     /// Finds the greatest acceleration within the limits from which the joint, as seen from set-points that move at
-    /// `stream` (rad/s), can still come to rest no farther than `requested` (rad).
+    /// `stream` (rad/s), can still come to rest no farther than `wanted` (rad).
     fn catch_up(&self, wanted: f64, stream: f64, limits: MotionLimits) -> f64 {
         let change = limits.jerk * TICK;
         let low = (self.acceleration - change).max(-limits.acceleration).min(limits.acceleration);

@@ -25,7 +25,7 @@ pub struct BoardClock {
 }
 
 impl BoardClock {
-    /// Adds a sample: asked at `asked`, answered at `came` (host clock, s), with board time `state` (s).
+    /// Adds a sample: asked at `asked`, answered at `came` (host clock, s), with board time `board` (s).
     pub fn add_sample(&mut self, asked: f64, came: f64, board: f64) {
         if came < asked {
             return;
@@ -40,7 +40,7 @@ impl BoardClock {
         self.samples.iter().min_by(|a, b| a.round_trip.total_cmp(&b.round_trip))
     }
 
-    /// Converts a time on the board's clock, `state` (s), to host time, s; `None` before the first sample.
+    /// Converts a time on the board's clock, `board` (s), to host time, s; `None` before the first sample.
     pub fn host_time(&self, board: f64) -> Option<f64> {
         self.best_sample().map(|sample| sample.host + board - sample.board)
     }

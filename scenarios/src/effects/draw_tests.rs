@@ -35,9 +35,9 @@ fn spreads_are_as_asked() {
         spread(arm.mount_position_sigma, 0.0, |noise| noise.arm.mount_position.y),
         spread(arm.mount_rotation_sigma, 0.0, |noise| noise.arm.mount_rotation.z),
         spread(arm.payload_sigma, 0.0, |noise| noise.arm.payload),
-        spread(objects.mass_sigma, 1.0, |noise| noise.individuals[0].mass),
-        spread(objects.friction_sigma, 1.0, |noise| noise.individuals[1].friction),
-        spread(objects.size_sigma, 1.0, |noise| noise.individuals[1].size),
+        spread(objects.mass_sigma, 1.0, |noise| noise.object_instances[0].mass),
+        spread(objects.friction_sigma, 1.0, |noise| noise.object_instances[1].friction),
+        spread(objects.size_sigma, 1.0, |noise| noise.object_instances[1].size),
     ];
     assert!(ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.09), "{ratios:?}");
 }
@@ -58,10 +58,10 @@ fn an_effect_off_changes_nothing_else() {
     let plain = TrialNoise::draw(&scenario.noise, 2, &mut trial_rng(5, 0, 7));
     let without = |effect| plain.with_effects(&scenario.effects.without(effect), 5, 0, 7);
     let no_arm = without(Effect::Arm);
-    assert_eq!((no_arm.individuals, no_arm.position), (all.individuals, plain.position));
+    assert_eq!((no_arm.object_instances, no_arm.position), (all.object_instances, plain.position));
     let no_objects = without(Effect::Objects);
     assert_eq!(
-        (no_objects.arm, no_objects.individuals),
+        (no_objects.arm, no_objects.object_instances),
         (all.arm, [ObjectInstance::NOMINAL; world::layout::MAX_OBJECTS])
     );
 }

@@ -4,7 +4,7 @@ const RULES: RefereeRules = RefereeRules { palm_distance: 0.15, slip: 0.05, knoc
 const LIMITS: RefereeLimits = RefereeLimits { hold: 3.0, trial: 120.0 };
 const TICK: f64 = 1.0 / 240.0;
 
-/// Returns the scene of a perfect trial of `object_names` objects in `phase`.
+/// Returns the scene of a perfect trial of `objects` objects in `phase`.
 fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
     let palm = Isometry3::translation(0.5, 0.0, if phase.has_begun_lift(0) { 0.3 } else { 0.1 });
     let in_palm = |up: bool, y: f64| {
@@ -292,7 +292,7 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     assert_eq!(referee.verdict().cause, None);
 }
 
-/// Runs a trial of `object_names` objects, all phases in turn, with the scene altered by `change`.
+/// Runs a trial of `objects` objects, all phases in turn, with the scene altered by `change`.
 fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize) {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;

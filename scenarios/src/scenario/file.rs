@@ -100,7 +100,7 @@ impl ScenarioFile {
         }
     }
 
-    /// Builds the scenario, with the object files that are within `file_access`; `path` is named in errors.
+    /// Builds the scenario, with the object files that are within `reach`; `path` is named in errors.
     fn into_scenario(mut self, path: &Path, reach: FileAccess) -> Result<Scenario, DataError> {
         // Recordings from before scenarios had a start pose all began at that of the benchmark.
         let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
@@ -176,7 +176,7 @@ impl Scenario {
         Self::parse_within(text, path, FileAccess::Nothing)
     }
 
-    /// Like [`Self::parse`], for a text that may refer to object files within `file_access`, relative to `path`.
+    /// Like [`Self::parse`], for a text that may refer to object files within `reach`, relative to `path`.
     pub fn parse_within(text: &str, path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let file = ScenarioFile::parse(text, path)?;
         let scenario = file.into_scenario(path, reach)?;

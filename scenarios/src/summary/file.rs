@@ -51,7 +51,8 @@ pub struct PerCondition<T> {
     pub touch: T,
     /// Noise, the user's own policy; left out if there was none.
     #[serde(default, skip_serializing_if = "is_default")]
-    pub own: T,
+    #[serde(alias = "own")]
+    pub external: T,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -66,7 +67,7 @@ impl<T> PerCondition<T> {
             Condition::Blind => &self.blind,
             Condition::Reflex => &self.reflex,
             Condition::Touch => &self.touch,
-            Condition::Own => &self.own,
+            Condition::External => &self.external,
         }
     }
 }
@@ -239,7 +240,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             blind: summary(Condition::Blind, blind),
             reflex: summary(Condition::Reflex, reflex),
             touch: summary(Condition::Touch, touch),
-            own: summary(Condition::Own, own),
+            external: summary(Condition::External, own),
         },
         t_test: SignificanceTests {
             contact: paired_t_test(&pair_up(blind, ideal, contact)),

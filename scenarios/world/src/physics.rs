@@ -53,7 +53,7 @@ pub struct Physics {
     /// Contact law between bodies.
     pub contact: ContactParameters,
     /// Friction model between the hand and the objects it holds.
-    pub sticking: BristleFriction,
+    pub bristle_friction: BristleFriction,
 }
 
 static STANDARD: LazyLock<Physics> = LazyLock::new(|| {

@@ -122,7 +122,7 @@ pub struct Sensitivity {
 /// Radius of the paper's probe, m.
 pub const PROBE_RADIUS: f64 = 1.5e-3;
 
-/// Computes the response of a gel to the paper's probe at `count` pressures, evenly spread up to `max_sizes` (kPa).
+/// Computes the response of a gel to the paper's probe at `count` pressures, evenly spread up to `most` (kPa).
 pub fn probe_response(gel: &GelFoundation, most: f64, count: usize) -> Vec<ProbePoint> {
     response_to_force(gel.thickness, |depth| gel.ball_force(PROBE_RADIUS, depth), most, count)
 }

@@ -32,7 +32,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns the rectangle extended by `columns` and `render_rows` on each side, clipped to an image of `side` x `side`
+    /// Returns the rectangle extended by `columns` and `rows` on each side, clipped to an image of `side` x `side`
     /// pixels.
     pub(crate) fn grown(&self, columns: usize, rows: usize, side: usize) -> Self {
         Self {

@@ -25,12 +25,12 @@ impl ArmDefects {
         Isometry3::from_parts(Translation3::from(self.mount_position), turn)
     }
 
-    /// Converts encoder readings `encoder_readings` to true joint angles, rad.
+    /// Converts encoder readings `shown` to true joint angles, rad.
     pub fn true_angles(&self, shown: &[f64]) -> ArmVector {
         shown.iter().zip(self.offsets()).map(|(shown, offset)| shown - offset).collect()
     }
 
-    /// Converts true joint angles `true_angles` to encoder readings, rad.
+    /// Converts true joint angles `real` to encoder readings, rad.
     pub fn encoder_readings(&self, real: &[f64]) -> ArmVector {
         real.iter().zip(self.offsets()).map(|(real, offset)| real + offset).collect()
     }

@@ -1,4 +1,4 @@
-//! `individual.toml`: the parameters identified for one robot, their uncertainty, and the sessions they come from.
+//! `instance.toml`: the parameters identified for one robot, their uncertainty, and the sessions they come from.
 //!
 //! The file contains a digest of its own content, because an estimate with a covariance must not be edited by hand.
 
@@ -24,7 +24,7 @@ pub struct SessionSource {
     pub file: String,
     /// SHA-256 of the file in hexadecimal digits.
     pub sha256: String,
-    /// Kind of robot: `sim`, `emulated`, `rounded`, `hardware`.
+    /// Kind of robot: `sim`, `emulated`, `direct`, `hardware`.
     pub robot: String,
     /// Duration, s.
     pub seconds: f64,
@@ -95,7 +95,7 @@ pub struct IdentifiedRobot {
 }
 
 impl IdentifiedRobot {
-    /// Builds it from an estimate of every parameter of `apply_to_robot`'s individuals, in their order.
+    /// Builds it from an estimate of every parameter of `robot`'s individuals, in their order.
     pub fn new(
         robot: &RobotModel,
         estimates: Vec<ParameterEstimate>,
@@ -160,7 +160,7 @@ impl IdentifiedRobot {
         }
         let body = toml::to_string(&contents).map_err(|error| DataError::field(path, "file", error, "a table"))?;
         if sha256(body.as_bytes()) != found {
-            let expected = "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
+            let expected = "the digest of what the file says: it was changed after `ftac sysid identify` wrote it; identify the robot again";
             return fault("digest".into(), format!("`{found}`"), expected);
         }
         Ok(Self::new(robot, contents.parameter, contents.covariance, contents.session))
@@ -213,7 +213,7 @@ mod tests {
     fn a_file_is_read_back_to_the_last_bit() {
         let (drawn, robot) = identified();
         let text = robot.to_toml(&drawn, "ftac test").unwrap();
-        assert_eq!(IdentifiedRobot::parse(&text, Path::new("individual.toml"), &drawn).unwrap(), robot);
+        assert_eq!(IdentifiedRobot::parse(&text, Path::new("instance.toml"), &drawn).unwrap(), robot);
     }
 
     /// Each invalid file is refused with an error that names file and field.
@@ -223,10 +223,10 @@ mod tests {
         let text = robot.to_toml(&drawn, "ftac test").unwrap();
         let number = text.lines().find(|line| line.starts_with("deviation")).unwrap().to_owned();
         for (from, to, says) in [
-            (number.as_str(), "deviation = 0.01", "individual.toml: digest: found `"),
+            (number.as_str(), "deviation = 0.01", "instance.toml: digest: found `"),
             (number.as_str(), "deviation = 4.0", "parameter[thumb_1.spring].deviation: found 4"),
             (number.as_str(), "deviation = nan", "parameter[thumb_1.spring].deviation: found NaN"),
-            ("hand = \"ftac\"", "hand = \"other\"", "individual.toml: hand: found `other`, expected `ftac`"),
+            ("hand = \"ftac\"", "hand = \"other\"", "instance.toml: hand: found `other`, expected `ftac`"),
             ("name = \"thumb_2.spring\"", "name = \"thumb_9.spring\"", "expected `thumb_2.spring`"),
             ("[0.0001, 0.0003]", "[0.0001]", "covariance[index_1.spring].rows"),
             ("[0.0001, 0.0003]", "[0.0001, -0.0003]", "positive definite"),
@@ -234,10 +234,10 @@ mod tests {
         ] {
             assert!(text.contains(from), "{from}");
             let changed = text.replacen(from, to, 1);
-            let error = IdentifiedRobot::parse(&changed, Path::new("individual.toml"), &drawn).unwrap_err().to_string();
+            let error = IdentifiedRobot::parse(&changed, Path::new("instance.toml"), &drawn).unwrap_err().to_string();
             assert!(error.contains(says), "{says}: {error}");
         }
         let torn = &text[..text.len() / 2];
-        assert!(IdentifiedRobot::parse(torn, Path::new("individual.toml"), &drawn).is_err());
+        assert!(IdentifiedRobot::parse(torn, Path::new("instance.toml"), &drawn).is_err());
     }
 }

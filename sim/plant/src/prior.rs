@@ -1,4 +1,4 @@
-//! Parameters in which robots built from one nominal design differ, and their spread: `data/spread.toml`.
+//! Parameters in which robots built from one nominal design differ, and their spread: `data/priors.toml`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -74,7 +74,7 @@ pub struct Prior {
 #[serde(deny_unknown_fields)]
 struct PriorFile {
     version: u32,
-    spread: BTreeMap<Quantity, Prior>,
+    prior: BTreeMap<Quantity, Prior>,
 }
 
 /// One scalar parameter in which individuals differ.
@@ -163,8 +163,8 @@ impl Quantity {
 }
 
 static PRIORS: LazyLock<BTreeMap<Quantity, Prior>> = LazyLock::new(|| {
-    let path = Path::new("spread.toml");
-    parse_priors(include_str!("../data/spread.toml"), path).expect("the built-in spreads are valid")
+    let path = Path::new("priors.toml");
+    parse_priors(include_str!("../data/priors.toml"), path).expect("the built-in spreads are valid")
 });
 
 fn parse_priors(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Prior>, DataError> {
@@ -172,16 +172,16 @@ fn parse_priors(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Prior>, Da
     if file.version != 1 {
         return Err(DataError::field(path, "version", file.version, "1"));
     }
-    for (quantity, spread) in &file.spread {
+    for (quantity, spread) in &file.prior {
         if !(spread.sigma.is_finite() && spread.sigma > 0.0 && spread.mean.is_finite()) {
             let field = format!("spread.{}.sigma", quantity.name());
             return Err(DataError::field(path, field, spread.sigma, "a positive number, and a finite mean"));
         }
     }
-    Ok(file.spread)
+    Ok(file.prior)
 }
 
-/// Lists every parameter in which individuals of `apply_to_robot` differ, in the order in which they are sampled.
+/// Lists every parameter in which individuals of `robot` differ, in the order in which they are sampled.
 ///
 /// # Panics
 /// Never in a tested build: the spreads are compiled in and a test reads them.

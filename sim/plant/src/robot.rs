@@ -91,7 +91,7 @@ impl RobotInstance {
         self.parameter_index(quantity, index).map_or(0.0, |place| self.deviations[place])
     }
 
-    /// Sets the deviation with parameter index `parameter_index`.
+    /// Sets the deviation with parameter index `place`.
     pub fn set(&mut self, place: usize, deviation: f64) {
         self.deviations[place] = deviation;
     }
@@ -107,7 +107,7 @@ impl RobotInstance {
         self.parameters.iter().zip(&self.deviations).map(describe).collect()
     }
 
-    /// Applies the deviations to the nominal hand `from_prior`, including its rotation on the flange.
+    /// Applies the deviations to the nominal hand `drawn`, including its rotation on the flange.
     pub fn apply_to_hand(&self, drawn: &Hand) -> Hand {
         let mut hand = drawn.clone();
         for (parameter, &deviation) in self.parameters.iter().zip(&self.deviations) {
@@ -122,7 +122,7 @@ impl RobotInstance {
         hand
     }
 
-    /// Applies the deviations to the nominal arm `from_prior`: encoder offsets move its joint origins, so that its readings
+    /// Applies the deviations to the nominal arm `drawn`: encoder offsets move its joint origins, so that its readings
     /// can be used as joint angles, and torque gains scale its torque readings.
     pub fn apply_to_arm(&self, drawn: &Arm) -> Arm {
         let mut arm = drawn.clone();

@@ -35,12 +35,12 @@ pub struct SetPoint {
 }
 
 impl SetPoint {
-    /// Creates a set-point at rest at `angle` (rad).
+    /// Creates a set-point at rest at `at` (rad).
     pub fn new(at: f64) -> Self {
         Self { angle: at, speed: 0.0, commanded: at, catching_up: false }
     }
 
-    /// Computes the angle that the joint follows in the next tick of length `tick` (s) when `commanded` (rad) is
+    /// Computes the angle that the joint follows in the next tick of length `tick` (s) when `wanted` (rad) is
     /// commanded.
     pub fn follow(&mut self, wanted: f64, limits: SetPointLimits, tick: f64) -> f64 {
         let reach = limits.speed * tick;

@@ -100,7 +100,7 @@ pub enum FtacCommand {
     Optics(OpticsCommand),
     /// Excite and identify one individual robot, for use in place of the nominal one.
     #[command(subcommand)]
-    Twin(SysidCommand),
+    Sysid(SysidCommand),
     /// Set up and operate the real robot's devices, or their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
@@ -114,6 +114,13 @@ pub enum FtacCommand {
         /// Command, such as `grasps generate`; default: all commands.
         command: Vec<String>,
     },
+    /// Write the reference pages of the book: commands, JSON output, columns of tables.
+    #[command(hide = true)]
+    Reference {
+        /// Folder for the pages, twin/guide/src/reference in the repository.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Write manual pages.
     Man {
         /// The folder for them, such as ~/.local/share/man/man1.
@@ -123,7 +130,7 @@ pub enum FtacCommand {
 }
 
 /// Commands grouped by purpose, in the order of `ftac --help`.
-const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
+pub(crate) const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
@@ -170,7 +177,7 @@ impl CommandLine for Cli {
             FtacCommand::Bridge(_) => true,
             FtacCommand::Trial(args) => args.config.is_some(),
             FtacCommand::Bench(args) => args.config.is_some(),
-            FtacCommand::Twin(SysidCommand::Excite(args)) => args.config.is_some(),
+            FtacCommand::Sysid(SysidCommand::Excite(args)) => args.config.is_some(),
             _ => false,
         }
     }
@@ -195,10 +202,10 @@ impl CommandLine for Cli {
             FtacCommand::Hand(command) => hand::run(terminal, command, lab),
             FtacCommand::Grasps(command) => grasps::run(terminal, command, lab),
             FtacCommand::Touch(command) => touch::run(terminal, command, lab),
-            FtacCommand::Study(_) | FtacCommand::Arm(_) => Err(lab.exec_lab()),
+            FtacCommand::Study(_) | FtacCommand::Arm(_) | FtacCommand::Reference { .. } => Err(lab.exec_lab()),
             FtacCommand::Optics(command) => optics::run(terminal, command),
             FtacCommand::Bridge(command) => bridge::run(terminal, command),
-            FtacCommand::Twin(command) => sysid::run(terminal, command),
+            FtacCommand::Sysid(command) => sysid::run(terminal, command),
             FtacCommand::Completions { shell } => shell::print_completions(*shell, command_definition()),
             FtacCommand::Man { out } => shell::write_manual(out, command_definition()),
             FtacCommand::Schema { command } => schema::run(terminal, command, &command_definition(), lab),
@@ -220,12 +227,13 @@ mod tests {
 
     use super::*;
 
-    /// Each command is listed in one group of the help, with its summary.
+    /// Each command that is not hidden is listed in one group of the help, with its summary.
     #[test]
     fn every_command_is_in_the_help() {
         let mut command = command_definition();
         let help = command.render_help().to_string();
-        let names: BTreeSet<String> = command.get_subcommands().map(|found| found.get_name().to_owned()).collect();
+        let shown = command.get_subcommands().filter(|found| !found.is_hide_set());
+        let names: BTreeSet<String> = shown.map(|found| found.get_name().to_owned()).collect();
         for name in &names {
             assert_eq!(help.matches(&format!("\n  {name} ")).count(), 1, "{name}:\n{help}");
         }

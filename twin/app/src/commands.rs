@@ -8,6 +8,7 @@ pub mod export;
 pub mod grasps;
 pub mod hand;
 pub mod optics;
+pub mod reference;
 pub mod replay;
 pub mod report;
 pub mod schema;

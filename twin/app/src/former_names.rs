@@ -16,24 +16,28 @@ const COMMANDS: [Renamed; 3] = [
 ];
 
 /// Options of any command, without or with a value.
-const OPTIONS: [Renamed; 9] = [
+const OPTIONS: [Renamed; 13] = [
     Renamed { former: &["--individual"], current: &["--instance"] },
     Renamed { former: &["--eyes"], current: &["--detector"] },
-    Renamed { former: &["--mirror"], current: &["--fault-detection"] },
+    Renamed { former: &["--mirror"], current: &["--detect-faults"] },
     Renamed { former: &["--foresee"], current: &["--look-ahead"] },
     Renamed { former: &["--prove"], current: &["--verify"] },
     Renamed { former: &["--plans"], current: &["--pairs"] },
-    Renamed { former: &["--rehearse"], current: &["--search"] },
+    Renamed { former: &["--rehearse"], current: &["--search-skills"] },
+    Renamed { former: &["--of"], current: &["--pairs"] },
+    Renamed { former: &["--tell"], current: &["--send"] },
+    Renamed { former: &["--know-cameras"], current: &["--store-references"] },
+    Renamed { former: &["--policy-time", "stand"], current: &["--policy-time", "paused"] },
     Renamed { former: &["--robot", "rounded"], current: &["--robot", "direct"] },
     Renamed { former: &["--without", "eyes"], current: &["--without", "detector"] },
 ];
 
 /// Returns `arguments`, the first of which is the program's name, with current names, and a notice for each former one.
-pub fn replaced(arguments: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
+pub fn with_current_names(arguments: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
     let mut notices = Vec::new();
     let end = arguments.iter().position(|argument| argument == "--").unwrap_or(arguments.len());
-    let (own, rest) = arguments.split_at(end);
-    let mut arguments = own.to_vec();
+    let (options, rest) = arguments.split_at(end);
+    let mut arguments = options.to_vec();
     replace_command(&mut arguments, &mut notices);
     for option in &OPTIONS {
         match (option.former, option.current) {
@@ -47,7 +51,9 @@ pub fn replaced(arguments: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
 }
 
 fn notice(former: &str, current: &str) -> String {
-    format!("notice: {former} is now called {current}; the former name works in this version and goes with the next one")
+    format!(
+        "notice: {former} is now called {current}; the former name works in this version and goes with the next one"
+    )
 }
 
 /// Replaces a command's name: the first words that are no options.
@@ -79,13 +85,8 @@ fn replace_option(arguments: &mut [OsString], (former, current): (&str, &str), n
     }
 }
 
-/// Replaces a value of the option `image_name`, also within a list with commas.
-fn replace_value(
-    arguments: &mut [OsString],
-    name: &str,
-    (former, current): (&str, &str),
-    notices: &mut Vec<String>,
-) {
+/// Replaces a value of the option `name`, also within a list with commas.
+fn replace_value(arguments: &mut [OsString], name: &str, (former, current): (&str, &str), notices: &mut Vec<String>) {
     let mut found = false;
     let mut list = |text: &str| {
         let items: Vec<&str> = text.split(',').map(|item| if item == former { current } else { item }).collect();
@@ -114,26 +115,28 @@ fn replace_value(
 mod tests {
     use super::*;
 
-    fn check(line: &str, expected: &str, notices: usize) {
+    fn check(line: &str, expected: &str, notice_count: usize) {
         let words = |text: &str| text.split(' ').map(OsString::from).collect::<Vec<_>>();
-        let (arguments, said) = replaced(words(line));
+        let (arguments, notices) = with_current_names(words(line));
         assert_eq!(arguments, words(expected));
-        assert_eq!(said.len(), notices, "{said:?}");
+        assert_eq!(notices.len(), notice_count, "{notices:?}");
     }
 
     #[test]
     fn former_names_are_replaced() {
         check("ftac twin excite DIR --individual 3", "ftac sysid excite DIR --instance 3", 2);
         check("ftac -q grasps pick-ups --out twin", "ftac -q grasps repertoire --out twin", 1);
-        check("ftac grasps plan --of a --prove", "ftac grasps pairs --of a --verify", 2);
-        check("ftac bench --robot rounded --mirror", "ftac bench --robot direct --fault-detection", 2);
+        check("ftac grasps plan --of a --prove", "ftac grasps pairs --pairs a --verify", 2);
+        check("ftac bench --robot rounded --mirror", "ftac bench --robot direct --detect-faults", 2);
         check("ftac bench --robot=rounded --individual=a.toml", "ftac bench --robot=direct --instance=a.toml", 2);
         check("ftac bench --without pads,eyes", "ftac bench --without pads,detector", 1);
     }
 
     #[test]
     fn other_arguments_stay() {
-        for line in ["ftac bench --robot sim", "ftac view twin", "ftac trial 3 --individuals 1", "ftac bench -- --mirror"] {
+        for line in
+            ["ftac bench --robot sim", "ftac view twin", "ftac trial 3 --individuals 1", "ftac bench -- --mirror"]
+        {
             check(line, line, 0);
         }
     }

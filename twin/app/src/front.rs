@@ -11,7 +11,7 @@ use clap::error::ErrorKind;
 
 use crate::json_schema::FailureOutput;
 use crate::terminal::{Outcome, Terminal};
-use crate::{log_file, terminal};
+use crate::{former_names, log_file, terminal};
 
 /// Command line of a program.
 pub trait CommandLine: FromArgMatches {
@@ -27,10 +27,13 @@ pub trait CommandLine: FromArgMatches {
 
 /// Runs the command line `arguments`, the first of which is the program's name, and returns the exit code.
 pub fn run<C: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let (arguments, notices) = former_names::with_current_names(arguments.into_iter().collect());
     let parsed = C::definition().try_get_matches_from(&arguments).and_then(|matches| C::from_arg_matches(&matches));
     let code = match parsed {
-        Ok(command_line) => run_and_log(&command_line, &arguments),
+        Ok(command_line) => {
+            notices.iter().filter(|_| !command_line.terminal().quiet).for_each(|notice| eprintln!("ftac: {notice}"));
+            run_and_log(&command_line, &arguments)
+        }
         Err(error) => report_usage_error(&error, wants_json(&arguments)),
     };
     match terminal::stdout_error() {

@@ -8,7 +8,7 @@
 #[macro_use]
 extern crate progress;
 
-/// Replacement of the standard `print_schemas` and `println`, which panic when stdout is closed: these do not.
+/// Replacement of the standard `print` and `println`, which panic when stdout is closed: these do not.
 #[macro_export]
 macro_rules! print {
     ($($text:tt)*) => { $crate::terminal::write_printable(&format!($($text)*)) };
@@ -21,6 +21,7 @@ macro_rules! println {
 
 pub mod cli;
 mod commands;
+mod former_names;
 pub mod front;
 pub mod json_schema;
 pub mod lab;
@@ -28,7 +29,7 @@ mod log_file;
 pub mod options;
 pub mod terminal;
 
-pub use commands::schema;
+pub use commands::{reference, schema};
 
 use std::ffi::OsString;
 

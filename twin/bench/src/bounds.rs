@@ -14,7 +14,7 @@ use crate::journal::RunRequest;
 const MAX_NOISE_SCALE: f64 = 10.0;
 
 impl RunRequest {
-    /// Checks that the request of the run at `journal_path` is within bounds.
+    /// Checks that the request of the run at `path` is within bounds.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         let scenario = Scenario::parse(&self.scenario, path)?;
         check_combination_count(self.combos, &scenario, path)?;

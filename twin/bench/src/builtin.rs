@@ -78,7 +78,7 @@ pub fn simulated_touch_pipeline(robot: &RobotModel, backgrounds: Vec<Arc<Tactile
     Ok(pipeline)
 }
 
-/// Parses a calibration of every pad of `hand` from the text of a file; `journal_path` is used in errors.
+/// Parses a calibration of every pad of `hand` from the text of a file; `path` is used in errors.
 pub fn parse_calibration(hand: &Hand, text: &str, path: &Path) -> Result<PhotometricCalibration> {
     let calibration = PhotometricCalibration::parse(text, path)?;
     for pad in &hand.pads {
@@ -109,7 +109,7 @@ pub fn apply_hand_properties(pipeline: &mut TouchPipeline, world: &SimulatedWorl
 /// combinations as are feasible.
 pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let mut bench = make_scene_bench(robot, scenario, combos, seed, quiet)?;
-    let names: BTreeSet<&str> = bench.grasp_pairs.plans.iter().flat_map(GraspPair::objects).collect();
+    let names: BTreeSet<&str> = bench.grasp_pairs.pairs.iter().flat_map(GraspPair::objects).collect();
     bench.known_objects = names
         .into_iter()
         .map(|name| Ok((name.to_owned(), KnownObject::new(bench.world.object(name)?))))
@@ -128,14 +128,14 @@ pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u
 /// Prepares the bench of a run, with all settings of the request for robot, scenario and controller, except the device
 /// that renders images.
 pub fn bench_from_request(request: &RunRequest, quiet: bool) -> Result<Bench> {
-    let model = request.robot_model(Path::new("--individual"))?;
+    let model = request.robot_model(Path::new("--instance"))?;
     let mut bench = make_bench(&model, request.scenario()?, request.combos, request.seed, quiet)?;
     request.places.apply_to(&mut bench.world)?;
     replace_calibration(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
-    if let Some(number) = request.plant {
+    if let Some(number) = request.plant_instance {
         set_plant_instance(&mut bench, number)?;
     }
-    bench.set_look_ahead(request.foresees);
+    bench.set_look_ahead(request.looks_ahead);
     set_expected_errors(&mut bench, request.uncertainty.as_deref(), Path::new("--uncertainty"), &request.robot)?;
     Ok(bench)
 }
@@ -159,12 +159,12 @@ pub fn make_scene_bench(
         && scenario.third.is_empty()
         && planned(&scenario) == planned(&benchmark);
     let mut bench = make_graspless_bench(robot, scenario, seed)?;
-    if !builtin || combos > bench.grasp_pairs.plans.len() {
+    if !builtin || combos > bench.grasp_pairs.pairs.len() {
         let prepared = preparation::prepare(&bench.world, combos, seed, &ResultCache::user_cache()?, quiet)?;
         (bench.repertoire, bench.grasp_pairs) = (prepared.repertoire, prepared.pairs);
         (bench.notes, bench.left_out) = (prepared.notes, prepared.left_out);
     }
-    bench.grasp_pairs.plans.truncate(combos);
+    bench.grasp_pairs.pairs.truncate(combos);
     Ok(bench)
 }
 
@@ -201,7 +201,7 @@ pub fn make_graspless_bench(robot: &RobotModel, scenario: Scenario, seed: u64) -
     })
 }
 
-/// Sets the errors that the controller of a bench expects on the body `apply_to_robot`: those of a file's text, or without one
+/// Sets the errors that the controller of a bench expects on the body `robot`: those of a file's text, or without one
 /// those of the robot that comes with the program. For a simulated robot whose scenario has no errors it expects none,
 /// as a laboratory would measure.
 pub fn set_expected_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: &str) -> Result<()> {

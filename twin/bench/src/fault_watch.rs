@@ -13,7 +13,7 @@ use fault_detection::fault::FaultRow;
 use fault_detection::measurements::TickMeasurements;
 
 /// Plays a trial with `recording` as its watcher, if there is one, and with a mirror beside it if `mirrors`. If
-/// `prints_faults`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `roll_out` and the
+/// `tells`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `play` and the
 /// diagnoses of the mirror. Those of a trial that stopped are listed under `condition`.
 pub fn play_with_detector<T>(
     bench: &Bench,
@@ -96,9 +96,9 @@ impl<'a> FaultDetectionWatcher<'a> {
     }
 
     fn finish_branch(&mut self, condition: Condition) {
-        if let Some((mirror, _)) = self.branch.take() {
-            let all = mirror.faults().iter().cloned();
-            self.faults.extend(all.map(|divergence| FaultRow { condition, divergence }));
+        if let Some((fault_detector, _)) = self.branch.take() {
+            let all = fault_detector.faults().iter().cloned();
+            self.faults.extend(all.map(|divergence| FaultRow { condition, fault: divergence }));
         }
     }
 
@@ -112,23 +112,23 @@ impl<'a> FaultDetectionWatcher<'a> {
             None => self.shared.take(),
             Some(_) => self.branch.take().or_else(|| self.shared.clone()),
         };
-        let mut mirror = match known.filter(goes_on) {
-            Some((mirror, _)) => mirror,
+        let mut fault_detector = match known.filter(goes_on) {
+            Some((fault_detector, _)) => fault_detector,
             None => FaultDetector::new(&self.bench.world, &seen.arm.position)?,
         };
-        let gaps = mirror.gaps();
-        let fresh: Vec<String> = mirror.update(&seen).iter().map(ToString::to_string).collect();
+        let gaps = fault_detector.gaps();
+        let fresh: Vec<String> = fault_detector.update(&seen).iter().map(ToString::to_string).collect();
         self.ticks += 1;
-        self.gaps += mirror.gaps() - gaps;
+        self.gaps += fault_detector.gaps() - gaps;
         self.computing_time += begun.elapsed();
         if self.prints_faults {
             fresh.iter().for_each(|named| eprintln!("mirror: {named}"));
         }
         if let Some(recording) = &mut self.recording {
-            recording.log_fault_detector(&mirror, &fresh)?;
+            recording.log_fault_detector(&fault_detector, &fresh)?;
         }
         let keep = if moment.condition.is_some() { &mut self.branch } else { &mut self.shared };
-        *keep = Some((mirror, moment.time));
+        *keep = Some((fault_detector, moment.time));
         Ok(())
     }
 }

@@ -76,19 +76,23 @@ pub struct RunRequest {
     pub robot_model: Option<RobotSources>,
     /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub individual: Option<String>,
+    #[serde(alias = "individual")]
+    pub robot_instance: Option<String>,
     /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
     /// Number of the individual that the body is, unknown to the control stack; none if the body is as modelled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub plant: Option<u64>,
+    #[serde(alias = "plant")]
+    pub plant_instance: Option<u64>,
     /// True if policies that decide simulate second grasps in a twin of the scene before they choose one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub foresees: bool,
+    #[serde(alias = "foresees")]
+    pub looks_ahead: bool,
     /// True if a mirror observes the trials and reports divergences.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub mirrors: bool,
+    #[serde(alias = "mirrors")]
+    pub detects_faults: bool,
     /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
@@ -106,7 +110,8 @@ pub struct RunRequest {
     pub record: RecordingSelection,
     /// Command that began the run, or those of the shards that were merged into it; no result depends on it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub made: Vec<Provenance>,
+    #[serde(alias = "made")]
+    pub provenance: Vec<Provenance>,
 }
 
 impl RunRequest {
@@ -123,14 +128,14 @@ impl RunRequest {
             combination: unit.combination,
             trial: unit.trial.unwrap_or(0),
             condition,
-            watched,
+            images_throughout: watched,
             combos: self.combos,
             scenario: self.scenario.clone(),
             robot_model: self.robot_model.clone(),
-            individual: self.individual.clone(),
+            instance: self.robot_instance.clone(),
             pads: self.pads.clone(),
-            foresees: self.foresees,
-            mirrored: self.mirrors,
+            looks_ahead: self.looks_ahead,
+            detects_faults: self.detects_faults,
             places: self.places,
         }
     }
@@ -138,7 +143,7 @@ impl RunRequest {
     /// Returns a digest that identifies the run: the first half of the SHA-256 of all fields that decide results,
     /// hexadecimal.
     pub fn digest(&self) -> Result<String> {
-        let asked = Self { made: Vec::new(), record: RecordingSelection::default(), ..self.clone() };
+        let asked = Self { provenance: Vec::new(), record: RecordingSelection::default(), ..self.clone() };
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
@@ -148,7 +153,7 @@ impl RunRequest {
         let asked = |of: &Self| {
             serde_json::to_value(Self {
                 shard: (1, 1),
-                made: Vec::new(),
+                provenance: Vec::new(),
                 record: RecordingSelection::default(),
                 ..of.clone()
             })
@@ -158,9 +163,9 @@ impl RunRequest {
         Ok(names.into_iter().find(|name| own.get(name.as_str()) != its.get(name.as_str())).cloned())
     }
 
-    /// Returns the robot model of body and control stack; `journal_path` is the file of an identified robot, for errors.
+    /// Returns the robot model of body and control stack; `path` is the file of an identified robot, for errors.
     pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
-        robot_from_sources(self.robot_model.as_ref(), self.individual.as_deref(), path)
+        robot_from_sources(self.robot_model.as_ref(), self.robot_instance.as_deref(), path)
     }
 
     /// Returns the name of the robot, if it is not the built-in one.
@@ -221,7 +226,8 @@ pub struct JournalEntry {
     pub ablated: Vec<AblatedTrial>,
     /// Diagnoses of a mirror in it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub divergences: Vec<FaultRow>,
+    #[serde(alias = "divergences")]
+    pub faults: Vec<FaultRow>,
     /// Wall time of the unit, s.
     pub wall_s: f64,
 }

@@ -25,7 +25,7 @@ use self::measured_scene::MeasuredScene;
 use crate::trial::{Bench, TickView, Watcher};
 use robot_backends::TrialTask;
 
-/// Returns the mesh of `held_object` for drawing, under `unit_name`.
+/// Returns the mesh of `object` for drawing, under `name`.
 pub fn drawn_object(object: &ObjectModel, name: &str) -> DrawnObject {
     let (vertices, triangles, _) = object.shape.triangles();
     DrawnObject::from_mesh(name, &vertices, &triangles, object.color)
@@ -143,7 +143,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the targets for a trial and the branch of its condition. `time_origin` is the wall time of the body's time 0.
+    /// Opens the targets for a trial and the branch of its condition. `began` is the wall time of the body's time 0.
     ///
     /// For bodies other than the simulated one, measurements and estimates are shown unless `truth` is requested.
     pub fn open(
@@ -153,7 +153,7 @@ impl Recording {
         (began, truth): (TimeOrigin, bool),
     ) -> Result<Self> {
         let TrialTask { combination, trial, condition, .. } = *task;
-        let plan = &bench.grasp_pairs.plans[combination];
+        let plan = &bench.grasp_pairs.pairs[combination];
         let objects = bench.world.models(&plan.objects())?;
         let names: Vec<String> = (0..objects.len()).map(|n| ordinal(n).into_owned()).collect();
         let drawn: Vec<DrawnObject> =
@@ -257,7 +257,7 @@ impl Watcher for Recording {
         self.recorded_images.log(recorder, executor.motion().newest_images())?;
         match truth {
             // If the policy itself moves the robot, the executor has no reference.
-            Some(truth) if self.condition == Condition::Own && self.skips_planned_grasp => {
+            Some(truth) if self.condition == Condition::External && self.skips_planned_grasp => {
                 log_signals(recorder, truth, executor.motion().servos(), &executor.motion().arm().position, errors)
             }
             Some(truth) => {

@@ -89,8 +89,8 @@ fn noise_scale_warning(request: &RunRequest) -> Option<String> {
     Some(format!("the errors that are drawn of arm and eyes are scaled by {}; {stay}", request.noise_scale))
 }
 
-/// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `divergences.csv` if a mirror ran,
-/// `summary.json` and `report.html`, each whole or not at all. `computing_time` is the computing time by activity, if known.
+/// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `faults.csv` if a mirror ran,
+/// `summary.json` and `report.html`, each whole or not at all. `spent` is the computing time by activity, if known.
 pub fn write_results(
     done: &BTreeMap<WorkUnit, JournalEntry>,
     request: &RunRequest,
@@ -118,12 +118,12 @@ pub fn write_results(
     let mut table = Vec::new();
     write_tries(&tries, &mut table)?;
     ftac_platform::data::write_atomically(&folder.join("tries.csv"), &table)?;
-    if request.mirrors {
-        let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
+    if request.detects_faults {
+        let named = done.values().flat_map(|entry| entry.faults.iter().map(move |named| (entry.unit, named)));
         let rows = named.map(|(WorkUnit { combination, trial }, named)| {
-            (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
+            (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.fault)
         });
-        ftac_platform::data::write_atomically(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
+        ftac_platform::data::write_atomically(&folder.join("faults.csv"), write_table(rows).as_bytes())?;
     }
     if !ablated.is_empty() {
         let mut table = Vec::new();
@@ -132,7 +132,7 @@ pub fn write_results(
     }
     ftac_platform::data::write_atomically(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let mut run = serde_json::json!({ "seed": request.seed, "robot": request.robot, "wall_s": summary.wall_s });
-    add_provenance(&mut run, &request.made);
+    add_provenance(&mut run, &request.provenance);
     if let Some(own) = &request.policy {
         let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
         run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();

@@ -48,7 +48,7 @@ fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
     }
 }
 
-/// Plays one unit. Its recording, if `branch_settings` ask for one, goes below `folder`.
+/// Plays one unit. Its recording, if `options` ask for one, goes below `folder`.
 pub fn run_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -61,7 +61,7 @@ pub fn run_unit(
     play_unit(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
-/// Plays one unit and records it under `unit_name` if `record_causes`.
+/// Plays one unit and records it under `name` if `record`.
 fn play_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -98,7 +98,7 @@ fn play_unit(
     })
 }
 
-/// Runs `roll_out` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
+/// Runs `play` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
 /// `condition` labels the diagnoses of a trial that stops.
 fn play_with_watchers(
     bench: &Bench,
@@ -110,7 +110,7 @@ fn play_with_watchers(
     let (results, named) = fault_watch::play_with_detector(
         bench,
         recording,
-        (request.mirrors, request.robot == "hardware", condition),
+        (request.detects_faults, request.robot == "hardware", condition),
         play,
     );
     Ok(TrialResults { faults: named.unwrap_or_default(), ..results? })
@@ -126,7 +126,7 @@ fn write_film_strip(bench: &Bench, unit: WorkUnit, film: &Film, file: &Path) -> 
     report::picture::save(&strip, file)
 }
 
-/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record_causes`.
+/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record`.
 fn run_conditions(
     bench: &Bench,
     request: &RunRequest,
@@ -224,7 +224,7 @@ pub fn run(
         })?;
         let TrialResults { records, tries, ablated, faults: divergences } = results;
         let wall_s = start.elapsed().as_secs_f64();
-        let entry = JournalEntry { run: None, unit: *unit, records, tries, ablated, divergences, wall_s };
+        let entry = JournalEntry { run: None, unit: *unit, records, tries, ablated, faults: divergences, wall_s };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry.clone()).map_err(|error| save_to_temporary(&entry, error))?;
         bar.inc(1);

@@ -70,7 +70,7 @@ impl Bench {
         source: &mut dyn BackendFactory,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
-        let (mut noise, mut camera_noise, looks) = setup::draw_noise(self, task.combination, task.trial)?;
+        let (mut noise, mut camera_noise, detections) = setup::draw_noise(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
@@ -95,11 +95,11 @@ impl Bench {
         };
         let mut body = start.run.snapshot.robot.clone();
         let played = match means {
-            _ if task.condition == Condition::Own => {
-                self.play_external_policy(&start, self.branch_settings(id, looks), watcher)
+            _ if task.condition == Condition::External => {
+                self.play_external_policy(&start, self.branch_settings(id, detections), watcher)
             }
-            Some(means) => self.play_touch(&start, self.branch_settings(id, looks), means, watcher),
-            None => self.play_blind(&start, self.branch_settings(id, looks), watcher),
+            Some(means) => self.play_touch(&start, self.branch_settings(id, detections), means, watcher),
+            None => self.play_blind(&start, self.branch_settings(id, detections), watcher),
         };
         // The recording is finished in any case.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -115,7 +115,7 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// Plays one trial in which a policy of the user's own, represented by `server`, decides. The errors are those that
+    /// Plays one trial in which a policy of the user's own, represented by `host`, decides. The errors are those that
     /// every condition of the trial meets.
     pub fn play_with_server(
         &self,
@@ -124,12 +124,12 @@ impl Bench {
         (guest, pace): (&PolicyIntroduction, SimulatedTimePassage),
         host: &mut dyn PolicyServer,
     ) -> Result<TrialOutcome> {
-        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
+        let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
         let start = match guest.level {
             DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
             DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
         };
-        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::Own }, looks);
+        let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, detections);
         self.play_server_branch(&start, guest, host, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
@@ -138,9 +138,9 @@ impl Bench {
         let start = InitialConditions::planned(self, combination, TrialNoise::none(), 0)
             .play_first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
-        let looks = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
-        let mut outcome = self.play_blind(&start, self.branch_settings(id, looks.clone()), watcher)?;
-        self.note_prediction(&start, self.branch_settings(id, looks), &mut outcome.record)?;
+        let detections = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
+        let mut outcome = self.play_blind(&start, self.branch_settings(id, detections.clone()), watcher)?;
+        self.note_prediction(&start, self.branch_settings(id, detections), &mut outcome.record)?;
         Ok(outcome)
     }
 
@@ -153,9 +153,9 @@ impl Bench {
         ablations: &[Ablation],
         watcher: &mut dyn Watcher,
     ) -> Result<TrialResults> {
-        let (setup, looks) = InitialConditions::noisy(self, combination, trial)?;
+        let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
         let start = setup.play_first_grasp(self, None, watcher)?;
-        let branches = Branches { bench: self, setup: &setup, start, detection_noise: looks };
+        let branches = Branches { bench: self, setup: &setup, start, detection_noise: detections };
         let id = |condition| TrialId { combination, trial, condition };
         let mut results = TrialResults::default();
         for &condition in conditions {
@@ -177,7 +177,7 @@ impl Bench {
 
     /// Returns body and controller about to begin the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<RolloutSnapshot> {
-        let plan = &self.grasp_pairs.plans[combination];
+        let plan = &self.grasp_pairs.pairs[combination];
         let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
         let world = &self.world;
         let board = self.cameras.with_noise(0);
@@ -193,16 +193,16 @@ impl Bench {
     }
 
     /// Returns the settings of a branch.
-    fn branch_settings(&self, id: TrialId, looks: DetectionNoise) -> BranchSettings<'_> {
+    fn branch_settings(&self, id: TrialId, detections: DetectionNoise) -> BranchSettings<'_> {
         let scenario = &self.world.scenario;
         BranchSettings {
             id,
             noise: &scenario.noise,
             library: &self.world.objects,
-            detection_noise: looks,
+            detection_noise: detections,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             inject_truth: false,
-            pace: SimulatedTimePassage::Stand,
+            pace: SimulatedTimePassage::Paused,
         }
     }
 
@@ -216,7 +216,7 @@ impl Bench {
         play(start, &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
-    /// Plays the branch of the policy `play_touch`, with the `capabilities` that are left to it.
+    /// Plays the branch of the policy `play_touch`, with the `means` that are left to it.
     fn play_touch(
         &self,
         start: &PreparedTrial,
@@ -252,7 +252,7 @@ impl Bench {
         own.with_process(|host| self.play_server_branch(start, &own.introduction, host, options, watcher))
     }
 
-    /// Plays the branch of a policy represented by `server`.
+    /// Plays the branch of a policy represented by `host`.
     fn play_server_branch(
         &self,
         start: &PreparedTrial,
@@ -304,7 +304,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Returns the expected utility of the best grasps for a policy with these `capabilities` in a trial that begins as
+    /// Returns the expected utility of the best grasps for a policy with these `means` in a trial that begins as
     /// `setup`.
     fn expected_score(&self, setup: &InitialConditions, means: PolicyCapabilities) -> Result<f64> {
         let (grasps, senses) = (
@@ -345,7 +345,7 @@ impl Bench {
         })
     }
 
-    /// Creates the policy `play_touch` of a trial, with this `prior_knowledge`.
+    /// Creates the policy `play_touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(
         &'a self,
         start: &'a PreparedTrial,

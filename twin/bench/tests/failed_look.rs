@@ -16,7 +16,7 @@ use scenarios::record::Condition;
 use sim::SimulatedRobot;
 use sim::robot::GroundTruth;
 
-const FAILURE_MESSAGE: &str = "--eyes unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
+const FAILURE_MESSAGE: &str = "--detector unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
 
 /// The simulated robot with failed eyes.
 struct FailedDetector(SimulatedRobot);
@@ -72,8 +72,8 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>());
         assert_eq!(failed.map(|failed| failed.0.as_str()), Some(FAILURE_MESSAGE), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));
-        let (progress, divergence) = report.take().expect("played");
-        assert_eq!(divergence, None);
+        let (progress, fault) = report.take().expect("played");
+        assert_eq!(fault, None);
         assert!(progress.commands > 100, "{progress:?}");
     }
     assert!(ended > 0, "no trial looked again");

@@ -25,7 +25,7 @@ fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
         drive(&mut snapshot.robot, &mut snapshot.executor, Phase::decide(Skill::Snapshot, 0), |_, _| {})
             .expect("a hold");
         let (truth, executor) = (snapshot.robot.truth(), &snapshot.executor);
-        let plan = &bench.grasp_pairs.plans[combination];
+        let plan = &bench.grasp_pairs.pairs[combination];
         let objects = [&plan.first, &plan.second].map(|name| bench.world.object(name).expect("known"));
         let held = truth.palm.inverse() * truth.objects[0];
         let beside = |x: f64| Translation3::new(x, 0.0, 0.0) * truth.objects[1];

@@ -13,7 +13,7 @@ use scenarios::Scenario;
 fn all_built_in_plans_are_ideal() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
-    let combinations: Vec<usize> = (0..bench.grasp_pairs.plans.len()).collect();
+    let combinations: Vec<usize> = (0..bench.grasp_pairs.pairs.len()).collect();
     assert_eq!(combinations.len(), 60);
     let failed = Mutex::new(Vec::new());
     workers::for_each(workers::available_threads(), &combinations, |_, combination| {

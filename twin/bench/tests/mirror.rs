@@ -95,7 +95,7 @@ fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     }
 }
 
-/// Returns the diagnoses of a mirror for the same motion. `inject_fault` is applied to the robot once at [`BREAK_TIME`], and
+/// Returns the diagnoses of a mirror for the same motion. `strike` is applied to the robot once at [`BREAK_TIME`], and
 /// `press` in each tick from then on.
 fn detected_faults(
     strike: impl FnOnce(&mut SimulatedRobot),
@@ -181,7 +181,7 @@ fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
         .collect()
 }
 
-/// Returns the mirror of the same motion seen by a busy host. `inject_fault` is applied to the robot once at [`BREAK_TIME`], and
+/// Returns the mirror of the same motion seen by a busy host. `strike` is applied to the robot once at [`BREAK_TIME`], and
 /// from then on camera `frozen` sends the same image.
 fn detector_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<usize>) -> FaultDetector {
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");

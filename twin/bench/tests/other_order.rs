@@ -17,7 +17,7 @@ fn the_other_order_leaves_everything_where_it_is() {
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
     let means = PolicyCapabilities::for_condition(Condition::Touch).expect("touch decides");
     let mut seen = 0;
-    for combination in (0..60).filter(|n| bench.grasp_pairs.plans[*n].reversed.is_some()) {
+    for combination in (0..60).filter(|n| bench.grasp_pairs.pairs[*n].reversed.is_some()) {
         let (setup, _) = InitialConditions::noisy(&bench, combination, 0).expect("a trial");
         let ordered = setup.reordered_for(&bench, means).expect("an order");
         if ordered.reordered.is_none() {

@@ -43,12 +43,12 @@ fn closed_on_nothing(
     }
     let seen = robot.observe();
     let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
-    let look = TactileSnapshot {
+    let snapshot = TactileSnapshot {
         images: &seen.tactile,
         sequences_before: &[],
         readings: Readings::without_gravity(&seen.servos),
     };
-    let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
+    let touches = pipeline.perceive_frames(snapshot.images, snapshot.sequences_before).expect("images").touches;
     (touches, seen, robot)
 }
 
@@ -70,8 +70,8 @@ fn perceived_hold_state(
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
-    let grasps = bench.grasp_pairs.plans[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
-    let objects = [&bench.grasp_pairs.plans[0].first, &bench.grasp_pairs.plans[0].second]
+    let grasps = bench.grasp_pairs.pairs[0].grasps(&bench.world.cell.robot.hand, &bench.repertoire).expect("a plan");
+    let objects = [&bench.grasp_pairs.pairs[0].first, &bench.grasp_pairs.pairs[0].second]
         .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
     let (first, second) = (&grasps.first, &grasps.second_candidates[0].grasp);
     let in_hand: Vec<ExpectedObject> = [first, second]

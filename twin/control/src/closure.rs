@@ -42,7 +42,7 @@ pub fn free_excursion(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Opt
 }
 
 /// True if a pulled digit has stopped earlier than it would on nothing: its excursion is closer to that of its verified
-/// hold (`held_count`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
+/// hold (`held`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
 /// and `sigma` is the standard deviation of an excursion, m. False if hold and empty closing are too close together to
 /// be told apart.
 pub fn stops_early(

@@ -68,7 +68,7 @@ impl Solid {
         Self::new(name, SharedShape::cuboid(core.x, core.y, core.z), pose).grown(radius)
     }
 
-    /// The table: everything below z = `lowest_point_height` (m) of the world.
+    /// The table: everything below z = `height` (m) of the world.
     pub fn table(height: f64) -> Self {
         Self::new("table", SharedShape::halfspace(Vector::Z), Isometry3::translation(0.0, 0.0, height))
     }
@@ -109,12 +109,12 @@ pub struct Clearance {
 }
 
 /// Computes the smallest distance between the `moving` solids (palm frame) and the `fixed` ones (world frame) while the
-/// palm follows `method`. `None` if there is no pair.
+/// palm follows `path`. `None` if there is no pair.
 ///
 /// Branch and bound over time. No point of a solid moves faster than the path's speed bound and the solid's reach
 /// allow, so the distances at both ends of an interval bound the distances in between from below. Intervals are halved,
 /// the most promising first, until none can contain a distance lower than the best one less [`CLEARANCE_TOLERANCE`], or until
-/// they are shorter than duration / `slip_counts`.
+/// they are shorter than duration / `steps`.
 pub fn clearance_along(
     path: &PosePath,
     moving: &[Solid],

@@ -169,7 +169,7 @@ impl Executor {
         }
     }
 
-    /// Takes `aim_sigma` as number `object` of the list, which grows by one at most.
+    /// Takes `target` as number `object` of the list, which grows by one at most.
     pub fn take(&mut self, object: usize, target: GraspTarget) -> Result<(), MotionError> {
         if object == self.targets.len() {
             self.targets.push(target);
@@ -179,12 +179,12 @@ impl Executor {
         self.take_planned(object)
     }
 
-    /// Replaces the straight approach that has just begun with `method`.
+    /// Replaces the straight approach that has just begun with `path`.
     pub fn redirect(&mut self, path: PosePath) {
         self.motion.redirect(path);
     }
 
-    /// Palpates `object` before it is grasped: follows `way`, then the guarded motion `guarded_motion`.
+    /// Palpates `object` before it is grasped: follows `way`, then the guarded motion `guarded`.
     pub fn palpate(&mut self, object: usize, way: PosePath, guarded: GuardedMotion) {
         self.guarded_motion = Some(guarded);
         // With an empty hand, the digits of the first grasp close to be out of the way.

@@ -23,17 +23,17 @@ const FIRST_FALLBACK_ID: u32 = 1000;
 /// Yaws that are tried with an object that has no axis, rad.
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Finds grasps with `digits` for `object`, seen at `detection`, which lies in a way that none of its own grasps fits.
-/// Some of them were `rollouts` together with the held object.
+/// Finds grasps with `digits` for `object`, seen at `detected`, which lies in a way that none of its own grasps fits.
+/// Some of them were `rehearsed` together with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
-    (object, percept): (&ObjectModel, &DetectedObject),
+    (object, detected): (&ObjectModel, &DetectedObject),
     digits: &[Digit],
     rehearsed: &[GraspCandidate],
 ) -> Vec<GraspCandidate> {
     let mut candidates = Vec::new();
     for model in objects.fallen_of(object) {
-        let Some(yaw) = model.resting_yaw(&percept.rotation) else { continue };
+        let Some(yaw) = model.resting_yaw(&detected.rotation) else { continue };
         for grasp in repertoire.for_digits(&model.name, digits) {
             let same = |known: &&GraspCandidate| known.grasp.object == model.name && known.grasp.id == grasp.id;
             let known = rehearsed.iter().filter(|known| known.grasp.digits == digits).find(same);
@@ -45,7 +45,7 @@ pub fn fallback_grasps(
     let grasps_of = |model: &ObjectModel| -> Vec<Grasp> {
         repertoire.for_digits(&model.name, digits).take(MAX_FALLBACK_GRASPS).cloned().collect()
     };
-    let unlike = |model: &ObjectModel| (model.rest_height() - percept.position.z).abs();
+    let unlike = |model: &ObjectModel| (model.rest_height() - detected.position.z).abs();
     let alike = objects
         .iter()
         .filter(|model| if flat { is_flat(model) } else { model.symmetry == Symmetry::Full })
@@ -53,7 +53,7 @@ pub fn fallback_grasps(
         .filter(|(_, grasps)| !grasps.is_empty())
         .min_by(|a, b| a.0.total_cmp(&b.0));
     for grasp in alike.map(|(_, grasps)| grasps).unwrap_or_default() {
-        for yaw in yaw_candidates(object, percept) {
+        for yaw in yaw_candidates(object, detected) {
             candidates.push((grasp.clone(), yaw, score::FALLBACK_FACTOR, Arc::default()));
         }
     }
@@ -61,7 +61,7 @@ pub fn fallback_grasps(
     numbered
         .map(|(number, (grasp, yaw, score, rollouts))| {
             let score = score * grasp.score;
-            let grasp = adapt_grasp(&grasp, object, percept, yaw - percept.yaw, number);
+            let grasp = adapt_grasp(&grasp, object, detected, yaw - detected.yaw, number);
             GraspCandidate { rollouts, ..GraspCandidate::new(grasp, score) }
         })
         .collect()
@@ -72,16 +72,16 @@ fn is_flat(object: &ObjectModel) -> bool {
 }
 
 /// Yaws of the hand that suit the way the object lies, rad, the smallest one first.
-fn yaw_candidates(object: &ObjectModel, percept: &DetectedObject) -> Vec<f64> {
+fn yaw_candidates(object: &ObjectModel, detected: &DetectedObject) -> Vec<f64> {
     let azimuth = |axis: Vector3<f64>| axis.y.atan2(axis.x);
     let turned = |yaw: f64, step: f64| yaw - step * (yaw / step).round();
     match object.symmetry {
         Symmetry::Axis { .. } => {
-            let across = turned(azimuth(percept.rotation * Vector3::z()) + FRAC_PI_2, PI);
+            let across = turned(azimuth(detected.rotation * Vector3::z()) + FRAC_PI_2, PI);
             vec![across, across - PI.copysign(across)]
         }
         Symmetry::Cube | Symmetry::Fold { .. } => {
-            let level = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| percept.rotation * axis);
+            let level = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| detected.rotation * axis);
             let level = level.into_iter().min_by(|a, b| a.z.abs().total_cmp(&b.z.abs())).unwrap_or_default();
             let along = turned(azimuth(level), FRAC_PI_2);
             vec![along, along - FRAC_PI_2.copysign(along)]
@@ -92,9 +92,9 @@ fn yaw_candidates(object: &ObjectModel, percept: &DetectedObject) -> Vec<f64> {
 
 /// Adapts `grasp` of another object to `object`: its place in the hand is that of the other object, its rotation that
 /// of its present pose.
-fn adapt_grasp(grasp: &Grasp, object: &ObjectModel, percept: &DetectedObject, yaw: f64, id: u32) -> Grasp {
+fn adapt_grasp(grasp: &Grasp, object: &ObjectModel, detected: &DetectedObject, yaw: f64, id: u32) -> Grasp {
     let mut taken = Grasp { id, object: object.name.clone(), yaw, held_joints: None, ..grasp.clone() };
-    let rotation = taken.palm_rotation(percept.yaw).inverse() * percept.rotation;
+    let rotation = taken.palm_rotation(detected.yaw).inverse() * detected.rotation;
     let place = grasp.held.map_or(Vector3::from(grasp.center), |held| held.translation.vector);
     taken.held = Some(Isometry3::from_parts(Translation3::from(place), rotation));
     taken
@@ -129,7 +129,7 @@ pub(crate) mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
-            held_spread: None,
+            held_sigmas: None,
             score: 1.0,
         }
     }

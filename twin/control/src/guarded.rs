@@ -31,7 +31,7 @@ pub struct GuardedMotion {
 }
 
 impl GuardedMotion {
-    /// A motion along `method` until a pad of `digits` feels a contact. Only pads for which `used` is true are watched.
+    /// A motion along `path` until a pad of `digits` feels a contact. Only pads for which `used` is true are watched.
     pub fn new(path: PosePath, hand: &Hand, digits: &[Digit], used: impl Fn(usize) -> bool) -> Self {
         let watched =
             hand.cameras.iter().map(|camera| is_pad_on_digits(hand, camera.pad, digits) && used(camera.pad)).collect();

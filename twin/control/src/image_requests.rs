@@ -40,7 +40,7 @@ impl PeriodicImageRequests {
         arrived.iter().filter(|frame| !own(frame)).cloned().collect()
     }
 
-    /// True if images are to be captured in this tick. That is the case if `images_for_others` request some. It is also the case
+    /// True if images are to be captured in this tick. That is the case if `others` request some. It is also the case
     /// at its own period, provided that others leave the cameras `free` for the time being and that the link is idle.
     pub fn should_capture(&mut self, observation: &Observation, others: bool, free: bool) -> bool {
         let now = observation.time;

@@ -71,7 +71,7 @@ impl Default for ArmMount {
 
 impl ArmMount {
     /// Mounting with the palm of `hand` as the controlled frame and the base above the world's origin, on a pedestal of
-    /// `lowest_point_height` (m).
+    /// `height` (m).
     pub fn for_hand(hand: &hand_model::Hand, height: f64) -> Self {
         Self {
             world_from_base: Isometry3::translation(0.0, 0.0, height),

@@ -64,7 +64,7 @@ pub trait RolloutModel: Sync {
 
 /// A scene in the twin, under each of its samples.
 pub trait SampledScene {
-    /// Plays `approaching_executor`, which is about to approach the second object, under the samples `draw_samples` and returns the outcomes.
+    /// Plays `going`, which is about to approach the second object, under the samples `draws` and returns the outcomes.
     /// `None` where the sampled hold of the first object is not a hold in the twin.
     fn roll_out(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, RolloutError>;
 }
@@ -134,7 +134,7 @@ fn displaced(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     )
 }
 
-/// `world_from_object` of the object at `detection`, displaced by `off` (m) and rotated about the vertical by `yaw_within_reach`
+/// `world_from_object` of the object at `percept`, displaced by `off` (m) and rotated about the vertical by `turn`
 /// (rad).
 fn displaced_target(percept: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
@@ -167,13 +167,16 @@ impl RolloutCounts {
         Self { rollouts: self.rollouts + more, held: self.held + more, ..self }
     }
 
-    /// Updates `outcome_model` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `outcome_model` and whose
+    /// Updates `probabilities` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `probabilities` and whose
     /// weight is [`PRIOR_ROLLOUTS`] plays.
-    pub(crate) fn posterior(&self, odds: &OutcomeProbabilities) -> OutcomeProbabilities {
+    pub(crate) fn posterior(&self, probabilities: &OutcomeProbabilities) -> OutcomeProbabilities {
         let share = |prior: f64, count: u32| {
             (PRIOR_ROLLOUTS * prior + f64::from(count)) / (PRIOR_ROLLOUTS + f64::from(self.rollouts))
         };
-        OutcomeProbabilities { held: share(odds.held, self.held), contact: share(odds.contact, self.contact) }
+        OutcomeProbabilities {
+            held: share(probabilities.held, self.held),
+            contact: share(probabilities.contact, self.contact),
+        }
     }
 }
 
@@ -255,14 +258,14 @@ mod tests {
 
     #[test]
     fn outcomes_count_beside_the_odds() {
-        let odds = OutcomeProbabilities { held: 0.8, contact: 0.1 };
-        assert_eq!(RolloutCounts::default().posterior(&odds), odds);
+        let probabilities = OutcomeProbabilities { held: 0.8, contact: 0.1 };
+        assert_eq!(RolloutCounts::default().posterior(&probabilities), probabilities);
         let mut foreseen = RolloutCounts::default();
         foreseen.add_outcomes(&[Some(TryOutcome::Held), None, Some(TryOutcome::Contact), Some(TryOutcome::Missed)]);
         assert_eq!(foreseen, RolloutCounts { rollouts: 3, held: 1, contact: 1 });
-        let with = foreseen.posterior(&odds);
+        let with = foreseen.posterior(&probabilities);
         assert!((with.held - (PRIOR_ROLLOUTS * 0.8 + 1.0) / (PRIOR_ROLLOUTS + 3.0)).abs() < 1e-12);
         assert!((with.contact - (PRIOR_ROLLOUTS * 0.1 + 1.0) / (PRIOR_ROLLOUTS + 3.0)).abs() < 1e-12);
-        assert!(foreseen.if_all_held(5).posterior(&odds).held > with.held);
+        assert!(foreseen.if_all_held(5).posterior(&probabilities).held > with.held);
     }
 }

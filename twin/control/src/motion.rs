@@ -208,7 +208,7 @@ impl MotionExecutor {
         PosePath::new(vec![(0.0, self.end()), (CLOSING_TIME, self.end_raised(raise))])
     }
 
-    /// Straight path to `aim_sigma` within `limits`.
+    /// Straight path to `target` within `limits`.
     pub fn straight_path(&self, limits: &PathLimits, target: Isometry3<f64>) -> Result<PosePath, PathError> {
         let here = self.end();
         PosePath::new(vec![(0.0, here), (duration(limits, &here, &target), target)])
@@ -219,12 +219,12 @@ impl MotionExecutor {
         self.straight_path(&limits.scaled(LIFT_SPEED_SHARE), self.home)
     }
 
-    /// Slow path up by `lowest_point_height` m.
+    /// Slow path up by `height` m.
     pub fn lift_path(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
         self.straight_path(&limits.scaled(LIFT_SPEED_SHARE), self.end_raised(height))
     }
 
-    /// Path down by `lowest_point_height` m, with a pause in which the digits open, and up again. Also returns the path time at
+    /// Path down by `height` m, with a pause in which the digits open, and up again. Also returns the path time at
     /// which they are to open, s.
     pub fn put_down_path(&self, limits: &PathLimits, height: f64) -> Result<(PosePath, f64), PathError> {
         let (here, down) = (self.end(), self.end_raised(-height));
@@ -233,23 +233,23 @@ impl MotionExecutor {
         Ok((PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?, time))
     }
 
-    /// End of the present path, `lowest_point_height` m higher.
+    /// End of the present path, `height` m higher.
     fn end_raised(&self, height: f64) -> Isometry3<f64> {
         let here = self.end();
         Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
     }
 
-    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `detection`.
+    /// Straight path from the end of the present path to the pose at which `grasp` closes on the object at `detected`.
     pub fn approach_path(
         &self,
         limits: &PathLimits,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<PosePath, PathError> {
-        approach((self.hand(), limits), &[self.end()], grasp, percept)
+        approach((self.hand(), limits), &[self.end()], grasp, detected)
     }
 
-    /// Path like [`MotionExecutor::approach_path`] by way of `start_stops`, rehearsed by the arm servo: straight or through the pose at
+    /// Path like [`MotionExecutor::approach_path`] by way of `stops`, rehearsed by the arm servo: straight or through the pose at
     /// the very beginning, at full speed or slower.
     ///
     /// A straight path from the end of a failed try can lead the joints to their limits with the palm decimetres off,
@@ -258,12 +258,13 @@ impl MotionExecutor {
         &self,
         limits: &PathLimits,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
         stops: &[Isometry3<f64>],
     ) -> Option<PosePath> {
         let by_home = [stops, &[self.home]].concat();
-        let paths =
-            |limits: &PathLimits| [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, percept));
+        let paths = |limits: &PathLimits| {
+            [stops, &by_home].map(|stops| approach((self.hand(), limits), stops, grasp, detected))
+        };
         self.first_feasible(limits, paths)
     }
 
@@ -291,7 +292,7 @@ impl MotionExecutor {
         if rise > 0.0 { vec![here, self.end_raised(rise)] } else { vec![here] }
     }
 
-    /// Largest distance (m) of the palm from `method` on the way; `None` if the palm would not reach its end.
+    /// Largest distance (m) of the palm from `path` on the way; `None` if the palm would not reach its end.
     fn max_path_deviation(&self, path: &PosePath) -> Option<f64> {
         let (tick, settle) = ROLLOUT_TIMING;
         let done = self.servo.roll_out(path, settle, tick).ok()?;

@@ -132,10 +132,10 @@ impl AimPosterior {
     }
 
     /// Odds of a try at an object whose position is the mean of `detections` looks.
-    pub fn probabilities(&self, aimed: &AimedGrasp, looks: u32) -> OutcomeProbabilities {
+    pub fn probabilities(&self, aimed: &AimedGrasp, detections: u32) -> OutcomeProbabilities {
         let mut odds = OutcomeProbabilities { held: 0.0, contact: 0.0 };
         for (value, weight) in self.samples.iter().zip(&self.weights) {
-            let there = self.probabilities_at(aimed, value, looks);
+            let there = self.probabilities_at(aimed, value, detections);
             odds.held += weight * there.held;
             odds.contact += weight * there.contact;
         }
@@ -150,9 +150,9 @@ impl AimPosterior {
     pub fn probabilities_around(
         &self,
         aimed: &AimedGrasp,
-        looks: u32,
+        detections: u32,
     ) -> [[OutcomeProbabilities; AIM_GRID_SIZE]; AIM_GRID_SIZE] {
-        let width = self.mean_detection_sigma(looks).max(MIN_KERNEL_WIDTH);
+        let width = self.mean_detection_sigma(detections).max(MIN_KERNEL_WIDTH);
         let inverse = 1.0 / (width * width);
         let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
         let turn = Rotation2::new(aimed.heading);
@@ -193,9 +193,9 @@ impl AimPosterior {
     }
 
     /// Updates the belief after a try that did not hold the object.
-    pub fn update_after_failure(&mut self, aimed: &AimedGrasp, looks: u32) {
+    pub fn update_after_failure(&mut self, aimed: &AimedGrasp, detections: u32) {
         let likely: Vec<f64> =
-            self.samples.iter().map(|value| 1.0 - self.probabilities_at(aimed, value, looks).held).collect();
+            self.samples.iter().map(|value| 1.0 - self.probabilities_at(aimed, value, detections).held).collect();
         let sum: f64 = self.weights.iter().zip(&likely).map(|(weight, likely)| weight * likely).sum();
         if sum > 0.0 {
             self.weights.iter_mut().zip(&likely).for_each(|(weight, likely)| *weight *= likely / sum);
@@ -219,8 +219,8 @@ impl AimPosterior {
     }
 
     /// Standard deviation of the non-persistent error in the mean of `detections` looks, for each of x and y, m.
-    pub(crate) fn mean_detection_sigma(&self, looks: u32) -> f64 {
-        self.detection_sigma / f64::from(looks.max(1)).sqrt()
+    pub(crate) fn mean_detection_sigma(&self, detections: u32) -> f64 {
+        self.detection_sigma / f64::from(detections.max(1)).sqrt()
     }
 
     /// Standard deviation of the persistent error, m: root of the mean variance over the axes.
@@ -231,9 +231,9 @@ impl AimPosterior {
         (squares.sum::<f64>() / 3.0).sqrt()
     }
 
-    /// Odds under the assumption that the persistent error is `sample`.
-    fn probabilities_at(&self, aimed: &AimedGrasp, value: &Vector3<f64>, looks: u32) -> OutcomeProbabilities {
-        let width = self.mean_detection_sigma(looks).max(MIN_KERNEL_WIDTH);
+    /// Odds under the assumption that the persistent error is `value`.
+    fn probabilities_at(&self, aimed: &AimedGrasp, value: &Vector3<f64>, detections: u32) -> OutcomeProbabilities {
+        let width = self.mean_detection_sigma(detections).max(MIN_KERNEL_WIDTH);
         let off = value + aimed.aim;
         let level = Rotation2::new(-aimed.heading) * Vector2::new(off.x, off.y);
         let off = Vector3::new(level.x, level.y, off.z);
@@ -298,7 +298,7 @@ fn halton(mut n: usize, base: usize) -> f64 {
 mod tests {
     use super::*;
 
-    const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, eyes: 0.006, eyes_lasting: 0.5 };
+    const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, detector: 0.006, detector_persistent_share: 0.5 };
 
     /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, a miss above 8 mm, a hold in
     /// between.
@@ -322,42 +322,45 @@ mod tests {
 
     #[test]
     fn values_spread_as_expected() {
-        let belief = AimPosterior::new(&UNCERTAINTY);
+        let posterior = AimPosterior::new(&UNCERTAINTY);
         let level = UNCERTAINTY.persistent_sigma();
         for (axis, sigma) in [level, level, UNCERTAINTY.arm].into_iter().enumerate() {
-            let variance = belief.samples.iter().map(|value| value[axis].powi(2)).sum::<f64>() / SAMPLE_COUNT as f64;
+            let variance = posterior.samples.iter().map(|value| value[axis].powi(2)).sum::<f64>() / SAMPLE_COUNT as f64;
             assert!((variance.sqrt() / sigma - 1.0).abs() < 0.1, "axis {axis}: {}", variance.sqrt() / sigma);
         }
-        assert!(belief.mean().norm() < 0.001);
+        assert!(posterior.mean().norm() < 0.001);
     }
 
     /// The odds are integrals of the normal distribution: contact left of the wall, hold right of it.
     #[test]
     fn odds_are_integrals() {
-        let belief = AimPosterior::new(&UNCERTAINTY);
-        let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.eyes);
+        let posterior = AimPosterior::new(&UNCERTAINTY);
+        let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.detector);
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
         for x in [-0.003, 0.0, 0.004] {
             // Halfway between the points of the grid.
-            let odds = belief.probabilities(&aimed(x), 1);
+            let odds = posterior.probabilities(&aimed(x), 1);
             assert!((odds.contact - below(-0.0045 - x)).abs() < 0.06, "{x}: {odds:?} {}", below(-0.0045 - x));
             assert!((odds.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {odds:?}");
         }
-        assert!(belief.probabilities(&aimed(0.006), 1).contact < belief.probabilities(&aimed(0.0), 1).contact);
+        assert!(posterior.probabilities(&aimed(0.006), 1).contact < posterior.probabilities(&aimed(0.0), 1).contact);
     }
 
     /// The grid of aims has the same odds as each aim alone, near rehearsals and far from all of them.
     #[test]
     fn odds_around_are_those_of_each_aim() {
-        let mut belief = AimPosterior::new(&UNCERTAINTY);
-        belief.update_after_failure(&aimed(0.002), 1);
-        for (at, heading, looks) in [(0.0, 0.0, 1), (0.004, 0.7, 2), (-0.03, -2.0, 3), (0.5, 0.3, 1), (30.0, 0.0, 1)] {
+        let mut posterior = AimPosterior::new(&UNCERTAINTY);
+        posterior.update_after_failure(&aimed(0.002), 1);
+        for (at, heading, detections) in
+            [(0.0, 0.0, 1), (0.004, 0.7, 2), (-0.03, -2.0, 3), (0.5, 0.3, 1), (30.0, 0.0, 1)]
+        {
             let middle = AimedGrasp { heading, aim: Vector3::new(at, -0.001, 0.002), ..aimed(0.0) };
-            let around = belief.probabilities_around(&middle, looks);
+            let around = posterior.probabilities_around(&middle, detections);
             for (x, line) in around.iter().enumerate() {
                 for (y, found) in line.iter().enumerate() {
                     let beside = Vector3::new(aim_grid_offset(x), aim_grid_offset(y), 0.0);
-                    let exact = belief.probabilities(&AimedGrasp { aim: middle.aim + beside, ..middle.clone() }, looks);
+                    let exact =
+                        posterior.probabilities(&AimedGrasp { aim: middle.aim + beside, ..middle.clone() }, detections);
                     let off = (found.held - exact.held).abs().max((found.contact - exact.contact).abs());
                     assert!(off < 1e-12, "({x}, {y}) at {at}: {found:?} {exact:?}");
                 }
@@ -375,13 +378,13 @@ mod tests {
     /// After a failure, errors at which the try fails are more likely, and aiming elsewhere pays.
     #[test]
     fn failures_teach() {
-        let mut belief = AimPosterior::new(&UNCERTAINTY);
-        let before = belief.probabilities(&aimed(0.0), 1);
+        let mut posterior = AimPosterior::new(&UNCERTAINTY);
+        let before = posterior.probabilities(&aimed(0.0), 1);
         for _ in 0..3 {
-            belief.update_after_failure(&aimed(0.0), 1);
+            posterior.update_after_failure(&aimed(0.0), 1);
         }
-        assert!((belief.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        assert!(belief.probabilities(&aimed(0.0), 1).held < before.held - 0.1);
+        assert!((posterior.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(posterior.probabilities(&aimed(0.0), 1).held < before.held - 0.1);
         // A try that aims far to the right and fails indicates that the error is not far to the left.
         let mut right = AimPosterior::new(&UNCERTAINTY);
         right.update_after_failure(&aimed(0.010), 1);
@@ -428,18 +431,18 @@ mod tests {
         let alone =
             AimedGrasp { rollouts: lucky.into(), all_rollouts: lucky.into(), heading: 0.0, aim: Vector3::zeros() };
         let among = AimedGrasp { all_rollouts: all, ..alone.clone() };
-        let belief = AimPosterior::new(&UNCERTAINTY);
-        let (alone, among) = (belief.probabilities(&alone, 1).held, belief.probabilities(&among, 1).held);
+        let posterior = AimPosterior::new(&UNCERTAINTY);
+        let (alone, among) = (posterior.probabilities(&alone, 1).held, posterior.probabilities(&among, 1).held);
         assert!(alone > 0.75 && (0.4 * alone..0.6 * alone).contains(&among), "{alone} {among}");
     }
 
     /// The axes turn with the grasp: an error along the world's y is an error along x for a grasp turned by 90 degrees.
     #[test]
     fn errors_turn_with_the_grasp() {
-        let belief = AimPosterior::new(&UNCERTAINTY);
+        let posterior = AimPosterior::new(&UNCERTAINTY);
         let turned =
             AimedGrasp { heading: std::f64::consts::FRAC_PI_2, aim: Vector3::new(0.0, 0.006, 0.0), ..aimed(0.0) };
-        let (straight, turned) = (belief.probabilities(&aimed(0.006), 1), belief.probabilities(&turned, 1));
+        let (straight, turned) = (posterior.probabilities(&aimed(0.006), 1), posterior.probabilities(&turned, 1));
         assert!((straight.contact - turned.contact).abs() < 0.06, "{straight:?} {turned:?}");
     }
 }

@@ -49,11 +49,11 @@ pub struct PalpationPaths {
     pub guarded_motion: PosePath,
 }
 
-/// Guarded motions with which the hand can touch an object of this `shape` seen at `detection`, the preferred one first:
+/// Guarded motions with which the hand can touch an object of this `shape` seen at `detected`, the preferred one first:
 /// from above, with the hand yawed by `heading` (rad).
-pub fn guarded_motions(hand: &Hand, heading: f64, (shape, percept): (&ObjectShape, &DetectedObject)) -> Vec<PosePath> {
+pub fn guarded_motions(hand: &Hand, heading: f64, (shape, detected): (&ObjectShape, &DetectedObject)) -> Vec<PosePath> {
     let (middle, facing) = middle_of_pads(hand);
-    let pose = percept.pose();
+    let pose = detected.pose();
     let onto = |(pitch, beside): &(f64, f64)| {
         let rotation = palm_rotation(heading, *pitch, 0.0);
         let facing = rotation * facing;
@@ -211,18 +211,18 @@ mod tests {
     fn pads_meet_the_object_where_it_is_seen() {
         let hand = Hand::ftac();
         let shape = ObjectShape::Sphere { radius: 0.03 };
-        let percept = DetectedObject::from_ball_pose(&Isometry3::translation(0.6, -0.1, 0.03));
-        let ways = guarded_motions(&hand, 0.3, (&shape, &percept));
-        assert_eq!(ways.len(), TOUCH_CANDIDATES.len());
+        let detected = DetectedObject::from_ball_pose(&Isometry3::translation(0.6, -0.1, 0.03));
+        let paths = guarded_motions(&hand, 0.3, (&shape, &detected));
+        assert_eq!(paths.len(), TOUCH_CANDIDATES.len());
         let (middle, facing) = middle_of_pads(&hand);
-        for (onto, (_, beside)) in ways.iter().zip(TOUCH_CANDIDATES) {
+        for (onto, (_, beside)) in paths.iter().zip(TOUCH_CANDIDATES) {
             let (before, beyond) = (onto.start(), onto.end());
             let share = GUARDED_MARGINS.0 / (GUARDED_MARGINS.0 + GUARDED_MARGINS.1);
             let palm = Isometry3::from_parts(
                 before.translation.vector.lerp(&beyond.translation.vector, share).into(),
                 before.rotation,
             );
-            let outward = palm * (middle + Vector3::x() * beside) - percept.position;
+            let outward = palm * (middle + Vector3::x() * beside) - detected.position;
             assert!((outward.norm() - 0.03).abs() < 1e-9, "{outward}");
             assert!((outward.normalize() + palm * facing).norm() < 1e-9, "{outward}");
         }

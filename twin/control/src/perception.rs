@@ -232,13 +232,17 @@ pub struct ExpectedHolds<'a> {
 }
 
 impl<'a> ExpectedHolds<'a> {
-    /// Expectations from the `first` grasp and the ones after it; `detection` is the percept of the first object.
-    pub fn from_grasps(first: &'a Grasp, percept: &DetectedObject, later: impl IntoIterator<Item = &'a Grasp>) -> Self {
+    /// Expectations from the `first` grasp and the ones after it; `detected` is the percept of the first object.
+    pub fn from_grasps(
+        first: &'a Grasp,
+        detected: &DetectedObject,
+        later: impl IntoIterator<Item = &'a Grasp>,
+    ) -> Self {
         let objects = std::iter::once(first).chain(later).map(ExpectedHold::from_grasp).collect();
-        let sigma = first.held_spread.map_or(PRIOR_SIGMA, |[place, turn]| {
+        let sigma = first.held_sigmas.map_or(PRIOR_SIGMA, |[place, turn]| {
             (place.clamp(MIN_PRIOR_SIGMA.0, PRIOR_SIGMA.0), turn.clamp(MIN_PRIOR_SIGMA.1, PRIOR_SIGMA.1))
         });
-        Self { palm_from_object: pose_in_hand(first, percept), sigma, objects }
+        Self { palm_from_object: pose_in_hand(first, detected), sigma, objects }
     }
 
     /// Prior of the first object's pose in the hand.
@@ -248,9 +252,9 @@ impl<'a> ExpectedHolds<'a> {
     }
 }
 
-/// Planned `palm_from_object` of an object at `detection` after `grasp`.
-pub fn pose_in_hand(grasp: &Grasp, percept: &DetectedObject) -> Isometry3<f64> {
-    grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
+/// Planned `palm_from_object` of an object at `detected` after `grasp`.
+pub fn pose_in_hand(grasp: &Grasp, detected: &DetectedObject) -> Isometry3<f64> {
+    grasp.held.unwrap_or_else(|| grasp.palm_pose(&detected.position, detected.yaw).inverse() * detected.pose())
 }
 
 /// Interprets a look at the hand with `object` as the first object.
@@ -354,7 +358,7 @@ fn excursion_sigma(pipeline: &TouchPipeline) -> f64 {
     posture::excursion_sigma(pipeline.hand(), pipeline.pose.sigma_excursion, &pipeline.pose.cables)
 }
 
-/// Pads of `free` digits that are on the first object, or nearer than `wrapped_near` (m), with the joints at `q` (rad).
+/// Pads of `free` digits that are on the first object, or nearer than `near` (m), with the joints at `q` (rad).
 fn pads_on_object(hand: &Hand, q: &[f64], first: &ExpectedObject, free: &[Digit], near: f64) -> Vec<usize> {
     let object_from_palm = first.prior.palm_from_object.inverse();
     let pads = hand.pad_poses(&hand.tree.forward(q));

@@ -149,9 +149,9 @@ pub struct DecisionRecord {
 impl DecisionRecord {
     /// Record of `decision`; with `declined`, nothing is taken.
     fn from_decision(decision: &Decision, declined: bool) -> Self {
-        let Decision { candidates: weighed, choice, rejected, course, .. } = decision;
+        let Decision { candidates: scored, choice, rejected, course, .. } = decision;
         Self {
-            candidates: weighed.clone(),
+            candidates: scored.clone(),
             chosen: (!declined).then_some(*choice),
             rejected: if declined { Some(course.clone()) } else { rejected.clone() },
             course: (!declined).then(|| course.clone()),
@@ -242,7 +242,7 @@ pub trait TrialPolicy {
     fn decide(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         time: f64,
     ) -> Result<PolicyStep, PolicyError>;
     /// Returns the record of its actions so far.

@@ -58,10 +58,10 @@ impl<'a> TouchPerception<'a> {
     }
 
     /// Perceives the contacts on the pads in a look. Cameras that may not be used do not count as faults.
-    pub fn perceive(&self, look: &TactileSnapshot) -> Result<PadPerception, TouchError> {
+    pub fn perceive(&self, snapshot: &TactileSnapshot) -> Result<PadPerception, TouchError> {
         let hand = self.pipeline.hand();
-        let frames = self.remaining_frames(look.images);
-        let mut perceived = self.pipeline.perceive_frames(&frames, look.sequences_before)?;
+        let frames = self.remaining_frames(snapshot.images);
+        let mut perceived = self.pipeline.perceive_frames(&frames, snapshot.sequences_before)?;
         perceived.faults.retain(|fault| self.uses_pad(hand, hand.cameras[fault.camera].pad));
         Ok(perceived)
     }

@@ -221,7 +221,7 @@ impl<'a> AimedCandidate<'a> {
 fn candidate_probabilities(
     candidate: &GraspCandidate,
     aimed: &AimedGrasp,
-    (belief, looks): (&AimPosterior, u32),
+    (posterior, looks): (&AimPosterior, u32),
 ) -> OutcomeProbabilities {
     if candidate.rollouts.is_empty() {
         return OutcomeProbabilities {
@@ -229,7 +229,7 @@ fn candidate_probabilities(
             contact: DEFAULT_CONTACT_PROBABILITY,
         };
     }
-    let odds = belief.probabilities(aimed, looks);
+    let odds = posterior.probabilities(aimed, looks);
     OutcomeProbabilities { held: odds.held * candidate.failure_factor, ..odds }
 }
 
@@ -238,14 +238,14 @@ pub fn collect_rollouts(candidates: &[GraspCandidate]) -> Arc<[Rollout]> {
     candidates.iter().flat_map(|candidate| candidate.rollouts.iter().copied()).collect()
 }
 
-/// Utility of the best of `candidates` at an object whose position has the error of `aim_posterior`.
-pub fn best_candidate_score(candidates: &[GraspCandidate], belief: &AimPosterior) -> f64 {
+/// Utility of the best of `candidates` at an object whose position has the error of `posterior`.
+pub fn best_candidate_score(candidates: &[GraspCandidate], posterior: &AimPosterior) -> f64 {
     let all = collect_rollouts(candidates);
     let worth = |candidate: &GraspCandidate| {
         let (rehearsed, all) = (candidate.rollouts.clone(), all.clone());
         let aimed =
             AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
-        outcome_score(&candidate_probabilities(candidate, &aimed, (belief, 1)))
+        outcome_score(&candidate_probabilities(candidate, &aimed, (posterior, 1)))
     };
     candidates.iter().map(worth).fold(0.0, f64::max)
 }
@@ -277,11 +277,11 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     let mut options: Vec<AimedCandidate> =
         candidates.iter().map(|candidate| AimedCandidate::with_best_aim(situation, candidate)).collect();
     options.sort_by(|a, b| outcome_score(&b.probabilities).total_cmp(&outcome_score(&a.probabilities)));
-    let mut weighed = vec![plan.aimed.record(Some(&plan.assessment), true)];
-    weighed.extend(options.iter().map(|option| option.record(None, false)));
+    let mut scored = vec![plan.aimed.record(Some(&plan.assessment), true)];
+    scored.extend(options.iter().map(|option| option.record(None, false)));
     let other = match &situation.look_ahead {
-        Some(foresight) => foresight.best(situation, &scene, &mut plan, options, &mut weighed)?,
-        None => best_by_probability(situation.executor, &scene, &plan, options, &mut weighed)?,
+        Some(foresight) => foresight.best(situation, &scene, &mut plan, options, &mut scored)?,
+        None => best_by_probability(situation.executor, &scene, &plan, options, &mut scored)?,
     };
     let plan_assessment = plan.assessment;
     let (chosen, rejected) = match other {
@@ -304,7 +304,7 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     }
     let course = way.held_object_path(&situation.held.pose);
     Ok(Some(Decision {
-        candidates: weighed,
+        candidates: scored,
         choice,
         rejected: rejected.map(|way| way.held_object_path(&situation.held.pose)),
         course,
@@ -319,14 +319,14 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     }))
 }
 
-/// Best of `options`, ranked by their odds, if it is clearly better than the `planned`. Obstacles can only lower the
+/// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. Obstacles can only lower the
 /// utility of an option, so those that cannot win are not checked.
 fn best_by_probability<'a>(
     executor: &Executor,
     scene: &ClearanceScene,
     plan: &CheckedCandidate,
     options: Vec<AimedCandidate<'a>>,
-    weighed: &mut [ScoredCandidate],
+    scored: &mut [ScoredCandidate],
 ) -> Result<Option<CheckedCandidate<'a>>, StrategyError> {
     let mut best: Option<CheckedCandidate> = None;
     for (n, aiming) in options.into_iter().enumerate() {
@@ -336,7 +336,7 @@ fn best_by_probability<'a>(
             break;
         }
         let (assessment, passage) = aiming.assess(executor, scene)?;
-        weighed[n + 1] = aiming.record(Some(&assessment), false);
+        scored[n + 1] = aiming.record(Some(&assessment), false);
         if assessment.score > least {
             best = Some(CheckedCandidate {
                 index: n + 1,

@@ -13,14 +13,16 @@ pub struct Uncertainty {
     /// Persistent error of the arm, each axis, m.
     pub arm: f64,
     /// Error of prior perception, each of x and y, m.
-    pub eyes: f64,
-    /// Share of the variance of `eyes` that stays the same over the looks of a trial.
-    pub eyes_lasting: f64,
+    #[serde(alias = "eyes")]
+    pub detector: f64,
+    /// Share of the variance of `detector` that stays the same over the looks of a trial.
+    #[serde(alias = "eyes_lasting")]
+    pub detector_persistent_share: f64,
 }
 
 impl Uncertainty {
     /// Errors of a robot and eyes that were measured to be exact: nobody can claim less than a tenth of a millimetre.
-    pub const EXACT: Self = Self { arm: 1e-4, eyes: 1e-4, eyes_lasting: 0.5 };
+    pub const EXACT: Self = Self { arm: 1e-4, detector: 1e-4, detector_persistent_share: 0.5 };
 
     /// Errors of the robot that comes with the program, `control/data/uncertainty.toml`.
     ///
@@ -34,36 +36,36 @@ impl Uncertainty {
     /// Replaces the error of the eyes by the standard deviation that a look states, m, each of x and y.
     #[must_use]
     pub fn with_detector_sigma(self, sigma: Option<f64>) -> Self {
-        Self { eyes: sigma.unwrap_or(self.eyes), ..self }
+        Self { detector: sigma.unwrap_or(self.detector), ..self }
     }
 
     /// Standard deviation of the part of a look's error that is new each time, each of x and y, m.
     pub fn independent_detection_sigma(&self) -> f64 {
-        self.eyes * (1.0 - self.eyes_lasting).sqrt()
+        self.detector * (1.0 - self.detector_persistent_share).sqrt()
     }
 
     /// Standard deviation of the part of the hand's position error relative to an object that persists through a trial,
     /// each of x and y, m.
     pub fn persistent_sigma(&self) -> f64 {
-        self.arm.hypot(self.eyes * self.eyes_lasting.sqrt())
+        self.arm.hypot(self.detector * self.detector_persistent_share.sqrt())
     }
 
     /// Standard deviation of the hand's position relative to an object whose position is the mean of `detections` looks,
     /// each axis, m.
-    pub fn aim_sigma(&self, looks: u32) -> f64 {
-        self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(looks.max(1)).sqrt())
+    pub fn aim_sigma(&self, detections: u32) -> f64 {
+        self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(detections.max(1)).sqrt())
     }
 
-    /// Parses and checks the text of a file; `method` is used in errors.
+    /// Parses and checks the text of a file; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let read: Self = parse_toml(text, path)?;
-        for (field, value) in [("arm", read.arm), ("eyes", read.eyes)] {
+        for (field, value) in [("arm", read.arm), ("detector", read.detector)] {
             if !(value > 0.0 && value <= 0.1) {
                 return Err(DataError::field(path, field, value, "more than 0 and at most 0.1 m"));
             }
         }
-        if !(0.0..=1.0).contains(&read.eyes_lasting) {
-            return Err(DataError::field(path, "eyes_lasting", read.eyes_lasting, "0 to 1"));
+        if !(0.0..=1.0).contains(&read.detector_persistent_share) {
+            return Err(DataError::field(path, "detector_persistent_share", read.detector_persistent_share, "0 to 1"));
         }
         Ok(read)
     }

@@ -85,7 +85,7 @@ pub fn propose_ball_grasp(
         thumb_delay: if opposed { uniform(-0.25, 0.18) } else { 0.0 },
         held: None,
         held_joints: None,
-        held_spread: None,
+        held_sigmas: None,
         score: 0.0,
     }
 }

@@ -38,7 +38,8 @@ pub struct Grasp {
     /// Standard deviations of the object's position (m) and rotation (rad) about [`Self::held`], per axis, over the
     /// circumstances in which it was held. `None` if it was held in a single one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub held_spread: Option<[f64; 2]>,
+    #[serde(alias = "held_spread")]
+    pub held_sigmas: Option<[f64; 2]>,
     /// Success rate over the proving runs, which have placement errors.
     pub score: f64,
 }
@@ -60,14 +61,16 @@ struct GraspFields {
     thumb_delay: f64,
     held: Option<Isometry3<f64>>,
     held_joints: Option<Vec<f64>>,
-    held_spread: Option<[f64; 2]>,
+    #[serde(alias = "held_spread")]
+    held_sigmas: Option<[f64; 2]>,
     score: f64,
 }
 
 impl From<GraspFields> for Grasp {
     fn from(fields: GraspFields) -> Self {
         let GraspFields { id, object, digits, yaw, pitch, roll, center, pre_tension, close_tension, .. } = fields;
-        let GraspFields { opposition, raise, thumb_delay, held, held_joints, held_spread, score, .. } = fields;
+        let GraspFields { opposition, raise, thumb_delay, held, held_joints, held_sigmas: held_spread, score, .. } =
+            fields;
         let digits = digits.unwrap_or_else(|| pulled_digits(&close_tension));
         Self {
             id,
@@ -84,7 +87,7 @@ impl From<GraspFields> for Grasp {
             thumb_delay,
             held,
             held_joints,
-            held_spread,
+            held_sigmas: held_spread,
             score,
         }
     }
@@ -152,7 +155,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
-            held_spread: None,
+            held_sigmas: None,
             score: 0.0,
         }
     }

@@ -158,7 +158,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
-            held_spread: None,
+            held_sigmas: None,
             score,
         }
     }

@@ -101,12 +101,12 @@ pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32
         thumb_delay: delay,
         held: None,
         held_joints: None,
-        held_spread: None,
+        held_sigmas: None,
         score: 0.0,
     })
 }
 
-/// Varies `from_row` by a small random change of each of its parameters.
+/// Varies `grasp` by a small random change of each of its parameters.
 pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
     let mut new = grasp.clone();
@@ -125,7 +125,7 @@ pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     }
     new.held = None;
     new.held_joints = None;
-    new.held_spread = None;
+    new.held_sigmas = None;
     new.score = 0.0;
     new
 }

@@ -21,7 +21,7 @@ pub struct ExternalChooser<'a> {
 }
 
 impl<'a> ExternalChooser<'a> {
-    /// A chooser for a trial that begins with the question `reset_question`; `untouched_images` are the images of the untouched pads.
+    /// A chooser for a trial that begins with the question `reset`; `untouched` are the images of the untouched pads.
     pub fn new(
         host: &'a mut dyn PolicyServer,
         hand: &'a Hand,

@@ -57,7 +57,7 @@ impl Deadline {
         Self { shared }
     }
 
-    /// Waits for `read_answer`, which reads or writes, for at most `answer_timeout`. If the process is ended meanwhile, returns the
+    /// Waits for `answer`, which reads or writes, for at most `limit`. If the process is ended meanwhile, returns the
     /// reason for that instead of the resulting error.
     pub fn wait_for<T, E>(
         &self,

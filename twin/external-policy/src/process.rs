@@ -63,9 +63,9 @@ impl PolicyProcess {
         let limit = Duration::from_secs(source.timeout.into());
         let mut process = Self { pipes, deadline, answer_timeout: limit, healthy: true, interrupted: false };
         match process.exchange_within(INTRODUCTION_TIMEOUT.max(limit), Pipes::read_answer) {
-            Ok(guest) => {
-                let guest = serde_json::from_value(guest).context("--policy: its introduction")?;
-                Ok((process, guest))
+            Ok(introduction) => {
+                let introduction = serde_json::from_value(introduction).context("--policy: its introduction")?;
+                Ok((process, introduction))
             }
             Err(PolicyServerError::Failed(why)) => bail!("--policy {asked}: {why}"),
             Err(PolicyServerError::TimedOut(limit)) => {
@@ -93,7 +93,7 @@ impl PolicyProcess {
         self.interrupted
     }
 
-    /// Runs `talk` with the process under the time limit `answer_timeout`.
+    /// Runs `talk` with the process under the time limit `limit`.
     fn exchange_within(
         &mut self,
         limit: Duration,

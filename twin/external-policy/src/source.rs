@@ -15,7 +15,8 @@ use serde_json::Value;
 pub enum SimulatedTimePassage {
     /// No simulated time passes: results are repeatable.
     #[default]
-    Stand,
+    #[serde(alias = "stand")]
+    Paused,
     /// As much simulated time passes as real time: results depend on the computer.
     Wall,
 }
@@ -111,18 +112,18 @@ mod tests {
         let file = folder.path().join("a:b.py");
         std::fs::write(&file, "class Mine: ...").unwrap();
         let source =
-            PolicySource::parse(&format!("{}:Mine", file.display()), &[], SimulatedTimePassage::Stand).unwrap();
+            PolicySource::parse(&format!("{}:Mine", file.display()), &[], SimulatedTimePassage::Paused).unwrap();
         assert_eq!((source.file.as_path(), source.class.as_str()), (file.as_path(), "Mine"));
         source.check().unwrap();
         std::fs::write(&file, "class Mine: pass").unwrap();
         let words = source.check().unwrap_err().to_string();
         assert!(words.contains("with which the run began") && words.contains(&source.sha256), "{words}");
         for text in ["", "mine.py", ":Mine", "mine.py:"] {
-            let words = PolicySource::parse(text, &[], SimulatedTimePassage::Stand).unwrap_err().to_string();
+            let words = PolicySource::parse(text, &[], SimulatedTimePassage::Paused).unwrap_err().to_string();
             assert!(words.contains(&format!("found `{text}`, expected FILE.py:CLASS")), "{words}");
         }
         let words =
-            format!("{:#}", PolicySource::parse("/no/where.py:Mine", &[], SimulatedTimePassage::Stand).unwrap_err());
+            format!("{:#}", PolicySource::parse("/no/where.py:Mine", &[], SimulatedTimePassage::Paused).unwrap_err());
         assert!(words.contains("cannot read /no/where.py"), "{words}");
     }
 
@@ -133,7 +134,7 @@ mod tests {
         std::fs::write(&file, "class Mine: ...").unwrap();
         let parse = |arguments: &[&str]| {
             let arguments: Vec<String> = arguments.iter().map(|text| (*text).to_owned()).collect();
-            PolicySource::parse(&format!("{}:Mine", file.display()), &arguments, SimulatedTimePassage::Stand)
+            PolicySource::parse(&format!("{}:Mine", file.display()), &arguments, SimulatedTimePassage::Paused)
         };
         let source = parse(&["gain=0.5", "weights=a=b.pt", "deep=true", "name=\"7\"", "empty="]).unwrap();
         let expected = serde_json::json!({ "gain": 0.5, "weights": "a=b.pt", "deep": true, "name": "7", "empty": "" });

@@ -82,7 +82,7 @@ pub struct CableWatch {
 }
 
 impl CableWatch {
-    /// Processes one tick at `time` (s). `external_wrench` is the external load on the hand.
+    /// Processes one tick at `time` (s). `outside` is the external load on the hand.
     pub fn update(
         &mut self,
         limits: &CableLimits,
@@ -210,7 +210,7 @@ mod tests {
         detected_faults_for(10.0, WrenchLevel::Absent, tensions, speed)
     }
 
-    /// As [`detected_faults`], for a cable pulled with `servo_tension` (N) and a hand that is `wrench_level`.
+    /// As [`detected_faults`], for a cable pulled with `pulled` (N) and a hand that is `pushed`.
     fn detected_faults_for(pulled: f64, pushed: WrenchLevel, tensions: &[f64], speed: f64) -> Vec<(usize, FaultKind)> {
         let limits = DetectionLimits::standard().expect("the limits").cable;
         let mut watch = CableWatch::default();
@@ -229,7 +229,7 @@ mod tests {
         tensions.iter().enumerate().filter_map(see).collect()
     }
 
-    /// Ten ticks of 10 N, `detect_break` ticks of zero tension, twenty ticks of 10 N.
+    /// Ten ticks of 10 N, `slack` ticks of zero tension, twenty ticks of 10 N.
     fn dip(slack: usize) -> Vec<f64> {
         [vec![10.0; 10], vec![0.0; slack], vec![10.0; 20]].concat()
     }

@@ -122,8 +122,8 @@ impl CameraWatch {
         if fresh.is_empty() {
             let waits = asked.then_some(time);
             self.waits_since = self.waits_since.or(waits);
-            let patience = if real_time { limits.silent_real.max(3.0 * self.longest_wait) } else { limits.silent };
-            let silent = self.waits_since.is_some_and(|since| time > since + patience);
+            let timeout = if real_time { limits.silent_real.max(3.0 * self.longest_wait) } else { limits.silent };
+            let silent = self.waits_since.is_some_and(|since| time > since + timeout);
             let named = silent && !std::mem::replace(&mut self.silent, silent);
             return if named { vec![(None, (FaultKind::CameraDead, 0.0, 1.0))] } else { Vec::new() };
         }

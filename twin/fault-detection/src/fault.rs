@@ -90,15 +90,15 @@ impl fmt::Display for DetectedFault {
     }
 }
 
-/// A divergence with the condition of its trial, a row of `divergences.csv`.
+/// A divergence with the condition of its trial, a row of `faults.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FaultRow {
     pub condition: Condition,
     #[serde(flatten)]
-    pub divergence: DetectedFault,
+    pub fault: DetectedFault,
 }
 
-/// Writes the table `divergences.csv`, one row per divergence.
+/// Writes the table `faults.csv`, one row per divergence.
 pub fn write_table<'a>(rows: impl Iterator<Item = (TrialId, &'a DetectedFault)>) -> String {
     let mut table = "combination,trial,condition,time_s,divergence,part,found,expected\n".to_owned();
     for (id, row) in rows {

@@ -98,13 +98,13 @@ impl FaultDetector {
     /// the new divergences.
     pub fn update(&mut self, seen: &TickMeasurements) -> &[DetectedFault] {
         let known = self.faults.len();
-        let look = Observation {
+        let snapshot = Observation {
             time: seen.time,
             servos: seen.servos.iter().copied().collect(),
             arm: *seen.arm,
             sent: *seen.sent,
         };
-        match self.resampler.resample(&look, self.reference_model.tick_length()) {
+        match self.resampler.resample(&snapshot, self.reference_model.tick_length()) {
             Resampled::Tick => self.tick(seen),
             Resampled::EvenTicks(ticks) => {
                 for Observation { time, servos, arm, sent } in &ticks {
@@ -198,10 +198,10 @@ impl FaultDetector {
     }
 
     fn check_cables(&mut self, time: f64) {
-        let outside = self.hand_watch.external_wrench(&self.limits.hand);
+        let wrench = self.hand_watch.external_wrench(&self.limits.hand);
         for digit in self.hand.digits() {
             let n = digit.index();
-            let finding = self.cables[n].update(&self.limits.cable, time, &self.residuals.cables[n], outside);
+            let finding = self.cables[n].update(&self.limits.cable, time, &self.residuals.cables[n], wrench);
             if let Some(finding) = finding {
                 self.report(time, digit.name().to_owned(), finding);
             }

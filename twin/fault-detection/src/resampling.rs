@@ -78,7 +78,7 @@ impl Resampler {
     }
 }
 
-/// Interpolates two observations at time `newest_tick` (s).
+/// Interpolates two observations at time `at` (s).
 fn interpolate(last: &Observation, now: &Observation, at: f64) -> Observation {
     let share = if now.time > last.time { ((at - last.time) / (now.time - last.time)).clamp(0.0, 1.0) } else { 1.0 };
     let mix = |from: f64, to: f64| from + share * (to - from);

@@ -33,7 +33,7 @@ fn remove_lag(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> O
     Some(felt.windows(2).map(|pair| (pair[1] - lag * pair[0]) / (1.0 - lag)).collect())
 }
 
-/// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `lasting_step` ticks since.
+/// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since.
 /// The limits are those with contact `expected` or not.
 pub fn detect_step(
     past: &VecDeque<(f64, Vector3<f64>)>,

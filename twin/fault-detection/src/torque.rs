@@ -99,7 +99,7 @@ mod tests {
     use super::super::limits::DetectionLimits;
     use super::*;
 
-    /// Returns the first tick with missing torque, and the missing share, for a cable pulled with `servo_tension` (N) that
+    /// Returns the first tick with missing torque, and the missing share, for a cable pulled with `pulled` (N) that
     /// bears `tensions` (N).
     fn found(pulled: f64, outside: ExternalWrench, tensions: &[f64]) -> Option<(usize, f64)> {
         let limits = DetectionLimits::standard().expect("the limits").cable;

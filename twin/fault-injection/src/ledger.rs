@@ -35,7 +35,8 @@ pub struct MatrixRequest {
     #[serde(with = "phases")]
     pub phases: Vec<Phase>,
     /// True if a mirror runs beside each injection.
-    pub mirror: bool,
+    #[serde(alias = "mirror")]
+    pub detector: bool,
 }
 
 /// An outcome with the number of its injection.
@@ -162,7 +163,7 @@ mod tests {
             lost: 0,
             moved: 0.0,
             intact: true,
-            mirrored: None,
+            diagnosis: None,
         }
     }
 
@@ -177,7 +178,7 @@ mod tests {
             rounds: 2,
             kinds: vec![InjectedFault::Overload],
             phases: vec![Phase::run(Skill::Lift, 0)],
-            mirror: false,
+            detector: false,
         };
         let mut ledger = Ledger::create(folder.path(), &request).expect("new");
         assert!(Ledger::resume(folder.path()).is_err(), "somebody writes into it");

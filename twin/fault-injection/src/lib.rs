@@ -107,7 +107,8 @@ pub struct InjectionOutcome {
     /// True if the recording could be read to its last tick.
     pub intact: bool,
     /// Diagnosis of the fault, if a mirror ran.
-    pub mirrored: Option<InjectionDiagnosis>,
+    #[serde(alias = "mirrored")]
+    pub diagnosis: Option<InjectionDiagnosis>,
 }
 
 /// Diagnosis of one injection by a mirror or the supervisor.
@@ -115,7 +116,8 @@ pub struct InjectionOutcome {
 pub struct InjectionDiagnosis {
     /// Time from the fault to its diagnosis by the party that can detect it ([`InjectedFault::detecting_party`]), ms. `None` if there was
     /// none within [`DIAGNOSIS_TIME_LIMIT`].
-    pub told_ms: Option<f64>,
+    #[serde(alias = "told_ms")]
+    pub detected_ms: Option<f64>,
     /// Diagnoses of the mirror other than that of the fault.
     pub wrong: Vec<String>,
 }
@@ -123,7 +125,7 @@ pub struct InjectionDiagnosis {
 impl InjectionDiagnosis {
     /// True if the fault was diagnosed, or rightly was not, and nothing else was reported.
     pub fn is_correct(&self, kind: InjectedFault) -> bool {
-        self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.told_ms.is_some())
+        self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.detected_ms.is_some())
     }
 }
 
@@ -165,7 +167,7 @@ pub fn inject_all(
     let FaultMatrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
-        let moments = moments(bench, round % bench.grasp_pairs.plans.len(), seed ^ round as u64, plan.with_detector)?;
+        let moments = moments(bench, round % bench.grasp_pairs.pairs.len(), seed ^ round as u64, plan.with_detector)?;
         for (phase, moment) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
             jobs.extend(kinds.iter().map(|kind| (*kind, phase, moment.clone(), round)));
         }
@@ -237,10 +239,11 @@ impl Experiment {
         file: &Path,
         seed: u64,
     ) -> Result<Self> {
-        let TrialSnapshot { snapshot: RolloutSnapshot { robot, mut executor }, detector: mut mirror } = moment.clone();
+        let TrialSnapshot { snapshot: RolloutSnapshot { robot, mut executor }, detector: mut fault_detector } =
+            moment.clone();
         let model = &world.cell.robot;
         let plant = SharedPlant::new(robot);
-        if mirror.is_some() {
+        if fault_detector.is_some() {
             // The devices' clock starts at zero.
             executor.request_images_every(IMAGE_INTERVAL);
         }
@@ -253,12 +256,12 @@ impl Experiment {
         };
         let mut recorder = SessionRecorder::new(robot, SessionWriter::create(file, &session)?);
         let mut watch = LimitWatch::new(shaft_travel(&model.hand), &model.arm);
-        let before = ticks_before(mirror.is_some());
+        let before = ticks_before(fault_detector.is_some());
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executor)?;
             watch.check(recorder.robot());
-            if let (Some(mirror), Some(sent)) = (&mut mirror, &sent) {
-                mirror.update(&TickMeasurements::from_executor(&executor, plant.lock().time(), sent, None));
+            if let (Some(fault_detector), Some(sent)) = (&mut fault_detector, &sent) {
+                fault_detector.update(&TickMeasurements::from_executor(&executor, plant.lock().time(), sent, None));
             }
         }
         if recorder.robot().state() != SupervisorState::Running {
@@ -274,7 +277,7 @@ impl Experiment {
             alive: true,
             watcher: None,
             reported_state: SupervisorState::Running,
-            detector: mirror,
+            detector: fault_detector,
             faults: Vec::new(),
             hold_time: None,
         })
@@ -341,9 +344,9 @@ impl Experiment {
         if self.recorder.robot().state() != SupervisorState::Running {
             self.hold_time = self.hold_time.or_else(|| Some(self.plant.lock().time()));
         }
-        let (Some(mirror), Some(sent), None) = (&mut self.detector, sent, self.hold_time) else { return };
+        let (Some(fault_detector), Some(sent), None) = (&mut self.detector, sent, self.hold_time) else { return };
         let time = self.plant.lock().time();
-        self.faults.extend_from_slice(mirror.update(&TickMeasurements::from_executor(
+        self.faults.extend_from_slice(fault_detector.update(&TickMeasurements::from_executor(
             &self.executor,
             time,
             sent,
@@ -366,7 +369,7 @@ impl Experiment {
         };
         let told_ms =
             told.map(|time| time - since).filter(|delay| *delay < DIAGNOSIS_TIME_LIMIT).map(|delay| 1e3 * delay);
-        Some(InjectionDiagnosis { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
+        Some(InjectionDiagnosis { detected_ms: told_ms, wrong: other.iter().map(ToString::to_string).collect() })
     }
 
     /// Ends the recording. Returns true if it can be read to its last tick.
@@ -435,7 +438,7 @@ fn inject(
         held: held.len(),
         lost,
         moved,
-        mirrored: experiment.diagnosis(since),
+        diagnosis: experiment.diagnosis(since),
         intact: experiment.finish(file)?,
     })
 }

@@ -5,13 +5,13 @@ use hand_model::robot::{RobotBackend as _, ServoGoal};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::limits::MAX_GOAL_OVERTRAVEL;
-use kinova_kortex::servoing::Limits;
+use kinova_kortex::servoing::ServoingLimits;
 
 /// Checks every command that reaches the devices against the limits.
 pub struct LimitWatch {
     travel: [f64; 6],
     limits: LimitConfig,
-    arm: Limits,
+    arm: ServoingLimits,
     goals_before: Option<Vec<f64>>,
     /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
     unchanged: [u32; 6],

@@ -24,20 +24,20 @@ impl TrialSnapshot {
     fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<Self> {
         let mut snapshot = bench.ideal_start(combination)?;
         snapshot.executor.take_planned(0)?;
-        let mirror = if mirrored {
+        let fault_detector = if mirrored {
             snapshot.executor.request_images_every(IMAGE_INTERVAL);
             Some(FaultDetector::new(&bench.world, &bench.world.cell.ready_posture)?)
         } else {
             None
         };
-        Ok(Self { snapshot, detector: mirror })
+        Ok(Self { snapshot, detector: fault_detector })
     }
 
     fn tick(&mut self) -> Result<()> {
-        let Self { snapshot: RolloutSnapshot { robot, executor }, detector: mirror } = self;
+        let Self { snapshot: RolloutSnapshot { robot, executor }, detector: fault_detector } = self;
         let sent = tick(robot, executor)?;
-        if let (Some(mirror), Some(sent)) = (mirror, &sent) {
-            mirror.update(&TickMeasurements::from_executor(executor, robot.time(), sent, None));
+        if let (Some(fault_detector), Some(sent)) = (fault_detector, &sent) {
+            fault_detector.update(&TickMeasurements::from_executor(executor, robot.time(), sent, None));
         }
         Ok(())
     }
@@ -88,7 +88,7 @@ impl Counts {
     }
 }
 
-/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `update` in every tick.
+/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `see` in every tick.
 fn play_ideal(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),
@@ -103,7 +103,7 @@ fn play_ideal(
 }
 
 /// Plays up to the decision and puts the first object down again, as the touch condition does after losing its grip.
-/// Calls `update` in every tick of the put-down.
+/// Calls `see` in every tick of the put-down.
 fn play_put_down(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),

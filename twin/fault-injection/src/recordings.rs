@@ -24,9 +24,9 @@ impl FaultMatrix<'_> {
         if targets.is_empty() {
             return Ok(None);
         }
-        let combos = self.bench.grasp_pairs.plans.len();
+        let combos = self.bench.grasp_pairs.pairs.len();
         let task = TrialTask {
-            watched: true,
+            images_throughout: true,
             scenario: scenarios::scenario::BENCHMARK_TOML.to_owned(),
             ..TrialTask::new("emulated", self.seed, [round % combos, round, combos], Condition::Ideal)
         };

@@ -60,21 +60,21 @@ struct Row {
     takes_torque: bool,
     /// Recordings that replay to the bit.
     recordings_intact: usize,
-    /// Diagnosis of the fault; null without --mirror.
-    named: Option<Diagnosis>,
+    /// Diagnosis of the fault; null without --detect-faults.
+    diagnosis: Option<Diagnosis>,
 }
 
 /// Diagnosis by a twin beside the robot, or by the supervisor.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Diagnosis {
     /// The party that can detect the fault: nobody, supervisor or mirror.
-    teller: &'static str,
+    detected_by: &'static str,
     /// Faults that were diagnosed in time, or rightly were not, without any other diagnosis.
     rightly: usize,
     /// Median time from fault to diagnosis, ms.
-    told_ms_median: Option<f64>,
+    detected_ms_median: Option<f64>,
     /// Longest time from fault to diagnosis, ms.
-    told_ms_max: Option<f64>,
+    detected_ms_max: Option<f64>,
     /// Faults for which the mirror reported something else.
     wrongly: usize,
     /// Other faults that the mirror reported.
@@ -130,7 +130,7 @@ impl FaultTable {
     /// Formats the table of diagnoses: by whom each fault is diagnosed, how often, how soon, and how often wrongly.
     /// Empty if no mirror ran.
     fn diagnosis_table(&self) -> String {
-        let named = || self.rows.iter().filter_map(|row| Some((row, row.named.as_ref()?)));
+        let named = || self.rows.iter().filter_map(|row| Some((row, row.diagnosis.as_ref()?)));
         if named().next().is_none() {
             return String::new();
         }
@@ -142,10 +142,10 @@ impl FaultTable {
             text += &format!(
                 "{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
                 row.fault,
-                name.teller,
+                name.detected_by,
                 row.injected,
                 name.rightly,
-                format!("{} ({})", ms(name.told_ms_median), ms(name.told_ms_max)),
+                format!("{} ({})", ms(name.detected_ms_median), ms(name.detected_ms_max)),
                 name.wrongly,
             );
         }
@@ -220,27 +220,27 @@ fn row(kind: InjectedFault, outcomes: &[FaultOutcome]) -> Row {
         moved_mm_max: of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
         takes_torque: kind.takes_torque(),
         recordings_intact: sum(|outcome| usize::from(outcome.intact)),
-        named: diagnosis(kind, &of),
+        diagnosis: diagnosis(kind, &of),
     }
 }
 
 /// Aggregates the diagnoses of the outcomes `of` one fault. None if no mirror ran.
 fn diagnosis(kind: InjectedFault, of: &[&FaultOutcome]) -> Option<Diagnosis> {
-    let all: Vec<&InjectionDiagnosis> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
+    let all: Vec<&InjectionDiagnosis> = of.iter().filter_map(|outcome| outcome.diagnosis.as_ref()).collect();
     if all.is_empty() {
         return None;
     }
-    let mut times: Vec<f64> = all.iter().filter_map(|mirrored| mirrored.told_ms).collect();
+    let mut times: Vec<f64> = all.iter().filter_map(|mirrored| mirrored.detected_ms).collect();
     times.sort_by(f64::total_cmp);
     Some(Diagnosis {
-        teller: match kind.detecting_party() {
+        detected_by: match kind.detecting_party() {
             DetectingParty::Nobody => "nobody",
             DetectingParty::Supervisor => "supervisor",
             DetectingParty::FaultDetector(_) => "mirror",
         },
         rightly: all.iter().filter(|mirrored| mirrored.is_correct(kind)).count(),
-        told_ms_median: times.get(times.len() / 2).copied(),
-        told_ms_max: times.last().copied(),
+        detected_ms_median: times.get(times.len() / 2).copied(),
+        detected_ms_max: times.last().copied(),
         wrongly: all.iter().filter(|mirrored| !mirrored.wrong.is_empty()).count(),
         wrong: all.iter().flat_map(|mirrored| mirrored.wrong.clone()).collect(),
     })

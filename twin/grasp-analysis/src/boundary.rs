@@ -38,7 +38,7 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// Fits a boundary between the `points` that are `is_power` and the others.
+    /// Fits a boundary between the `points` that are `power` and the others.
     pub fn fit(points: &[Vec<f64>], power: &[bool]) -> Result<Self, BoundaryError> {
         let count = power.iter().filter(|power| **power).count();
         if count == 0 || count == power.len() {

@@ -37,7 +37,7 @@ pub fn omega(distance: f64) -> f64 {
     (LOG_OFFSET + distance.abs().min(CLIP_DISTANCE)).ln()
 }
 
-/// Computes the contact map of `grasp`: Omega at each of `points`. `share_distance` is the object's signed distance, m,
+/// Computes the contact map of `grasp`: Omega at each of `points`. `distance` is the object's signed distance, m,
 /// object frame.
 pub fn contact_map(
     hand: &Hand,

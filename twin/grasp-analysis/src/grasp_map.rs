@@ -120,7 +120,7 @@ pub fn check_both_classes(classification: &Classification) -> Result<(), Boundar
     Ok(())
 }
 
-/// Computes the normalised contact maps of all grasps. `share_distance` returns the signed distance, m, of a point in the
+/// Computes the normalised contact maps of all grasps. `distance` returns the signed distance, m, of a point in the
 /// object's frame to the object with the given index.
 pub fn contact_maps(
     hand: &Hand,

@@ -22,7 +22,7 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `builtin`.
+    /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `known`.
     pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, TaxonomyError> {
         let labels: Self = serde_json::from_str(text)
             .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;

@@ -96,7 +96,7 @@ impl HumanGraspShares {
         (0..self.ways.len()).map(row).collect()
     }
 
-    /// Chooses at most `max_grasps` grasps, as many as possible with people's shares, and returns their numbers. `types`
+    /// Chooses at most `most` grasps, as many as possible with people's shares, and returns their numbers. `types`
     /// gives the type index of each grasp. Within a way, the grasps that come first in `order`, a list of grasp
     /// numbers, are taken.
     pub fn choose(&self, types: &[usize], order: &[usize], most: usize) -> Vec<usize> {

@@ -29,6 +29,6 @@ pub(crate) fn grasp(bend: f64, contacts: &[(Option<usize>, [f64; 3], f64)]) -> H
         held_without_tension: None,
         moved: Some([0.0; 2]),
         energy: Some(0.0),
-        proof: None,
+        verified_load: None,
     }
 }

@@ -38,9 +38,9 @@ mod tests {
     fn plans_name_grasps_of_the_repertoire() {
         let (repertoire, plans) = (repertoire().unwrap(), grasp_pairs().unwrap());
         let sets = dexterous_grasping::digit_sets(&Hand::ftac(), 2);
-        assert_eq!(plans.plans.len(), 60);
+        assert_eq!(plans.pairs.len(), 60);
         let mut pairs = BTreeSet::new();
-        for plan in &plans.plans {
+        for plan in &plans.pairs {
             let pair = (&plan.first, &plan.second);
             assert!(pairs.insert(pair), "{pair:?} is planned twice");
             let has = |object: &str, place: usize, id: u32| {
@@ -49,17 +49,18 @@ mod tests {
             assert!(has(&plan.first, 0, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
             assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
             let mut numbers = BTreeSet::new();
-            for (id, worth) in &plan.second_grasps {
+            for (id, score) in &plan.second_grasps {
                 assert!(has(&plan.second, 1, *id), "{pair:?}: second grasp {id}");
                 assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
-                assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
+                assert!((0.0..=1.0).contains(score), "{pair:?}: second grasp {id} is worth {score}");
             }
         }
-        for plan in &plans.plans {
+        for plan in &plans.pairs {
             let candidates = plan.grasps(&Hand::ftac(), &repertoire).unwrap().second_candidates;
             let known = candidates.iter().filter(|candidate| !candidate.rollouts.is_empty()).count();
             assert!(
-                known > 0 && known == plan.proof.as_ref().map_or(plan.outcomes.len(), |proof| proof.grasps.len()),
+                known > 0
+                    && known == plan.verification.as_ref().map_or(plan.outcomes.len(), |proof| proof.grasps.len()),
                 "{}, {}: odds of {known} grasps",
                 plan.first,
                 plan.second

@@ -66,17 +66,20 @@ pub struct GraspPair {
     pub fallen: BTreeMap<String, Vec<GraspOutcomes>>,
     /// Other first grasps, with the outcomes of second grasps after them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<AlternativeFirstGrasp>,
+    #[serde(alias = "others")]
+    pub alternative_firsts: Vec<AlternativeFirstGrasp>,
     /// Grasps of this combination alone, which the repertoire lacks. Outcomes and proofs refer to them as to the
     /// repertoire's own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
     /// Second grasps after the planned first grasp, found and tried in drawn circumstances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<Verification>,
+    #[serde(alias = "proof")]
+    pub verification: Option<Verification>,
     /// Level of effort of the search for proofs. 0 if there was none, or if it did not finish.
     #[serde(default, skip_serializing_if = "is_zero")]
-    pub proven: u32,
+    #[serde(alias = "proven")]
+    pub verification_level: u32,
     /// Third object and its grasps, as (number of the grasp, worth in this combination), the planned grasp first.
     /// `None` if there are fewer objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -99,7 +102,8 @@ pub struct AlternativeFirstGrasp {
     pub outcomes: Vec<GraspOutcomes>,
     /// Second grasps after it, found and tried in drawn circumstances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<Verification>,
+    #[serde(alias = "proof")]
+    pub verification: Option<Verification>,
 }
 
 /// Grasps that a plan names.
@@ -135,7 +139,8 @@ pub struct GraspPairTable {
     /// Combinations for which nothing worked without noise, in the order of the draw.
     pub rejected: Vec<Vec<String>>,
     /// The combinations.
-    pub plans: Vec<GraspPair>,
+    #[serde(alias = "plans")]
+    pub pairs: Vec<GraspPair>,
 }
 
 impl GraspPairTable {
@@ -156,13 +161,13 @@ impl GraspPairTable {
     /// Returns the plan of a combination, or `Some(None)` if it was rejected. Returns `None` if these plans do not know
     /// the combination.
     pub fn for_combination(&self, combination: &Combination) -> Option<Option<&GraspPair>> {
-        let planned = self.plans.iter().find(|plan| plan.objects() == combination.objects).map(Some);
+        let planned = self.pairs.iter().find(|plan| plan.objects() == combination.objects).map(Some);
         planned.or_else(|| self.rejected.contains(&combination.objects).then_some(None))
     }
 
     /// Writes the file. It is written whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let lines: Vec<String> = self.plans.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
+        let lines: Vec<String> = self.pairs.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let rejected = serde_json::to_string(&self.rejected)?;
         let text = format!(
             "{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"plans\":[\n{}\n]}}\n",
@@ -180,8 +185,8 @@ impl GraspPairTable {
         quiet: bool,
         work: impl Fn(&mut GraspPair) -> Result<()> + Sync,
     ) -> Result<()> {
-        let progress = progress::bar(self.plans.len() as u64, what, quiet);
-        self.plans.par_iter_mut().try_for_each(|plan| {
+        let progress = progress::bar(self.pairs.len() as u64, what, quiet);
+        self.pairs.par_iter_mut().try_for_each(|plan| {
             work(plan)?;
             progress.inc(1);
             Ok::<(), anyhow::Error>(())
@@ -201,10 +206,10 @@ impl GraspPair {
             second_grasps,
             outcomes: Vec::new(),
             fallen: BTreeMap::new(),
-            others: Vec::new(),
+            alternative_firsts: Vec::new(),
             variations: Vec::new(),
-            proof: None,
-            proven: 0,
+            verification: None,
+            verification_level: 0,
             third: None,
             reversed: None,
         }
@@ -226,13 +231,13 @@ impl GraspPair {
 
     /// Removes the variations with their outcomes, and the proofs.
     fn forget_variations(&mut self) {
-        (self.proof, self.proven) = (None, 0);
+        (self.verification, self.verification_level) = (None, 0);
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
         let known = |outcomes: &GraspOutcomes| !gone.contains(&outcomes.grasp);
         self.outcomes.retain(known);
-        for other in &mut self.others {
+        for other in &mut self.alternative_firsts {
             other.outcomes.retain(known);
-            other.proof = None;
+            other.verification = None;
         }
     }
 
@@ -253,14 +258,14 @@ impl GraspPair {
             let first = find(&self.first, 0, id)?;
             let score = proof.as_ref().map_or(first.score, Verification::first_holds);
             let hold = proof.as_ref().and_then(|proof| proof.hold);
-            let (held, held_spread) = hold.map_or((first.held, None), |hold| (Some(hold.mean), Some(hold.spread)));
-            Ok::<_, anyhow::Error>(Grasp { score, held, held_spread, ..first })
+            let (held, held_spread) = hold.map_or((first.held, None), |hold| (Some(hold.mean), Some(hold.sigmas)));
+            Ok::<_, anyhow::Error>(Grasp { score, held, held_sigmas: held_spread, ..first })
         };
         // Variations after another first grasp do not belong to the plan's own sequence.
-        let own = self.variations.iter().filter(|grasp| was_tested(&self.outcomes, &self.proof, grasp.id));
+        let own = self.variations.iter().filter(|grasp| was_tested(&self.outcomes, &self.verification, grasp.id));
         let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
-        let second =
-            named.map(|(id, worth)| grasp_candidate(find(&self.second, 1, id)?, worth, &self.outcomes, &self.proof));
+        let second = named
+            .map(|(id, worth)| grasp_candidate(find(&self.second, 1, id)?, worth, &self.outcomes, &self.verification));
         let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |one| (way, tried, one.grasp)));
         let fallen = fallen.map(|(way, outcomes, id)| {
             let grasp = find(way, 1, id)?;
@@ -268,20 +273,22 @@ impl GraspPair {
             grasp_candidate(grasp, worth, outcomes, &None)
         });
         // Outcomes after a single hold are not comparable with proofs after many holds.
-        let others = self.others.iter().filter(|other| self.proof.is_none() || other.proof.is_some());
+        let others =
+            self.alternative_firsts.iter().filter(|other| self.verification.is_none() || other.verification.is_some());
         let others = others.map(|other| {
-            let proven = other.proof.iter().flat_map(|proof| proof.grasps.iter().map(|proven| proven.grasp));
-            let numbers = match &other.proof {
-                Some(_) => proven.collect(),
+            let verified =
+                other.verification.iter().flat_map(|proof| proof.grasps.iter().map(|verified| verified.grasp));
+            let numbers = match &other.verification {
+                Some(_) => verified.collect(),
                 None => other.outcomes.iter().map(|outcomes| outcomes.grasp).collect::<Vec<_>>(),
             };
             let second = numbers.into_iter().map(|id| {
                 let grasp = find(&self.second, 1, id)?;
                 let worth = grasp.score;
-                grasp_candidate(grasp, worth, &other.outcomes, &other.proof)
+                grasp_candidate(grasp, worth, &other.outcomes, &other.verification)
             });
             Ok(GraspSequence {
-                first: first(other.first_grasp, &other.proof)?,
+                first: first(other.first_grasp, &other.verification)?,
                 second_candidates: second.collect::<Result<_>>()?,
             })
         });
@@ -290,7 +297,7 @@ impl GraspPair {
         Ok(PlannedGrasps {
             third_candidates: third.collect::<Result<_>>()?,
             alternative_firsts: others.collect::<Result<_>>()?,
-            first: first(self.first_grasp, &self.proof)?,
+            first: first(self.first_grasp, &self.verification)?,
             second_candidates: second.collect::<Result<_>>()?,
             fallen_candidates: fallen.collect::<Result<_>>()?,
         })
@@ -299,8 +306,8 @@ impl GraspPair {
 
 /// True if the grasp was tried under errors.
 fn was_tested(outcomes: &[GraspOutcomes], proof: &Option<Verification>, id: u32) -> bool {
-    let proven = proof.iter().flat_map(|proof| &proof.grasps).any(|proven| proven.grasp == id);
-    proven || outcomes.iter().any(|outcomes| outcomes.grasp == id)
+    let verified = proof.iter().flat_map(|proof| &proof.grasps).any(|verified| verified.grasp == id);
+    verified || outcomes.iter().any(|outcomes| outcomes.grasp == id)
 }
 
 /// Returns a grasp with its rehearsals. If some grasps were proven, the rehearsals of the others are too optimistic,
@@ -322,7 +329,7 @@ fn grasp_candidate(
 }
 
 /// Plans combinations of `scenario`, drawn by `seed`, until there are `count` plans or all combinations have been
-/// tried. `plan_triple` returns `None` for a combination that cannot be done without noise. If the scenario has objects of a
+/// tried. `plan` returns `None` for a combination that cannot be done without noise. If the scenario has objects of a
 /// user's own, the combinations with each of them come first, until one of them can be done. Shows a progress bar
 /// unless `quiet`.
 pub fn make_pairs(
@@ -337,7 +344,7 @@ pub fn make_pairs(
         pairs: draw_combinations(scenario, usize::MAX, seed).collect(),
         results: BTreeMap::new(),
         decided: BTreeSet::new(),
-        pairs_table: GraspPairTable { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() },
+        pairs_table: GraspPairTable { version: VERSION, seed, rejected: Vec::new(), pairs: Vec::new() },
         count,
     };
     for object in &scenario.object {
@@ -345,12 +352,12 @@ pub fn make_pairs(
         let has = |plan: &GraspPair| plan.objects().contains(&name.as_str());
         let with = drawn.places(|drawn| drawn.objects.contains(name));
         for batch in with.chunks(rayon::current_num_threads().max(1)) {
-            if drawn.is_full() || drawn.pairs_table.plans.iter().any(has) {
+            if drawn.is_full() || drawn.pairs_table.pairs.iter().any(has) {
                 break;
             }
             drawn.plan_batch(batch, &plan)?;
             for place in batch {
-                if !drawn.pairs_table.plans.iter().any(has) {
+                if !drawn.pairs_table.pairs.iter().any(has) {
                     drawn.decide(*place, &bar);
                 }
             }
@@ -382,7 +389,7 @@ struct DrawnCombinations {
 
 impl DrawnCombinations {
     fn is_full(&self) -> bool {
-        self.pairs_table.plans.len() >= self.count
+        self.pairs_table.pairs.len() >= self.count
     }
 
     fn places(&self, wanted: impl Fn(&Combination) -> bool) -> Vec<usize> {
@@ -411,7 +418,7 @@ impl DrawnCombinations {
         let pair = &self.pairs[place];
         match self.results.get(&place).cloned().flatten() {
             Some(plan) => {
-                self.pairs_table.plans.push(plan);
+                self.pairs_table.pairs.push(plan);
                 bar.inc(1);
             }
             None => self.pairs_table.rejected.push(pair.objects.clone()),

@@ -146,7 +146,7 @@ pub fn prepare(
         Ok(planned)
     })?;
     let said = notes.len();
-    notes.extend(forecast::describe_verification(plans.plans.iter().filter(|plan| {
+    notes.extend(forecast::describe_verification(plans.pairs.iter().filter(|plan| {
         let pair = Combination { id: 0, objects: plan.objects().into_iter().map(str::to_owned).collect() };
         decided(&pair).is_none()
     })));

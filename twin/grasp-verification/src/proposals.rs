@@ -32,7 +32,7 @@ pub struct GraspProposals<'a> {
 }
 
 impl<'a> GraspProposals<'a> {
-    /// Creates proposals with `digits` of a hand that is empty or holds the `carried_object` object. If `fewer` is true, the
+    /// Creates proposals with `digits` of a hand that is empty or holds the `carried` object. If `fewer` is true, the
     /// synthesis leaves a digit out now and then.
     pub fn new(
         hand: &'a Hand,

@@ -58,8 +58,8 @@ impl RepertoireEffort {
     /// each try of it under an error.
     pub fn max_rollouts(&self, place: usize) -> u64 {
         let tries = 1 + error_count(place) as u64;
-        let proven = self.max_tested(place) as u64 + MAX_CLIMBS as u64 * u64::from(BATCH_SIZE);
-        u64::from(self.proposals + self.variations) + proven * tries
+        let verified = self.max_tested(place) as u64 + MAX_CLIMBS as u64 * u64::from(BATCH_SIZE);
+        u64::from(self.proposals + self.variations) + verified * tries
     }
 
     /// Returns the number of grasps kept of an object in a place.
@@ -159,7 +159,7 @@ pub fn kept_rollouts(steps: &SearchSteps<Option<Grasp>>) -> u64 {
     steps.names().map(|name| 1 + errors(name)).sum()
 }
 
-/// Fills `repertoire` with the `type_filter` grasps, drawn by its seed. `found` is called with each object and place that is
+/// Fills `repertoire` with the `wanted` grasps, drawn by its seed. `found` is called with each object and place that is
 /// done and with its digits.
 pub fn fill_repertoire(
     world: &SimulatedWorld,
@@ -274,9 +274,9 @@ impl RepertoireSearch<'_> {
         let SearchProgress { bar, report_pace: pace, .. } = self.progress;
         let measured = AtomicBool::new(false);
         let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
-            let (begun, rehearsed) = (Instant::now(), AtomicU64::new(0));
+            let (begun, rollouts) = (Instant::now(), AtomicU64::new(0));
             let counted = |grasp: &Grasp, noise: &TrialNoise| {
-                rehearsed.fetch_add(1, Ordering::Relaxed);
+                rollouts.fetch_add(1, Ordering::Relaxed);
                 attempt(grasp, noise)
             };
             let one = |grasp: Grasp| {
@@ -286,12 +286,12 @@ impl RepertoireSearch<'_> {
                     tried
                 })
             };
-            let proven: Vec<Result<Option<Grasp>>> = grasps.into_par_iter().map(one).collect();
-            let rehearsed = rehearsed.into_inner();
-            if rehearsed >= u64::from(BATCH_SIZE) / 2 && !measured.swap(true, Ordering::Relaxed) {
-                pace(begun.elapsed().as_secs_f64() / rehearsed as f64);
+            let verified: Vec<Result<Option<Grasp>>> = grasps.into_par_iter().map(one).collect();
+            let rollouts = rollouts.into_inner();
+            if rollouts >= u64::from(BATCH_SIZE) / 2 && !measured.swap(true, Ordering::Relaxed) {
+                pace(begun.elapsed().as_secs_f64() / rollouts as f64);
             }
-            proven.into_iter().filter_map(Result::transpose).collect()
+            verified.into_iter().filter_map(Result::transpose).collect()
         };
         let random = |id: u32| grasp_rng(self.seed, &object.name, place, id);
         let proposals = self.proposals(object, place, carried)?;
@@ -315,10 +315,10 @@ impl RepertoireSearch<'_> {
         // From here on, the maximum remaining work of the search is known.
         let tries = 1 + errors.len() as u64;
         bar.set_length(bar.position() + (chosen.len() as u64 + MAX_CLIMBS as u64 * u64::from(BATCH_SIZE)) * tries);
-        let mut proven = run(chosen, errors, errors.len())?;
-        sort_by_score(&mut proven);
+        let mut verified = run(chosen, errors, errors.len())?;
+        sort_by_score(&mut verified);
         for _ in 0..MAX_CLIMBS {
-            let parents: Vec<Grasp> = proven.iter().take(PARENT_COUNT).cloned().collect();
+            let parents: Vec<Grasp> = verified.iter().take(PARENT_COUNT).cloned().collect();
             if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= ROBUST_SHARE) {
                 break;
             }
@@ -326,11 +326,11 @@ impl RepertoireSearch<'_> {
             let worst = parents.iter().map(|grasp| grasp.score).fold(1.0, f64::min);
             let failures = ((1.0 - worst) * (1 + errors.len()) as f64).round() as usize;
             let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
-            proven.extend(run((id..id + BATCH_SIZE).map(vary_one).collect(), errors, failures.saturating_sub(1))?);
-            sort_by_score(&mut proven);
+            verified.extend(run((id..id + BATCH_SIZE).map(vary_one).collect(), errors, failures.saturating_sub(1))?);
+            sort_by_score(&mut verified);
             id += BATCH_SIZE;
         }
-        Ok(keep_distinct(proven, keep))
+        Ok(keep_distinct(verified, keep))
     }
 }
 
@@ -346,7 +346,7 @@ const BATCH_SIZE: u32 = 16;
 /// Number of grasps that a climb starts from.
 const PARENT_COUNT: usize = 4;
 
-/// Tries `grasp` without errors and, if that holds, under `error_count`. Its score is the share of tries that held. Returns
+/// Tries `grasp` without errors and, if that holds, under `errors`. Its score is the share of tries that held. Returns
 /// `None` as soon as more than `failures` of them did not hold.
 fn verify_grasp(
     grasp: Grasp,

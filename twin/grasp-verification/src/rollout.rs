@@ -68,7 +68,7 @@ pub struct TrialStart<'a> {
 }
 
 impl RolloutSnapshot {
-    /// Creates the snapshot of a trial that is about to begin. `object_names` stand at the places of the objects that the
+    /// Creates the snapshot of a trial that is about to begin. `objects` stand at the places of the objects that the
     /// grasps are for, and are perceived with the errors of the noise.
     pub fn at_start(
         world: &SimulatedWorld,
@@ -133,10 +133,10 @@ impl<'a> FirstGraspRollout<'a> {
 /// not reach the object or the grasp does not hold it.
 pub fn roll_out_first(
     world: &SimulatedWorld,
-    rehearsal: &FirstGraspRollout<'_>,
+    rollout: &FirstGraspRollout<'_>,
     board: &TactileBoard,
 ) -> Result<Option<(RolloutSnapshot, HoldOutcome)>> {
-    let FirstGraspRollout { protocol, start, grasps, noise } = *rehearsal;
+    let FirstGraspRollout { protocol, start, grasps, noise } = *rollout;
     let Some(first) = grasps.first() else { return Ok(None) };
     let objects = grasps.iter().map(|grasp| world.object(&grasp.object)).collect::<Result<Vec<_>>>()?;
     let seen = world.detected_objects(&objects, noise)[0];
@@ -268,7 +268,7 @@ pub fn roll_out_last(snapshot: &RolloutSnapshot, grasp: &Grasp) -> Result<(bool,
     Ok((watch.collided, outcome))
 }
 
-/// Plays one try of `second_candidates` from a hold of the first object, up to the end of its lift.
+/// Plays one try of `second` from a hold of the first object, up to the end of its lift.
 pub fn try_second(snapshot: &RolloutSnapshot, second: &Grasp) -> Result<TryOutcome> {
     let RolloutSnapshot { mut robot, mut executor } = snapshot.clone();
     executor.take_with(1, second.clone())?;

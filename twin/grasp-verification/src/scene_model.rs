@@ -44,7 +44,7 @@ impl SceneModel {
         Self { world, board }
     }
 
-    /// Returns the objects of draw `link_number`, which differ from their models in mass, friction and size within the
+    /// Returns the objects of draw `number`, which differ from their models in mass, friction and size within the
     /// spread of the world's objects. They are the same in every scene.
     fn objects(&self, models: [&Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
         let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.map(Arc::clone)) };
@@ -105,7 +105,7 @@ fn standing_pose(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>
     (Isometry3::from_parts(Translation3::new(at.x, at.y, height), rotation), height - at.z)
 }
 
-/// Lets `executor` wait for `format_time` s.
+/// Lets `executor` wait for `time` s.
 fn wait_for(robot: &mut SimulatedRobot, executor: &mut Executor, time: f64) -> Result<()> {
     for _ in 0..(time / robot.tick_length()).round() as usize {
         tick(robot, executor)?;

@@ -84,15 +84,15 @@ pub fn from_repertoire(world: &SimulatedWorld, repertoire: &Repertoire) -> Resul
 /// Returns the grasps of the built-in skills with which exactly `digits` take and keep an object, for those of the
 /// objects `names` that are balls.
 pub fn by_digits(world: &SimulatedWorld, names: &[String], digits: &[Digit]) -> Result<Vec<Grasp>> {
-    let mut proven = SkillFile::builtin()?.skills;
-    proven.retain(|skill| skill.keeps == digits && skill.grasp.digits == digits);
+    let mut verified = SkillFile::builtin()?.skills;
+    verified.retain(|skill| skill.keeps == digits && skill.grasp.digits == digits);
     let mut grasps = Vec::new();
     for name in names {
         let model = world.object(name)?;
         if !matches!(model.shape, world::ObjectShape::Sphere { .. }) {
             continue;
         }
-        let skills = for_sizes(&proven, &[2.0 * model.shape.bounding_radius()]);
+        let skills = for_sizes(&verified, &[2.0 * model.shape.bounding_radius()]);
         let of_object = |(id, (_, skill)): (u32, (usize, PickSkill))| Grasp { id, object: name.clone(), ..skill.grasp };
         grasps.extend((0..).zip(skills).map(of_object));
     }
@@ -100,13 +100,13 @@ pub fn by_digits(world: &SimulatedWorld, names: &[String], digits: &[Digit]) -> 
 }
 
 /// Returns the skills for balls of each of `diameters` (m), each with the index of its diameter.
-pub fn for_sizes(proven: &[PickSkill], diameters: &[f64]) -> Vec<(usize, PickSkill)> {
+pub fn for_sizes(verified: &[PickSkill], diameters: &[f64]) -> Vec<(usize, PickSkill)> {
     let mut skills = Vec::new();
     for (n, &diameter) in diameters.iter().enumerate() {
         let apart = |skill: &&PickSkill| (skill.diameter - diameter).abs();
-        let same = proven.iter().any(|skill| apart(&skill) < SAME_SIZE_TOLERANCE);
+        let same = verified.iter().any(|skill| apart(&skill) < SAME_SIZE_TOLERANCE);
         let within = if same { SAME_SIZE_TOLERANCE } else { MAX_RESIZE_SHARE * diameter };
-        for skill in proven.iter().filter(|skill| apart(skill) < within) {
+        for skill in verified.iter().filter(|skill| apart(skill) < within) {
             let mut grasp = resized(&skill.grasp, &skill.grasp.object, 0.5 * (diameter - skill.diameter));
             if !same {
                 grasp.score *= RESIZED_SCORE_FACTOR;
@@ -143,8 +143,8 @@ mod tests {
     #[test]
     fn sizes() {
         let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).unwrap();
-        let proven = from_repertoire(&world, &repertoire()).unwrap();
-        let sizes = for_sizes(&proven, &[0.0427, 0.046, 0.5]);
+        let verified = from_repertoire(&world, &repertoire()).unwrap();
+        let sizes = for_sizes(&verified, &[0.0427, 0.046, 0.5]);
         let of = |n: usize| sizes.iter().filter(move |skill| skill.0 == n).map(|skill| &skill.1);
         assert!(of(0).all(|skill| skill.grasp.object == "golf_ball") && of(0).count() == 18);
         let moved = of(1).find(|skill| skill.grasp.object == "golf_ball").unwrap();

@@ -19,12 +19,12 @@ pub(crate) fn force_on_palm(own: &RobotModel, states: [&ArmState; 2]) -> Option<
     estimate_force(own, states, &palm_pose(own, &states[1].position).translation.vector.into())
 }
 
-/// True if the additional load on the hand is more than half of the weight of `mass_index` (kg).
+/// True if the additional load on the hand is more than half of the weight of `mass` (kg).
 pub(crate) fn bears_load(own: &RobotModel, states: [&ArmState; 2], mass: f64) -> bool {
     force_on_palm(own, states).is_some_and(|force| -force.z > MIN_WEIGHT_SHARE * mass * GRAVITY)
 }
 
-/// Returns the joint torques that hold a `estimate_force` (N) at a `point` of the last link of an arm whose links are at
+/// Returns the joint torques that hold a `force` (N) at a `point` of the last link of an arm whose links are at
 /// `poses`, N m.
 pub(crate) fn holding_torques(
     arm: &Arm,

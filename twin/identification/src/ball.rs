@@ -134,7 +134,7 @@ pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
     ArmKinematics::new((**arm).clone(), ArmMount::for_hand(hand, 0.0))
 }
 
-/// Plans the approach by which the arm of `apply_to_robot` brings a pad onto a ball at `center`. It looks from `early` (m)
+/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. It looks from `early` (m)
 /// before the expected contact to as much beyond the greatest depth. Uses the first heading that the arm reaches with
 /// everything else clear; none if there is no such heading.
 pub fn plan_approach(
@@ -178,9 +178,9 @@ pub fn plan_approach(
         }
         let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
         let mut way: Vec<Joints> = Vec::with_capacity(looks + 1);
-        for look in 0..=looks {
+        for snapshot in 0..=looks {
             let seed = way.last().unwrap_or(&hover);
-            let next = kinematics.solve(&palm_at(&turn, early - look as f64 * ball.stride), seed)?;
+            let next = kinematics.solve(&palm_at(&turn, early - snapshot as f64 * ball.stride), seed)?;
             // A jump to another branch of the inverse kinematics is not a straight way.
             if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
                 return None;
@@ -191,7 +191,7 @@ pub fn plan_approach(
     })
 }
 
-/// Plans the slide of a pad over the ball from the posture `plan_press` along the pad's width, in strides, so that the ball
+/// Plans the slide of a pad over the ball from the posture `at` along the pad's width, in strides, so that the ball
 /// moves towards the pad's middle. None if the arm does not reach that far, and for pads that do not slide.
 pub fn plan_slide(robot: &RobotModel, ball: &CalibrationBall, press: &PadPress, at: &Joints) -> Option<Vec<Joints>> {
     let hand = &robot.hand;
@@ -214,7 +214,7 @@ pub(crate) fn keeps_elbow_side(from: &Joints, to: &Joints) -> bool {
     to.iter().zip(from).take(JOINTS_BEFORE_WRIST).all(|(to, from)| (to - from).abs() <= MAX_ARM_ROTATION)
 }
 
-/// Returns postures on the straight line in joint space, in `posture_segments` intervals, both ends included.
+/// Returns postures on the straight line in joint space, in `pieces` intervals, both ends included.
 pub(crate) fn straight_line(from: &Joints, to: &Joints, pieces: usize) -> impl Iterator<Item = Joints> {
     let (from, to) = (*from, *to);
     (0..=pieces).map(move |n| {
@@ -223,7 +223,7 @@ pub(crate) fn straight_line(from: &Joints, to: &Joints, pieces: usize) -> impl I
     })
 }
 
-/// Returns the covers of an open hand with its palm at `palm_pose`, with their poses: that of the palm, which is no link,
+/// Returns the covers of an open hand with its palm at `palm`, with their poses: that of the palm, which is no link,
 /// and those of all links.
 pub(crate) fn posed_covers<'a>(
     hand: &'a Hand,
@@ -264,7 +264,7 @@ pub fn plan_detour(
     })
 }
 
-/// True if the links keep clear of ball, post and table with the palm at `palm_pose`. `pressed` is the link that is pressed
+/// True if the links keep clear of ball, post and table with the palm at `palm`. `pressed` is the link that is pressed
 /// and may touch the ball (`Some(None)` for the palm); with `None`, all links must keep clear.
 fn is_clear(
     hand: &Hand,

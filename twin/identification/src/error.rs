@@ -19,7 +19,7 @@ pub enum IdentificationError {
     NotAnExcitation { path: PathBuf, field: String, found: String, expected: String },
     /// No session moves this actuator.
     #[error(
-        "{sessions}: motions of `{actuator}`: found none, expected at least one free motion; run `ftac twin excite` to its end"
+        "{sessions}: motions of `{actuator}`: found none, expected at least one free motion; run `ftac sysid excite` to its end"
     )]
     NotExcited {
         /// Paths of the sessions' files.

@@ -102,13 +102,13 @@ pub fn median(values: &[f64]) -> f64 {
 /// Returns the simulated robot of an individual with its hand open and nothing in reach. The arm's encoders show the
 /// posture `start`.
 pub fn simulated_robot(
-    individual: &RobotInstance,
+    instance: &RobotInstance,
     nominal: &RobotModel,
     losses: CableLosses,
     start: ArmVector,
 ) -> SimulatedRobot {
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
-    SimulatedRobot::new(&individual.apply_to_robot(nominal), &setup, TactileBoard::blank())
+    SimulatedRobot::new(&instance.apply_to_robot(nominal), &setup, TactileBoard::blank())
 }
 
 /// Environment of an individual during its excitation. The emulator knows it; everything else must not.
@@ -172,7 +172,7 @@ impl TruePayload {
 
 /// Returns the simulated robot of an individual in its environment during the excitation.
 pub fn excited_robot(
-    individual: &RobotInstance,
+    instance: &RobotInstance,
     nominal: &RobotModel,
     losses: CableLosses,
     start: ArmVector,
@@ -185,7 +185,7 @@ pub fn excited_robot(
             name: "ball".to_owned(),
             shape: ObjectShape::Sphere { radius },
             mass: STEEL_DENSITY * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
-            friction: friction * individual.pad_friction(),
+            friction: friction * instance.pad_friction(),
             color: [200; 3],
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::Full,
@@ -194,12 +194,12 @@ pub fn excited_robot(
     }
     let fixed = !objects.is_empty();
     if let Some(TruePayload { model, pose }) = &surroundings.payload {
-        let friction = model.friction * individual.pad_friction();
+        let friction = model.friction * instance.pad_friction();
         objects.push(ObjectPlacement { model: Arc::new(ObjectModel { friction, ..model.clone() }), pose: *pose });
     }
     let base = SceneSetup::ideal(Isometry3::identity(), start);
     let setup = SceneSetup { cables: losses, gel: surroundings.gel, objects, ..base };
-    let mut robot = SimulatedRobot::new(&individual.apply_to_robot(nominal), &setup, surroundings.cameras.clone());
+    let mut robot = SimulatedRobot::new(&instance.apply_to_robot(nominal), &setup, surroundings.cameras.clone());
     if fixed {
         robot.fix_object(0);
     }
@@ -310,8 +310,8 @@ fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel
     (motion, angles)
 }
 
-/// Adds the differences between the digital twin of `robot_model` and the `real` hand, whose joints were at `angles` in
-/// `play_motion`.
+/// Adds the differences between the digital twin of `own` and the `real` hand, whose joints were at `angles` in
+/// `motion`.
 fn add_differences(
     own: &Hand,
     real: &Hand,

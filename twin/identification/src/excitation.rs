@@ -248,7 +248,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         self.move_to(to, goes_on)
     }
 
-    /// Notes the set-points `record_send` by the robot (rad). Returns the joint with the greatest deviation once it has lasted
+    /// Notes the set-points `sent` by the robot (rad). Returns the joint with the greatest deviation once it has lasted
     /// too long.
     fn check_deviation(&mut self, sent: &[f64]) -> Option<ArmHeldBack> {
         let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();

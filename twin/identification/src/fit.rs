@@ -136,7 +136,7 @@ impl MotionSearch<'_> {
     }
 
     /// Returns the change of the samples' residuals at `p` (rad) per prior standard deviation of the parameter at
-    /// `parameter_index`, by a secant over `half` a standard deviation to either side.
+    /// `place`, by a secant over `half` a standard deviation to either side.
     fn secant_change(&self, p: &[f64], place: usize, half: f64) -> Vec<f64> {
         let delay = p[self.places.len()] * DELAY_SIGMA;
         let moved = |way: f64| {
@@ -208,7 +208,7 @@ fn samples(motion: &FreeMotion) -> impl Iterator<Item = usize> + '_ {
     (0..angles.len()).step_by(TICKS_PER_SAMPLE).filter(move |n| std::mem::replace(&mut last, angles[*n]) != angles[*n])
 }
 
-/// Returns the residuals of the samples of `motions`: angle of the digital twin of `apply_to_hand` less the measured angle, rad.
+/// Returns the residuals of the samples of `motions`: angle of the digital twin of `hand` less the measured angle, rad.
 fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
         let shown = simulate_motion(hand, losses, motion);
@@ -217,7 +217,7 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
     motions.iter().flat_map(of).collect()
 }
 
-/// Fits the parameters of one actuator to its `motions`, starting from the individual `from` as the prior. `deepest_touches`
+/// Fits the parameters of one actuator to its `motions`, starting from the individual `from` as the prior. `touches`
 /// gives the uncertainty of arm, mount and links.
 pub fn fit_actuator(
     robot: &RobotModel,
@@ -269,7 +269,7 @@ pub fn fit_actuator(
     }
 }
 
-/// Groups the samples' residuals `plan_press` into clusters, one for all motions in one posture of the arm.
+/// Groups the samples' residuals `at` into clusters, one for all motions in one posture of the arm.
 fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<SampleCluster> {
     let mut pieces: Vec<(ArmVector, SampleCluster)> = Vec::new();
     let mut row = 0;
@@ -321,7 +321,7 @@ mod tests {
         assert!((series_correlation_length(&mean) / 8.0 - 1.0).abs() < 0.15, "{}", series_correlation_length(&mean));
     }
 
-    /// Returns a motion of the digital twin of `apply_to_hand` as an encoder shows it. The current rises and falls in `time` (s)
+    /// Returns a motion of the digital twin of `hand` as an encoder shows it. The current rises and falls in `time` (s)
     /// each; `gravity` is in palm axes.
     fn shown(hand: &Hand, losses: CableLosses, actuator: usize, time: f64, gravity: Vector3<f64>) -> FreeMotion {
         let tick = 1.0 / 120.0;

@@ -45,7 +45,7 @@ struct FreeDigit<'a> {
     servo: ServoModel,
 }
 
-/// Plays a motion on the digital twin of `apply_to_hand` with `losses` in its guides and gears. Returns the state before each
+/// Plays a motion on the digital twin of `hand` with `losses` in its guides and gears. Returns the state before each
 /// tick after the lead-in.
 pub fn simulate_motion(hand: &Hand, losses: CableLosses, motion: &FreeMotion) -> Vec<DigitState> {
     let mut digit = FreeDigit::at_rest(hand, losses, motion);

@@ -34,7 +34,7 @@ const MIN_MOTION_TICKS: usize = 60;
 /// Greatest length of a lead-in, s.
 const MAX_LEAD_IN: f64 = 6.0;
 
-/// Returns all motions of `actuator` in a session, with gravity according to the model `apply_to_robot`.
+/// Returns all motions of `actuator` in a session, with gravity according to the model `robot`.
 pub fn free_motions(trace: &Trace, actuator: usize, robot: &RobotModel) -> Vec<FreeMotion> {
     let under_current = |row: &&TickRecord| matches!(row.goals[actuator], ServoGoal::Current(_));
     let longest = (MAX_LEAD_IN / trace.tick) as usize;
@@ -71,13 +71,13 @@ impl FreeMotion {
         &self.angles[self.lead_in..]
     }
 
-    /// Returns the same motion with gravity according to another `apply_to_robot`.
+    /// Returns the same motion with gravity according to another `robot`.
     #[must_use]
     pub fn with_robot(&self, robot: &RobotModel) -> Self {
         Self { gravity: self.arm.iter().map(|shown| gravity(robot, shown)).collect(), ..self.clone() }
     }
 
-    /// Appends the observation before a tick and the goal sent in it, with gravity according to the model `apply_to_robot`.
+    /// Appends the observation before a tick and the goal sent in it, with gravity according to the model `robot`.
     pub fn push(&mut self, observation: &Observation, goal: ServoGoal, robot: &RobotModel) {
         self.goals.push(goal);
         self.angles.push(observation.servos[self.actuator].position);

@@ -40,7 +40,7 @@ pub struct Identification {
     pub gains: TorqueGains,
 }
 
-/// Identifies the individual of `apply_to_robot` that recorded `traces`. `losses` are the nominal losses in guides and gears; `pads` is the
+/// Identifies the individual of `robot` that recorded `traces`. `losses` are the nominal losses in guides and gears; `pads` is the
 /// calibration for images of pressed pads. All touches are of one ball in one place.
 ///
 /// # Errors

@@ -15,7 +15,7 @@ pub type SampleCluster = Vec<(usize, f64)>;
 /// Returns the covariance of the parameters of a fit.
 ///
 /// `slopes` are those of the residuals at the minimum: one row per residual, the prior's last, and one column per parameter.
-/// `unsearched_parameters` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
+/// `unsearched` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
 /// column each. `clusters` are the samples' residuals in groups with correlated model errors. If their gradients scatter by more
 /// than those of independent samples would, the standard deviations are increased accordingly (the sandwich estimator of Liang
 /// and Zeger 1986).

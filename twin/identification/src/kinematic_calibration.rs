@@ -102,16 +102,16 @@ pub struct KinematicCalibration {
 }
 
 /// Returns the places of an individual's kinematic parameters.
-pub fn kinematic_parameters(individual: &RobotInstance) -> Vec<usize> {
+pub fn kinematic_parameters(instance: &RobotInstance) -> Vec<usize> {
     let kinematic = |quantity| {
         use Quantity::{ArmEncoder, JointZero, MountPosition, MountTurn};
         matches!(quantity, ArmEncoder | MountPosition | MountTurn | JointZero)
     };
-    let parameters = individual.parameters();
+    let parameters = instance.parameters();
     (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
 }
 
-/// Returns the centre of the ball that a pad feels, according to `apply_to_robot`, in the frame of the arm's base, with the pose
+/// Returns the centre of the ball that a pad feels, according to `robot`, in the frame of the arm's base, with the pose
 /// of the pad.
 fn felt_center(robot: &RobotModel, touch: &BallTouch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
@@ -136,13 +136,13 @@ struct CalibrationSearch<'a> {
 
 impl CalibrationSearch<'_> {
     fn instance_at(&self, p: &[f64]) -> RobotInstance {
-        let mut individual = self.from.clone();
+        let mut instance = self.from.clone();
         for (place, z) in self.places.iter().zip(p) {
-            let spread = &individual.parameters()[*place].prior;
+            let spread = &instance.parameters()[*place].prior;
             let deviation = spread.mean + z * spread.sigma;
-            individual.set(*place, deviation);
+            instance.set(*place, deviation);
         }
-        individual
+        instance
     }
 
     fn ball_center(&self, p: &[f64]) -> Point3<f64> {
@@ -162,8 +162,8 @@ impl CalibrationSearch<'_> {
 
     /// Returns the vector from the ball's centre to the centre that each touch gives, m, with its covariance, m2.
     fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
-        let individual = self.instance_at(p);
-        let (robot, middle) = (individual.apply_to_robot(self.robot), self.ball_center(p));
+        let instance = self.instance_at(p);
+        let (robot, middle) = (instance.apply_to_robot(self.robot), self.ball_center(p));
         let of = |touch: &BallTouch| {
             let pad = self.robot.hand.cameras[touch.camera].pad;
             let alike = |n: usize, sigma: [f64; 3]| self.vector(p, n).component_mul(&Vector3::from(sigma));
@@ -202,7 +202,7 @@ fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
     (sum / distances.len().max(1) as f64).sqrt()
 }
 
-/// Calibrates the individual `from` of `apply_to_robot` by its touches of a ball. Only touches that push the links onto their
+/// Calibrates the individual `from` of `robot` by its touches of a ball. Only touches that push the links onto their
 /// stops are used. Without touches, the result is the prior.
 pub fn calibrate(
     robot: &RobotModel,
@@ -269,7 +269,7 @@ impl KinematicCalibration {
     }
 
     /// Returns the standard deviation of where a pad will feel the ball along its normal, m, when the arm's encoders
-    /// show `shown`. `apply_to_robot` is the nominal model.
+    /// show `shown`. `robot` is the nominal model.
     pub fn normal_sigma(&self, robot: &RobotModel, ball: &CalibrationBall, camera: usize, shown: &Joints) -> f64 {
         let own = self.robot_instance.apply_to_robot(robot);
         let touch =

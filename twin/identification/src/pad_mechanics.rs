@@ -64,7 +64,7 @@ pub struct PressResults {
 }
 
 impl PressResults {
-    /// Adds the results of a session with the touches `touched`, of the robot `robot_model` with the nominal hand `apply_to_hand` and
+    /// Adds the results of a session with the touches `touched`, of the robot `own` with the nominal hand `hand` and
     /// the ball's centre at `middle` (m, frame of the arm's base).
     pub fn add(
         &mut self,
@@ -112,8 +112,8 @@ impl PressResults {
 }
 
 impl PadMechanics {
-    /// Adds the uncertainty of the arm's torque gains, with `covariance` of their logarithms. `moved_joints` holds the
-    /// estimates with the logarithm of each gain in turn increased by `step_towards`.
+    /// Adds the uncertainty of the arm's torque gains, with `covariance` of their logarithms. `moved` holds the
+    /// estimates with the logarithm of each gain in turn increased by `step`.
     #[must_use]
     pub fn with_gain_uncertainty(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
         let wider = |of: fn(&Self) -> Option<ScaleFactor>| {
@@ -129,7 +129,7 @@ impl PadMechanics {
 }
 
 /// Returns the median of the presses. Each has an independent error of at least `one`, more if they scatter more;
-/// `series_correlation_length` is the error common to all.
+/// `alike` is the error common to all.
 fn factor(presses: &[f64], one: f64, alike: f64) -> Option<ScaleFactor> {
     let deviation = percentile(presses, 50.0)?;
     let off: Vec<f64> = presses.iter().map(|press| (press - deviation).abs()).collect();

@@ -139,7 +139,7 @@ impl Payload {
         Ok(())
     }
 
-    /// Plans how the arm of `apply_to_robot` picks up the object at its place, coming from posture `from`: for each of `grasps`,
+    /// Plans how the arm of `robot` picks up the object at its place, coming from posture `from`: for each of `grasps`,
     /// with the first heading that the arm reaches without going below the table.
     pub fn plan_pick_ups<'a>(
         &'a self,
@@ -199,7 +199,7 @@ impl Payload {
     }
 }
 
-/// True if the open hand with its palm at `palm_pose` is clear of the table.
+/// True if the open hand with its palm at `palm` is clear of the table.
 fn is_over_table(hand: &Hand, palm: &Isometry3<f64>) -> bool {
     posed_covers(hand, palm).all(|(_, pose, cover)| grid_points(cover).all(|point| (pose * point).z > TABLE_CLEARANCE))
 }

@@ -95,7 +95,7 @@ struct RestPosture {
     scatter: ArmVector,
 }
 
-/// Returns the index of the posture of `payload` that the arm is in, if any.
+/// Returns the index of the posture of `weight` that the arm is in, if any.
 fn posture_of(row: &TickRecord, weight: &Payload, ready: &ArmVector) -> Option<usize> {
     (0..weight.posture.len()).find(|n| {
         let at = weight.posture_joints(*n, ready);
@@ -116,7 +116,7 @@ fn posture_segments(rows: &[TickRecord], weight: &Payload, ready: &ArmVector, ti
     found
 }
 
-/// Returns the first row in which the arm stands in a posture of `payload`.
+/// Returns the first row in which the arm stands in a posture of `weight`.
 pub fn first_stand_row(rows: &[TickRecord], weight: &Payload, ready: &ArmVector, tick: f64) -> Option<usize> {
     posture_segments(rows, weight, ready, tick).first().map(|(begin, ..)| *begin)
 }
@@ -157,7 +157,7 @@ struct PosturePair {
 }
 
 impl PosturePair {
-    /// Returns all pairs of a session, according to the robot `robot_torques`. Of several stands in a posture with an empty hand,
+    /// Returns all pairs of a session, according to the robot `own`. Of several stands in a posture with an empty hand,
     /// the last one is used.
     fn all_pairs(own: &RobotModel, weighed: &PayloadRow, tick: f64) -> Vec<Self> {
         let stands = rest_postures(weighed, tick);
@@ -291,7 +291,7 @@ impl<'a> GainSearch<'a> {
     }
 }
 
-/// Identifies the torque gains of the arm of `apply_to_robot`, whose kinematics are known up to the covariance of `kinematics`.
+/// Identifies the torque gains of the arm of `robot`, whose kinematics are known up to the covariance of `kinematics`.
 /// None if no object was in the hand.
 pub fn identify_gains(
     robot: &RobotModel,
@@ -366,7 +366,7 @@ mod tests {
         let robot = RobotModel::ftac_gen3();
         let RobotModel { hand, arm, .. } = &robot;
         let (weight, ready) = (
-            ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid").weight.expect("a weight"),
+            ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid").payload.expect("a weight"),
             Arm::gen3().home,
         );
         let mut rows = Vec::new();

@@ -72,7 +72,7 @@ impl<'a> PressAim<'a> {
         Some(PressApproach { waypoints: round, ..approach })
     }
 
-    /// Plans the slide of a press's pad over the ball from the posture `plan_press`, if it slides.
+    /// Plans the slide of a press's pad over the ball from the posture `at`, if it slides.
     pub fn plan_slide(&self, press: &PadPress, at: &Joints) -> Option<Vec<Joints>> {
         plan_slide(self.robot_model(), self.ball, press, at)
     }

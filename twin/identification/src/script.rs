@@ -48,7 +48,8 @@ pub struct ExcitationScript {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ball: Option<CalibrationBall>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub weight: Option<Payload>,
+    #[serde(alias = "weight")]
+    pub payload: Option<Payload>,
 }
 
 impl ScriptPosture {
@@ -131,13 +132,13 @@ impl ExcitationScript {
         if let Some(ball) = &script.ball {
             check_ball(ball, path)?;
         }
-        if let Some(weight) = &script.weight {
+        if let Some(weight) = &script.payload {
             weight.check(&script.posture, path)?;
         }
         Ok(script)
     }
 
-    /// Returns the steps for `apply_to_hand` in order. Motions come first, so that the ball can be put in its place when they
+    /// Returns the steps for `hand` in order. Motions come first, so that the ball can be put in its place when they
     /// are done. The weighed object comes last, because the arm is calibrated by then.
     pub fn steps(&self, hand: &Hand) -> Vec<ExcitationStep<'_>> {
         let of = |posture| self.motion.iter().map(move |motion| ExcitationStep::Motion(posture, motion));
@@ -147,7 +148,7 @@ impl ExcitationScript {
             .ball
             .iter()
             .flat_map(|ball| presses(ball).into_iter().map(move |press| ExcitationStep::Press(ball, press)));
-        let weighing = self.weight.iter().flat_map(|weight| {
+        let weighing = self.payload.iter().flat_map(|weight| {
             weight.payload_steps().into_iter().map(move |part| ExcitationStep::CalibratePayload(weight, part))
         });
         motions.chain(on).chain(weighing).collect()
@@ -234,7 +235,7 @@ mod tests {
             assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
         }
         let presses = script.ball.as_ref().expect("a ball").presses(&hand);
-        let weighing = script.weight.as_ref().expect("a weight").payload_steps();
+        let weighing = script.payload.as_ref().expect("a weight").payload_steps();
         let motions = script.posture.len() * script.motion.len();
         assert_eq!(script.steps(&hand).len(), motions + presses.len() + weighing.len());
         assert!((0..hand.cameras.len()).all(|camera| presses.iter().any(|press| press.camera == camera)));

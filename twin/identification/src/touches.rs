@@ -163,7 +163,7 @@ pub struct ImageFilter<R> {
 }
 
 impl<R> ImageFilter<R> {
-    /// Wraps `apply_to_robot`.
+    /// Wraps `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, backgrounds: Backgrounds::default() }
     }

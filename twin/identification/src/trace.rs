@@ -39,7 +39,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Reads a session of `apply_to_robot`.
+    /// Reads a session of `robot`.
     pub fn read(path: &Path, robot: &RobotModel) -> Result<Self, IdentificationError> {
         let mut reader = SessionReader::open(path, RobotSizes::from_robot(robot))?;
         let session = reader.session().clone();
@@ -106,7 +106,7 @@ pub struct TraceRecorder<R> {
 }
 
 impl<R: RobotBackend> TraceRecorder<R> {
-    /// Wraps `apply_to_robot`.
+    /// Wraps `robot`.
     pub fn new(robot: R) -> Self {
         Self { robot, ticks: RecordedTicks::default() }
     }
@@ -132,7 +132,7 @@ fn split_payload_rows(
     ready: ArmVector,
     tick: f64,
 ) -> (Vec<TickRecord>, Option<PayloadRow>) {
-    let Some(weight) = &script.weight else { return (rows, None) };
+    let Some(weight) = &script.payload else { return (rows, None) };
     let Some(begin) = first_stand_row(&rows, weight, &ready, tick) else { return (rows, None) };
     let weighed = rows.split_off(begin);
     (rows, Some(PayloadRow { payload: weight.clone(), ready, rows: weighed }))
@@ -171,7 +171,7 @@ fn check_task(path: &Path, task: &[u8], robot: &RobotModel) -> Result<Identifica
     let fault = |field: &str, found: String, expected: String| {
         Err(IdentificationError::NotAnExcitation { path: path.into(), field: field.into(), found, expected })
     };
-    let expected = || "a session of `ftac twin excite`".to_owned();
+    let expected = || "a session of `ftac sysid excite`".to_owned();
     let task: IdentificationTask = match serde_json::from_slice(task) {
         Ok(task) => task,
         Err(_) if task.is_empty() => return fault("task", "none".into(), expected()),
@@ -202,7 +202,7 @@ mod tests {
             0,
         );
         assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");
-        assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac twin excite`");
+        assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac sysid excite`");
         assert!(refused(b"{\"combination\": 3}").starts_with("a.mcap: task: found that of another session"));
         task.hand = "other".into();
         let words = refused(&serde_json::to_vec(&task).unwrap());

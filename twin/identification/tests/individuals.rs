@@ -23,7 +23,7 @@ fn short_script() -> ExcitationScript {
     script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
     script.motion.dedup_by(|a, b| a.actuators == b.actuators);
     script.ball = None;
-    script.weight = None;
+    script.payload = None;
     script
 }
 

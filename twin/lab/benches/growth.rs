@@ -112,7 +112,7 @@ fn timed(work: impl FnOnce()) -> f64 {
     begun.elapsed().as_secs_f64()
 }
 
-/// Sets up arm and hand at rest above a table with `point_count` objects in rows.
+/// Sets up arm and hand at rest above a table with `count` objects in rows.
 fn scene(count: usize) -> SimulatedRobot {
     let objects = ObjectSet::standard();
     let models: Vec<_> = objects.iter().cloned().collect();
@@ -176,7 +176,7 @@ fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     }))
 }
 
-/// Returns `point_count` second grasps of the built-in plans, repeating them as needed.
+/// Returns `count` second grasps of the built-in plans, repeating them as needed.
 fn candidates(count: usize, known: &[GraspCandidate]) -> Vec<GraspCandidate> {
     known.iter().cycle().take(count).cloned().collect()
 }
@@ -190,7 +190,7 @@ fn main() -> Result<()> {
     let all = pads(&hand)?;
     let (repertoire, plans) = (grasp_verification::builtin::repertoire()?, grasp_verification::builtin::grasp_pairs()?);
     let mut known = Vec::new();
-    for plan in &plans.plans {
+    for plan in &plans.pairs {
         known.extend(
             plan.grasps(&hand, &repertoire)?
                 .second_candidates

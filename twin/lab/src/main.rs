@@ -8,6 +8,7 @@ extern crate progress;
 mod commands;
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Command as Described, CommandFactory as _, Parser, Subcommand};
@@ -53,6 +54,13 @@ enum Command {
     /// Train the network for photometric stereo, and evaluate touch.
     #[command(subcommand)]
     Touch(TouchLabCommand),
+    /// Write the reference pages of the book.
+    #[command(hide = true)]
+    Reference {
+        /// Folder for the pages.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Print the JSON Schema of a command's `--json` output.
     Schema {
         /// Command, such as `touch eval`; default: all commands.
@@ -83,6 +91,7 @@ impl CommandLine for Cli {
             Command::Grasps(command) => grasps::run(terminal, command),
             Command::Touch(command) => touch::run(terminal, command),
             Command::Schema { command } => schema::run(terminal, command),
+            Command::Reference { out } => schema::reference(out),
         }
     }
 }

@@ -127,7 +127,7 @@ impl Episode {
     /// Begins the episode of a `seed`.
     pub fn begin(bench: &Bench, options: EpisodeOptions, seed: u64) -> Result<Self, EpisodeError> {
         let combination = draw_combination(bench, options.combination, seed)?;
-        let (found, expected) = (bench.grasp_pairs.plans[combination].objects().len(), options.task.objects());
+        let (found, expected) = (bench.grasp_pairs.pairs[combination].objects().len(), options.task.objects());
         if found < expected {
             return Err(EpisodeError::Objects { found, expected });
         }
@@ -136,7 +136,7 @@ impl Episode {
             EpisodeTask::PickSecond => begin_after_grasp(bench, combination, seed, options.images)?,
             task => begin_at_rest(bench, combination, seed, (task.objects(), options.images))?,
         };
-        let objects = bench.world.models(&bench.grasp_pairs.plans[combination].objects()[..options.task.objects()])?;
+        let objects = bench.world.models(&bench.grasp_pairs.pairs[combination].objects()[..options.task.objects()])?;
         let grip = (begun.tensions, opposition);
         let scene = TactileScene::begin(&bench.world.cell, begun, images)?;
         let mut episode = Self { scene, objects, detections: seen, combination, grip, held_since: None, progress: 0.0 };
@@ -200,7 +200,7 @@ fn progress(hand: &Hand, truth: &GroundTruth, objects: &[Arc<ObjectModel>]) -> f
 }
 
 fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<usize, EpisodeError> {
-    let count = bench.grasp_pairs.plans.len();
+    let count = bench.grasp_pairs.pairs.len();
     match asked {
         Some(found) if found >= count => Err(EpisodeError::Combination { found, most: count.saturating_sub(1) }),
         Some(combination) => Ok(combination),
@@ -228,7 +228,7 @@ fn begin_at_rest(
     let (setup, _) = InitialConditions::noisy(bench, combination, trial)?;
     let noise = &setup.noise;
     let objects = setup.objects(bench)?;
-    let real = objects.iter().zip(&noise.individuals).take(count);
+    let real = objects.iter().zip(&noise.object_instances).take(count);
     let objects = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
     let scene = world.scene(&objects, world.cell.ready_posture, noise);
     let board = side.map(|side| cameras_for_images(bench, &setup, side)).transpose()?;

@@ -43,17 +43,17 @@ const MAX_LINE_LENGTH: usize = 1 << 16;
 /// Reason for which a look failed.
 #[derive(Debug, thiserror::Error)]
 pub enum VisionError {
-    #[error("--eyes {address}: {source}")]
+    #[error("--detector {address}: {source}")]
     Io { address: String, source: std::io::Error },
     /// The connection is lost each time it is made.
     #[error(
-        "--eyes {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
+        "--detector {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
     )]
     Lost { address: String, object: String, why: ConnectionEnd },
-    #[error("--eyes {address}: {}", ConnectionEnd::LineTooLong)]
+    #[error("--detector {address}: {}", ConnectionEnd::LineTooLong)]
     LineTooLong { address: String },
     /// No usable measurement came in time.
-    #[error("--eyes {address}: {object}: found {}, expected a measurement of it within {:.0} s", describe_refusal(.refused), MEASUREMENT_TIMEOUT.as_secs_f64())]
+    #[error("--detector {address}: {object}: found {}, expected a measurement of it within {:.0} s", describe_refusal(.refused), MEASUREMENT_TIMEOUT.as_secs_f64())]
     NoMeasurement {
         address: String,
         object: String,
@@ -155,7 +155,7 @@ impl VisionLink {
             VisionError::Io { address: self.address.to_string(), source }
         };
         self.connection = Connection::open(&self.address).map_err(failed)?;
-        eprintln!("--eyes {}: the connection was lost ({why}) and is made anew", self.address);
+        eprintln!("--detector {}: the connection was lost ({why}) and is made anew", self.address);
         Ok(())
     }
 }
@@ -280,9 +280,9 @@ mod tests {
         drop(listener.accept().expect("a client"));
         drop(listener);
         let error = link.detect("pear", || false).expect_err("gone").to_string();
-        assert!(error.starts_with("--eyes 127.0.0.1:") && error.contains("cannot be made anew"), "{error}");
+        assert!(error.starts_with("--detector 127.0.0.1:") && error.contains("cannot be made anew"), "{error}");
         let error = VisionLink::connect(&address, checks()).err().expect("nobody there").to_string();
-        assert!(error.starts_with("--eyes 127.0.0.1:"), "{error}");
+        assert!(error.starts_with("--detector 127.0.0.1:"), "{error}");
     }
 
     /// The lines of a system that keeps sending while the operator thinks are read. The system never finds its line

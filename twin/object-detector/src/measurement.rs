@@ -82,7 +82,7 @@ pub struct Measurement {
     pub detection: Option<PoseDetection>,
 }
 
-/// Reads the measurement on a line at `unix_time` (Unix time, s). `number` is that of the line, for errors.
+/// Reads the measurement on a line at `now` (Unix time, s). `number` is that of the line, for errors.
 pub fn parse_line(line: &[u8], number: u64, checks: &MeasurementChecks, now: f64) -> Result<Measurement, RefusedLine> {
     let refused = |what: String| RefusedLine { line: number, what };
     let line: MeasurementLine = serde_json::from_slice(line).map_err(|error| refused(error.to_string()))?;

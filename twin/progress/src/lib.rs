@@ -20,7 +20,7 @@ const LOG_COLUMNS: u16 = 160;
 /// Interval between redraws of a bar while nothing happens, so that a log has its lines during long steps, too.
 const REDRAW_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Creates a bar of `length` steps, called `pieces`, on stderr; hidden if `quiet`. It shows steps, elapsed time, time
+/// Creates a bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, elapsed time, time
 /// left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
     make_bar(Some(length), 0, what, quiet)

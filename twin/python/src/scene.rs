@@ -371,7 +371,7 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledS
     Ok(restored)
 }
 
-/// Steps a batch of episodes on `jobs` threads. A row of `decode_actions` is twist, tension of each digit, opposition. If one
+/// Steps a batch of episodes on `jobs` threads. A row of `actions` is twist, tension of each digit, opposition. If one
 /// action is refused, no episode is stepped.
 #[pyfunction]
 pub fn step_all(

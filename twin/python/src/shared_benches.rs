@@ -60,5 +60,5 @@ pub fn objects() -> Vec<String> {
 #[pyfunction]
 pub fn combinations() -> PyResult<Vec<(String, String)>> {
     let plans = grasp_verification::builtin::grasp_pairs().map_err(|error| failure(&error))?;
-    Ok(plans.plans.into_iter().map(|plan| (plan.first, plan.second)).collect())
+    Ok(plans.pairs.into_iter().map(|plan| (plan.first, plan.second)).collect())
 }

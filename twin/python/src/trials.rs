@@ -62,27 +62,27 @@ impl Benchmark {
     #[new]
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
         let made = py.detach(|| {
-            let combos = grasp_verification::builtin::grasp_pairs()?.plans.len();
+            let combos = grasp_verification::builtin::grasp_pairs()?.pairs.len();
             make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
         });
         Ok(Self(made.map_err(|error| failure(&error))?))
     }
 
-    /// Plays a trial under a host's policy, introduced by `guest`, and returns its record as JSON.
+    /// Plays a trial under a host's policy, introduced by `introduction`, and returns its record as JSON.
     fn play(
         &self,
         py: Python<'_>,
         host: Py<PyAny>,
-        guest: &str,
+        introduction: &str,
         wall: bool,
         combination: usize,
         trial: usize,
     ) -> PyResult<String> {
         self.check(combination)?;
-        let guest: PolicyIntroduction = serde_json::from_str(guest).map_err(value_error)?;
-        let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Stand };
+        let introduction: PolicyIntroduction = serde_json::from_str(introduction).map_err(value_error)?;
+        let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
         let mut asked = PythonPolicyServer { server: &host, interrupt: None };
-        let played = py.detach(|| self.0.play_with_server(combination, trial, (&guest, pace), &mut asked));
+        let played = py.detach(|| self.0.play_with_server(combination, trial, (&introduction, pace), &mut asked));
         if let Some(error) = asked.interrupt {
             return Err(error);
         }
@@ -109,7 +109,7 @@ impl Benchmark {
 
 impl Benchmark {
     fn check(&self, combination: usize) -> PyResult<()> {
-        let count = self.0.grasp_pairs.plans.len();
+        let count = self.0.grasp_pairs.pairs.len();
         if combination < count {
             return Ok(());
         }

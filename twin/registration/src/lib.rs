@@ -107,7 +107,7 @@ impl<'a> Registrar<'a> {
         Ok(Executor::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
     }
 
-    /// Returns the percept of a ball at `ball_center`, to be touched with the hand at yaw `heading` (rad).
+    /// Returns the percept of a ball at `middle`, to be touched with the hand at yaw `heading` (rad).
     fn detected_ball(&self, middle: &Point3<f64>, heading: f64) -> DetectedObject {
         let ball = DetectedObject::from_ball_pose(&Isometry3::from_parts(
             Translation3::from(middle.coords),
@@ -180,7 +180,7 @@ impl<'a> Registrar<'a> {
             let fitted = register(&points, f64::INFINITY)?;
             cell_from_world = self.world.cell.world_from_base * fitted.world_from_base.inverse();
         }
-        Ok((register(&points, self.plan.most_residual)?, points))
+        Ok((register(&points, self.plan.max_residual)?, points))
     }
 
     /// Returns the prior standard deviation of a ball's position in this round, m.
@@ -283,7 +283,7 @@ fn tick(body: &mut dyn TrialBackend, executor: &mut Executor, outage: &mut Outag
     }
 }
 
-/// Returns the error of `found` against `truth`: of the position of `ball_center`, m, and of the rotation, rad. For whoever
+/// Returns the error of `found` against `truth`: of the position of `middle`, m, and of the rotation, rad. For whoever
 /// judges.
 pub fn registration_error(found: &Isometry3<f64>, truth: &Isometry3<f64>, middle: &Point3<f64>) -> (f64, f64) {
     let base = truth.inverse() * middle;

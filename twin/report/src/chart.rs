@@ -13,7 +13,7 @@ const FONTS: &str = "system-ui,'Helvetica Neue',Arial,sans-serif";
 
 /// Returns the colour of a condition, or of anything else that the style sheet names.
 pub fn color(name: &str) -> String {
-    format!("var(--{})", if name == "own" { "yours" } else { name })
+    format!("var(--{})", if name == "external" { "yours" } else { name })
 }
 
 /// Returns the colour of arm `n` of a comparison: that of its condition, or one of its own.

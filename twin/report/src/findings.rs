@@ -145,7 +145,8 @@ pub struct CombinationLine {
 }
 
 /// Conditions whose clean success ranks combinations, the most informative first.
-pub const RANKING_CONDITIONS: [Condition; 4] = [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::Own];
+pub const RANKING_CONDITIONS: [Condition; 4] =
+    [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::External];
 
 /// Lists all combinations, worst first: by clean success under the conditions of [`RANKING_CONDITIONS`], then by contacts blind and
 /// ideal.

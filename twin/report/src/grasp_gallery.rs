@@ -78,8 +78,9 @@ pub fn gallery_grasp(hand: &GraspingHand, kind: &GraspKind<'_>) -> GalleryGrasp 
     if let Some([far, turned]) = grasp.moved {
         text += &format!("- closing moved the object {:.1} mm, {:.0} deg\n", 1e3 * far, turned.to_degrees());
     }
-    if let Some(proof) = grasp.proof {
-        text += &format!("- verified for {:.0} g, holds {:.0} g\n", 1e3 * proof.mass, 1e3 * proof.payload);
+    if let Some(verification) = grasp.verified_load {
+        text +=
+            &format!("- verified for {:.0} g, holds {:.0} g\n", 1e3 * verification.mass, 1e3 * verification.payload);
     }
     text += &format!("- chain {}", grasp.chain);
     let contacts = grasp.contacts.iter().map(|contact| GalleryContact {
@@ -195,7 +196,7 @@ pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -
         let sheet = format!("{name}.png");
         picture::save(&picture::tile(&pictures, columns), &folder.join(&sheet))?;
         let short = entry.summary.short.as_deref().unwrap_or("");
-        let SearchSummary { kept, wanted, chains, .. } = &entry.summary;
+        let SearchSummary { kept, requested: wanted, chains, .. } = &entry.summary;
         sections.push(html! {
             h2 { (name) }
             p { (kept) " grasps of " (wanted) " from " (chains) " chains, " (kinds.len()) " kinds. " (short) }
@@ -238,7 +239,7 @@ mod tests {
         for name in set.names() {
             let entry = collection.for_object(name).unwrap_or_else(|| panic!("grasps of {name}"));
             assert_eq!(entry.summary.kept, entry.grasps.len());
-            assert!(entry.summary.short.is_some() || entry.grasps.len() == entry.summary.wanted, "{name}");
+            assert!(entry.summary.short.is_some() || entry.grasps.len() == entry.summary.requested, "{name}");
             assert!(ftac_grasp_kinds(&entry.grasps).len() > 3, "{name}");
         }
         let good = |grasp: &HeldGrasp| {

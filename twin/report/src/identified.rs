@@ -26,7 +26,7 @@ pub struct ActuatorRow {
     /// Root-mean-square residual of the servo's angle with the identified parameters, rad.
     pub residual_after: f64,
     /// Correlation length of the residual, samples.
-    pub alike: f64,
+    pub correlation_length: f64,
     /// Latency from a command to the measurement, s.
     pub delay: f64,
 }
@@ -42,7 +42,7 @@ pub struct ParameterRow {
     /// Standard deviation of the estimated deviation.
     pub sigma: f64,
     /// Standard deviation among robots built from the drawing.
-    pub spread: f64,
+    pub prior_sigma: f64,
     /// True if the sessions say more than the drawing.
     pub identified: bool,
 }
@@ -58,7 +58,12 @@ impl ParameterRow {
             other => (1.0, other, 3),
         };
         let of = |value: f64| format!("{:.decimals$} {unit}", scale * value);
-        [self.parameter.clone(), of(self.deviation), of(HALF_INTERVAL * self.sigma), of(HALF_INTERVAL * self.spread)]
+        [
+            self.parameter.clone(),
+            of(self.deviation),
+            of(HALF_INTERVAL * self.sigma),
+            of(HALF_INTERVAL * self.prior_sigma),
+        ]
     }
 }
 

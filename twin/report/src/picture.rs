@@ -143,7 +143,7 @@ impl Picture {
         [half + scale * d.dot(&self.right), half - scale * d.dot(&self.up), d.dot(&self.view.eye)]
     }
 
-    /// Draws triangles. `prop_pose` maps the frame of the vertices to the palm frame.
+    /// Draws triangles. `pose` maps the frame of the vertices to the palm frame.
     pub fn triangles(
         &mut self,
         pose: &Isometry3<f64>,
@@ -320,7 +320,7 @@ impl Picture {
     }
 }
 
-/// Writes `shell_line` with its upper left corner at (x, y).
+/// Writes `line` with its upper left corner at (x, y).
 pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
     for (n, letter) in line.chars().enumerate() {
         let Some(glyph) = font8x8::BASIC_FONTS.get(letter) else { continue };
@@ -343,7 +343,7 @@ pub fn swatch(image: &mut RgbImage, (x, y): (i64, i64), side: u32, color: [u8; 3
     image::imageops::replace(image, &RgbImage::from_pixel(side, side, Rgb(color)), x, y);
 }
 
-/// Writes `shell_line` in ink, `scale` times as large as [`text`].
+/// Writes `line` in ink, `scale` times as large as [`text`].
 pub fn large_text(image: &mut RgbImage, (x, y): (i64, i64), scale: u32, line: &str) {
     let width = 8 * line.chars().count() as u32;
     let mut small = RgbImage::from_pixel(width.max(1), 8, Rgb([255; 3]));

@@ -81,7 +81,7 @@ pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
 fn strip(folder: &Path) -> Option<(PathBuf, Condition)> {
     let entries = std::fs::read_dir(folder.join("recordings")).ok()?;
     let files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    let preferred = [Condition::Touch, Condition::Own, Condition::Reflex, Condition::Blind];
+    let preferred = [Condition::Touch, Condition::External, Condition::Reflex, Condition::Blind];
     preferred.into_iter().find_map(|condition| {
         let its = |file: &&PathBuf| {
             file.file_name().is_some_and(|name| name.to_string_lossy().ends_with(&file_suffix(condition)))

@@ -170,7 +170,7 @@ fn a_policy_of_ones_own_is_one_more_condition() {
     let mut records = synthetic_records(6, 2);
     assert!(!report(&records)[0].contains("clean success, own"));
     let touch = records.iter().filter(|record| record.condition == Condition::Touch);
-    let own: Vec<_> = touch.map(|record| TrialRecord { condition: Condition::Own, ..record.clone() }).collect();
+    let own: Vec<_> = touch.map(|record| TrialRecord { condition: Condition::External, ..record.clone() }).collect();
     records.extend(own);
     let [page, contact, _] = report(&records);
     assert!(page.contains("clean success, own") && page.contains(">own</th>"), "{page}");

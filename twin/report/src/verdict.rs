@@ -99,7 +99,7 @@ fn clean_success(summary: &Summary, compared: &[Comparison]) -> String {
         (Condition::Touch, "with touch"),
         (Condition::Blind, "blind"),
         (Condition::Reflex, "with further tries but no tactile image"),
-        (Condition::Own, "with the policy of one’s own"),
+        (Condition::External, "with the policy of one’s own"),
     ];
     let parts: Vec<String> = words
         .into_iter()
@@ -133,7 +133,7 @@ fn contacts(summary: &Summary, compared: &[Comparison]) -> String {
         (Condition::Blind, "blind"),
         (Condition::Reflex, "with reflex"),
         (Condition::Touch, "with touch"),
-        (Condition::Own, "with the policy of one’s own"),
+        (Condition::External, "with the policy of one’s own"),
     ];
     let parts: Vec<String> = words
         .into_iter()

@@ -111,10 +111,10 @@ impl TrialBackend for HardwareBackend {
     /// Looks with the vision system, or without one asks the operator, who puts the object at its nominal place.
     fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         let object = glance.object;
-        if let Some(eyes) = &mut self.vision {
+        if let Some(detector) = &mut self.vision {
             self.robot.pause(OPERATOR_TIMEOUT);
             let interrupt = &self.interrupt;
-            let seen = eyes.detect(&self.names[object], || interrupt.happened());
+            let seen = detector.detect(&self.names[object], || interrupt.happened());
             self.pause();
             return match seen {
                 Err(VisionError::Stopped(_)) => bail!(super::TrialStopped(self.stop_reason().unwrap_or_default())),

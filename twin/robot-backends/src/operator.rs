@@ -27,7 +27,7 @@ impl Operator {
         Self { input }
     }
 
-    /// Returns the operator's answer without surrounding spaces, or none if `trial_over_error` returned true first. `trial_over_error` is
+    /// Returns the operator's answer without surrounding spaces, or none if `over` returned true first. `over` is
     /// called several times a second.
     pub fn ask_until(&self, question: &str, mut over: impl FnMut() -> Result<bool>) -> Result<Option<String>> {
         eprint!("{question} ");
@@ -76,7 +76,7 @@ pub fn operator_agrees(question: &str) -> Result<bool> {
     operator_agrees_while(question, || Ok(()))
 }
 
-/// As [`operator_agrees`], and calls `recheck` several times a second so that devices are attended during the question. Its error
+/// As [`operator_agrees`], and calls `attend` several times a second so that devices are attended during the question. Its error
 /// ends the question.
 pub fn operator_agrees_while(question: &str, mut attend: impl FnMut() -> Result<()>) -> Result<bool> {
     let answer = ask_until(&format!("{question} [yes/no]"), || attend().map(|()| false))?;

@@ -22,7 +22,8 @@ pub struct RegistrationPlan {
     /// Prior standard deviation of a mark's position relative to the arm before registration, each axis, m.
     pub expected: f64,
     /// Tolerance: largest distance of a ball from its mark after the fit, m.
-    pub most_residual: f64,
+    #[serde(alias = "most_residual")]
+    pub max_residual: f64,
     /// Spread from which an emulated robot's hidden mount is drawn.
     pub hidden: HiddenMountSigmas,
 }

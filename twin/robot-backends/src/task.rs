@@ -22,7 +22,8 @@ pub struct TrialTask {
     pub trial: usize,
     pub condition: Condition,
     /// True if images were taken throughout for a watcher: commands request them.
-    pub watched: bool,
+    #[serde(alias = "watched")]
+    pub images_throughout: bool,
     /// Number of combinations that were drawn.
     pub combos: usize,
     /// Text of the scenario.
@@ -32,16 +33,19 @@ pub struct TrialTask {
     pub robot_model: Option<RobotSources>,
     /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub individual: Option<String>,
+    #[serde(alias = "individual")]
+    pub instance: Option<String>,
     /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
     /// True if second grasps were simulated in a twin of the scene before one was chosen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub foresees: bool,
+    #[serde(alias = "foresees")]
+    pub looks_ahead: bool,
     /// True if a mirror observed the trial. On a real robot images were then taken more often.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub mirrored: bool,
+    #[serde(alias = "mirrored")]
+    pub detects_faults: bool,
     /// Source of the object and base poses.
     #[serde(flatten)]
     pub places: PoseSources,
@@ -56,14 +60,14 @@ impl TrialTask {
             combination,
             trial,
             condition,
-            watched: false,
+            images_throughout: false,
             combos,
             scenario: String::new(),
             robot_model: None,
-            individual: None,
+            instance: None,
             pads: None,
-            foresees: false,
-            mirrored: false,
+            looks_ahead: false,
+            detects_faults: false,
             places: PoseSources::default(),
         }
     }
@@ -82,7 +86,8 @@ pub struct PoseSources {
     pub base: Option<[f64; 7]>,
     /// True if the first looks at the objects, too, come from the body's own eyes.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub eyes: bool,
+    #[serde(alias = "eyes")]
+    pub detector: bool,
     /// Seed of the hidden base pose of an emulated robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<u64>,

@@ -26,7 +26,7 @@ pub struct SuccessRate {
 }
 
 impl SuccessRate {
-    /// Computes the rate of `count` successes in `from_scored` trials.
+    /// Computes the rate of `count` successes in `of` trials.
     pub fn new(count: u64, of: u64) -> Self {
         if of == 0 {
             return Self { count, of, rate: None, low: 0.0, high: 1.0 };

@@ -20,7 +20,7 @@ const FIELD_NAMES: [&str; 9] =
 /// Prefix of the name of an axis over a field of the scenario.
 const SCENARIO_PREFIX: &str = "scenario.";
 /// Bodies on which a sweep can be played: those that need no operator.
-const ROBOT_BACKENDS: [&str; 3] = ["sim", "emulated", "rounded"];
+const ROBOT_BACKENDS: [&str; 3] = ["sim", "emulated", "direct"];
 
 /// Name of the robot that comes with the program.
 const BUILTIN_ROBOT: &str = "builtin";
@@ -49,7 +49,7 @@ pub enum AxisField {
 }
 
 impl AxisField {
-    /// Parses the name of an axis; `point_path` is used in errors.
+    /// Parses the name of an axis; `path` is used in errors.
     pub fn parse(name: &str, path: &Path) -> Result<Self, DataError> {
         Ok(match name {
             "seed" => Self::Seed,
@@ -148,7 +148,7 @@ pub struct RunDraft {
 }
 
 impl RunDraft {
-    /// Creates an error about a value of axis `unit_name`.
+    /// Creates an error about a value of axis `name`.
     fn value_error(&self, name: &str, found: impl ToString, expected: impl Into<String>) -> DataError {
         DataError::field(&self.file, format!("axes.{name}"), found, expected)
     }
@@ -309,7 +309,7 @@ impl RunDraft {
     }
 }
 
-/// Sets `value` at `point_path` and returns the previous value. The outer option is none if the path leads through anything
+/// Sets `value` at `path` and returns the previous value. The outer option is none if the path leads through anything
 /// but tables and lists.
 fn set_value(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
     match path.split_once('.') {
@@ -376,9 +376,9 @@ where
 /// Parses [`parse_names`] of built-in conditions: a sweep has no file of a user's own policy.
 pub fn policies(levels: &[AxisLevel], file: &Path) -> Result<Vec<Condition>, DataError> {
     let policies = parse_names("policy", levels, file)?;
-    if policies.contains(&Condition::Own) {
+    if policies.contains(&Condition::External) {
         let expected = Condition::BUILT_IN.map(Condition::name).join(", ");
-        return Err(DataError::field(file, "axes.policy", "own", format!("one of {expected}")));
+        return Err(DataError::field(file, "axes.policy", "external", format!("one of {expected}")));
     }
     Ok(policies)
 }

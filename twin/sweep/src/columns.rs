@@ -87,7 +87,7 @@ pub const WALL_TIME_COLUMNS: [&str; 1] = ["decision_ms"];
 pub const PLACE_COLUMNS: [(&str, ColumnKind, &str); 4] = [
     ("point", Whole, "number of the point, from 0: one value of each axis but seed, policy and ablation"),
     ("unit", Text, "the unit of work that played it"),
-    ("robot", Text, "body: sim, emulated or rounded"),
+    ("robot", Text, "robot backend: sim, emulated or direct"),
     ("seed", Whole, "seed of everything random"),
 ];
 

@@ -70,7 +70,7 @@ impl Sweep {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Parses a file's text; `point_path` is used in errors, and files that it names are looked for beside it.
+    /// Parses a file's text; `path` is used in errors, and files that it names are looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let file: SweepFile = parse_toml(text, path)?;
         let wrong = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));

@@ -46,12 +46,12 @@ pub struct SweepFolder {
 const PLAN_FILE: &str = "plan.json";
 
 impl SweepFolder {
-    /// True if `point_path` is the folder of a sweep.
+    /// True if `path` is the folder of a sweep.
     pub fn is_at(path: &Path) -> bool {
         path.join(PLAN_FILE).is_file()
     }
 
-    /// Opens the sweep in `point_path`.
+    /// Opens the sweep in `path`.
     pub fn open(path: &Path) -> Result<Self> {
         let file = path.join(PLAN_FILE);
         let text = fs::read_to_string(&file)

@@ -72,8 +72,8 @@ fn backend_factory(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BackendF
     Ok(match robot {
         "sim" => None,
         "emulated" => Some(Box::new(WireEmulationFactory::new(model, None))),
-        "rounded" => Some(Box::new(DirectEmulationFactory { robot: model, sessions: None })),
-        other => return Err(anyhow!("robot: found {other}, expected sim, emulated or rounded")),
+        "direct" => Some(Box::new(DirectEmulationFactory { robot: model, sessions: None })),
+        other => return Err(anyhow!("robot: found {other}, expected sim, emulated or direct")),
     })
 }
 

@@ -64,7 +64,7 @@ impl ColumnValues {
         Ok(())
     }
 
-    /// Returns the rows given by `unit_order`, in that order.
+    /// Returns the rows given by `order`, in that order.
     fn take(&self, order: &[usize]) -> Self {
         fn picked<T: Clone>(values: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|row| values[*row].clone()).collect()

@@ -30,7 +30,7 @@ fn ball(radius: f64) -> DrawnObject {
     DrawnObject::from_mesh("ball", &points, &triangles, [235, 120, 60])
 }
 
-/// Synthetic tactile image with its height map: three-coloured light, and a dent of `depth` (0 to 1) at `image_place` (shares
+/// Synthetic tactile image with its height map: three-coloured light, and a dent of `depth` (0 to 1) at `place` (shares
 /// of the image side from its centre).
 fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
     let n = IMAGE_SIZE as f64;

@@ -107,15 +107,15 @@ pub fn write(
     blueprint::send_gallery(rec, eye)?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
     let gallery = Gallery { rec, hand, object, mu };
-    let mut story = format!("# {}: {} grasps\n", object.name, grasps.len());
+    let mut trace = format!("# {}: {} grasps\n", object.name, grasps.len());
     for (n, grasp) in grasps.iter().enumerate() {
         let place =
             Isometry3::translation(GRASP_PITCH * (n % columns) as f64, -GRASP_PITCH * (n / columns) as f64, 0.0);
         let root = entities::gallery(n, &grasp.name);
         gallery.show(&root, &place, grasp)?;
-        story += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
+        trace += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
     }
-    rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(story))?;
+    rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(trace))?;
     opened.close(RecorderSettings::default().flush_timeout)
 }
 
@@ -129,7 +129,7 @@ struct Gallery<'a> {
 }
 
 impl Gallery<'_> {
-    /// Logs a grasp below `root`, with the hand's palm at `image_place`.
+    /// Logs a grasp below `root`, with the hand's palm at `place`.
     fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &GalleryGrasp) -> Result<(), TelemetryError> {
         let &Self { rec, hand, object, mu } = self;
         rec.log_static(root, &transform(place))?;

@@ -88,7 +88,7 @@ impl Mesh {
     }
 
     /// Returns a rounded box with half extents `half` and edge radius `radius` (both m), centred in its frame and moved
-    /// to `log_pose_if_moved`.
+    /// to `pose`.
     pub fn rounded_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>) -> Self {
         Self::smooth_box(half, radius, pose, 2)
     }

@@ -123,7 +123,7 @@ pub fn collision_mesh(object: &DrawnObject) -> Mesh3D {
     colored_mesh(&object.mesh(), REJECTED_COLOR, GHOST_OPACITY)
 }
 
-/// Returns the label of that closest approach. `distance_label` is in m; negative is a collision.
+/// Returns the label of that closest approach. `distance` is in m; negative is a collision.
 pub fn distance_label(distance: f64) -> Points3D {
     let text = match distance < 0.0 {
         true => format!("not taken: would collide by {:.1} mm", -distance * 1e3),

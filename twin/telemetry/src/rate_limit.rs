@@ -33,7 +33,7 @@ impl RateLimiter {
 pub struct LastPoses(HashMap<String, Isometry3<f64>>);
 
 impl LastPoses {
-    /// True if `log_pose_if_moved` differs from the last one of `path` by more than 20 um or 0.2 mrad; it then becomes the last one.
+    /// True if `pose` differs from the last one of `path` by more than 20 um or 0.2 mrad; it then becomes the last one.
     pub fn has_moved(&mut self, path: &str, pose: &Isometry3<f64>) -> bool {
         if let Some(last) = self.0.get(path) {
             let still = (last.translation.vector - pose.translation.vector).norm() < 2e-5

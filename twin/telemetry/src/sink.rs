@@ -49,10 +49,10 @@ impl OpenRecording {
         Ok(Self { rec, faults })
     }
 
-    /// Flushes everything and closes the recording. `patience` is the time limit for slow targets. An error names the
+    /// Flushes everything and closes the recording. `timeout` is the time limit for slow targets. An error names the
     /// file that could not be written.
-    pub fn close(self, patience: Duration) -> Result<(), TelemetryError> {
-        let flushed = self.rec.flush_with_timeout(patience);
+    pub fn close(self, timeout: Duration) -> Result<(), TelemetryError> {
+        let flushed = self.rec.flush_with_timeout(timeout);
         self.rec.finalize_deferred_sinks();
         self.faults.iter().try_for_each(FileError::take)?;
         Ok(flushed?)

@@ -152,7 +152,7 @@ pub fn differ(a: &TactileImage, b: &TactileImage) -> bool {
 }
 
 /// Renders a height map (m, row-major, `w` by `h`) in colour: black at 0, over violet and orange to light yellow at
-/// `range` (m). Returns the JPEG and the transform that makes it fill the cell of `camera_name`.
+/// `range` (m). Returns the JPEG and the transform that makes it fill the cell of `camera`.
 pub fn height_image(
     hand: &Hand,
     camera: usize,

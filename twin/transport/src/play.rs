@@ -48,7 +48,7 @@ pub struct TransportRecord {
     /// Simulated time up to the last release, s.
     pub seconds: f64,
     /// Log in words: decisions, tactile findings and disturbances.
-    pub story: Vec<String>,
+    pub events: Vec<String>,
 }
 
 /// Data shared by all transports of a scenario.
@@ -123,13 +123,13 @@ impl TransportSite {
                 volume_cm3: 0.0,
                 picks: 0,
                 seconds: 0.0,
-                story: Vec::new(),
+                events: Vec::new(),
             },
         };
         loop {
             let RolloutSnapshot { robot, executor } = &mut progress.branch;
-            let mut eyes = SimulatedDetector { robot, noise: &self.transport.noise, rng: &mut rng };
-            let step = sequence.decide(executor, &mut eyes)?;
+            let mut detector = SimulatedDetector { robot, noise: &self.transport.noise, rng: &mut rng };
+            let step = sequence.decide(executor, &mut detector)?;
             progress.log_events(sequence.take_reasons());
             progress.record.picks = sequence.picks();
             if step != PolicyStep::Continue {
@@ -174,7 +174,7 @@ impl ObjectDetector for SimulatedDetector<'_> {
 impl Progress<'_> {
     fn log_events(&mut self, texts: Vec<String>) {
         for text in texts {
-            self.record.story.push(text.clone());
+            self.record.events.push(text.clone());
             self.note = Some(match self.note.take() {
                 Some(before) => format!("{before}; {text}"),
                 None => text,
@@ -216,7 +216,7 @@ impl Progress<'_> {
                 if due && pushed.is_none() {
                     *pushed = Some(robot.time());
                     let text = format!("push of {:.2} N on {}", Vector3::from(push.force).norm(), push.ball);
-                    record.story.push(text.clone());
+                    record.events.push(text.clone());
                     *note = Some(text);
                 }
                 if pushed.is_some_and(|since| robot.time() - since < push.duration) {

@@ -40,7 +40,7 @@ impl TransportRecording {
 
     /// Writes the outcome and flushes the recording.
     pub fn finish(mut self, record: &TransportRecord) -> Result<()> {
-        let last = record.story.last().map_or("nothing was carried", String::as_str);
+        let last = record.events.last().map_or("nothing was carried", String::as_str);
         self.recorder.log_outcome(&format!("{}: {:?} objects a trip; {last}", record.policy.name(), record.carried))?;
         self.recorder.finish()?;
         Ok(())

@@ -202,7 +202,7 @@ fn search_pick(
             held_joints: Some(truth.hand.clone()),
             ..grasp
         };
-        let proven = PickSkill {
+        let verified = PickSkill {
             diameter: site.transport.ball[wanted.ball].diameter,
             beside: base.holding_digits.clone(),
             keeps: keeps.clone(),
@@ -213,12 +213,12 @@ fn search_pick(
             held_balls: [&base.held_balls[..], &[wanted.ball]].concat(),
             holding_digits: [&base.holding_digits[..], keeps].concat(),
         };
-        Ok((came, Some((proven, base))))
+        Ok((came, Some((verified, base))))
     };
     let tried: Vec<Result<_>> = grasps.into_par_iter().map(one).collect();
     let mut found = Vec::new();
     for tried in tried {
-        let (came, proven) = tried?;
+        let (came, verified) = tried?;
         let far = match came {
             AttemptStage::OutOfReach => continue,
             AttemptStage::NotTouched => 0,
@@ -230,7 +230,7 @@ fn search_pick(
         searched.touched += usize::from(far > 0);
         searched.lifted += usize::from(far > 1);
         searched.held += usize::from(far > 2);
-        found.extend(proven);
+        found.extend(verified);
     }
     Ok(found)
 }

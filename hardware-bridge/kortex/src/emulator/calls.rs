@@ -14,7 +14,7 @@ use super::subscription::Subscription;
 use crate::call::{self, Call};
 use crate::degrees;
 use crate::frame::is_younger;
-use crate::frame::{Frame, Header, Kind};
+use crate::frame::{Frame, FrameKind, Header};
 use crate::joints::JOINTS;
 use crate::message::base::{
     ActuatorInformation, ArmStateInformation, JointAngle, JointAngles, JointSpeeds, Pose, ServoingMode,
@@ -28,7 +28,7 @@ use crate::message::{ErrorMessage, NotificationHandle};
 impl Controller {
     /// Returns the answer to a request.
     pub(super) fn answer(&mut self, peer: Peer, request: &Frame) -> Frame {
-        let header = Header { kind: Kind::Response, ..request.header };
+        let header = Header { kind: FrameKind::Response, ..request.header };
         match self.perform(peer, request) {
             Ok((session, payload)) => Frame { header: Header { session, ..header }, payload },
             Err((error, sub_error, text)) => {

@@ -10,8 +10,8 @@ use super::playing::Playing;
 use super::refusals::{IN_EMERGENCY_STOP, IN_FAULT, MANUAL_STOP};
 use super::sessions::Sessions;
 use super::subscription::Subscription;
-use crate::frame::{Frame, Kind};
-use crate::joints::{JOINTS, Motion};
+use crate::frame::{Frame, FrameKind};
+use crate::joints::{JOINTS, JointMotion};
 use crate::message::ArmState;
 use crate::message::action::ActionNotification;
 use crate::message::base::ServoingMode;
@@ -103,7 +103,7 @@ pub struct Status {
     /// Servoing mode: who moves the arm.
     pub mode: ServoingMode,
     /// Motion of the joints.
-    pub motion: Motion,
+    pub motion: JointMotion,
     /// Active faults.
     pub faults: Report,
     /// Open sessions.
@@ -202,7 +202,7 @@ impl Controller {
         }
     }
 
-    pub(super) fn motion(&self) -> Motion {
+    pub(super) fn motion(&self) -> JointMotion {
         self.plant.state()
     }
 
@@ -226,7 +226,7 @@ impl Controller {
         if self.network.deaf || over_udp && self.network.loses_command(&mut self.random) {
             return Vec::new();
         }
-        let answer = (frame.header.kind == Kind::Request).then(|| (peer, self.answer(peer, frame)));
+        let answer = (frame.header.kind == FrameKind::Request).then(|| (peer, self.answer(peer, frame)));
         let mut outgoing: Vec<Outgoing> = answer.into_iter().collect();
         if over_udp {
             outgoing.retain(|_| !self.network.loses_reply(&mut self.random));

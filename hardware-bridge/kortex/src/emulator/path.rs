@@ -3,10 +3,10 @@
 use crate::joints::JOINTS;
 
 /// Limits if the host requests no duration: rad/s of the fastest joint, and rad/s2. Our reading.
-const MODEST: Limits = Limits { speed: 0.5, acceleration: 1.5 };
+const MODEST: PathLimits = PathLimits { speed: 0.5, acceleration: 1.5 };
 /// Limits if the host requests a duration: the slowest joint's top speed (published: 69.9 degrees per second), and our
 /// reading of the acceleration.
-const TOP: Limits = Limits { speed: TOP_SPEED, acceleration: 5.0 };
+const TOP: PathLimits = PathLimits { speed: TOP_SPEED, acceleration: 5.0 };
 /// Top speed, rad/s.
 pub(super) const TOP_SPEED: f64 = 1.22;
 /// Top speed of a minimum-jerk curve, as a multiple of distance / duration.
@@ -15,7 +15,7 @@ const PEAK_SPEED: f64 = 1.875;
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
 
 #[derive(Debug, Clone, Copy)]
-struct Limits {
+struct PathLimits {
     speed: f64,
     acceleration: f64,
 }
@@ -47,7 +47,7 @@ impl Path {
         let seconds = match haste {
             Haste::Modest => shortest(&from, &to, MODEST),
             Haste::Duration(seconds) => seconds.max(soonest(&from, &to)),
-            Haste::Speed(speed) => shortest(&from, &to, Limits { speed, ..MODEST }),
+            Haste::Speed(speed) => shortest(&from, &to, PathLimits { speed, ..MODEST }),
         };
         Self { from, to, start, duration: (seconds * 1e3).ceil() as u64 }
     }
@@ -73,7 +73,7 @@ pub(super) fn soonest(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
     shortest(from, to, TOP)
 }
 
-fn shortest(from: &[f64; JOINTS], to: &[f64; JOINTS], limits: Limits) -> f64 {
+fn shortest(from: &[f64; JOINTS], to: &[f64; JOINTS], limits: PathLimits) -> f64 {
     let way = (0..JOINTS).map(|i| (to[i] - from[i]).abs()).fold(0.0, f64::max);
     (PEAK_SPEED * way / limits.speed).max((PEAK_ACCELERATION * way / limits.acceleration).sqrt())
 }

@@ -1,7 +1,7 @@
 //! The joints of an emulated arm.
 
 use crate::gen3;
-use crate::joints::{JOINTS, Motion, ToolPose};
+use crate::joints::{JOINTS, JointMotion, ToolPose};
 
 /// The controller's command to the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +53,7 @@ pub trait Plant: Send {
     /// Advances the joints by `seconds` under `drive`.
     fn advance(&mut self, drive: &Drive, seconds: f64);
     /// Returns angles (rad, not wrapped), speeds and torques.
-    fn state(&self) -> Motion;
+    fn state(&self) -> JointMotion;
     /// Returns the pose of the tool; `None` for joints without links.
     fn tool_pose(&self) -> Option<ToolPose> {
         None
@@ -77,7 +77,7 @@ pub trait Plant: Send {
 /// ```
 #[derive(Debug, Clone)]
 pub struct FirstOrderJoints {
-    state: Motion,
+    state: JointMotion,
     lag: f64,
     top_speed: [f64; JOINTS],
 }
@@ -85,7 +85,7 @@ pub struct FirstOrderJoints {
 impl FirstOrderJoints {
     /// Creates joints at rest at `posture` (rad), with `lag` in s and `top_speed` in rad/s.
     pub fn new(posture: [f64; JOINTS], lag: f64, top_speed: [f64; JOINTS]) -> Self {
-        let state = Motion { position: posture, ..Motion::default() };
+        let state = JointMotion { position: posture, ..JointMotion::default() };
         Self { state, lag, top_speed }
     }
 
@@ -111,7 +111,7 @@ impl Plant for FirstOrderJoints {
         }
     }
 
-    fn state(&self) -> Motion {
+    fn state(&self) -> JointMotion {
         self.state
     }
 }

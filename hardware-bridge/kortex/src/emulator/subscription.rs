@@ -2,7 +2,7 @@
 
 use super::peer::{Outgoing, Peer};
 use crate::call::Call;
-use crate::frame::{Frame, Header, Kind};
+use crate::frame::{Frame, FrameKind, Header};
 
 pub(super) struct Subscription {
     pub topic: Call,
@@ -15,7 +15,7 @@ pub(super) struct Subscription {
 impl Subscription {
     pub(super) fn notification(&self, payload: Vec<u8>) -> Outgoing {
         let Self { topic: call, device, handle: message, session, peer } = *self;
-        let header = Header { kind: Kind::Notification, device, error: 0, sub_error: 0, session, message, call };
+        let header = Header { kind: FrameKind::Notification, device, error: 0, sub_error: 0, session, message, call };
         (peer, Frame { header, payload })
     }
 }

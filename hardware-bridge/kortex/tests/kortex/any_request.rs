@@ -1,7 +1,7 @@
 //! For any request, the emulated arm answers, does not panic, and keeps a finite posture.
 
 use kinova_kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
-use kinova_kortex::frame::{Frame, Header, Kind};
+use kinova_kortex::frame::{Frame, FrameKind, Header};
 use kinova_kortex::message::action::{Action, ActionHandle, ConstrainedJointAngles, JointConstraint};
 use kinova_kortex::message::base::{
     JointAngle, JointAngles, JointSpeed, JointSpeeds, ServoingMode, ServoingModeInformation,
@@ -15,7 +15,7 @@ use prost::Message;
 const PEER: Peer = Peer::Tcp(1);
 
 fn request(call: call::Call, session: u16, payload: Vec<u8>) -> Frame {
-    let kind = Kind::Request;
+    let kind = FrameKind::Request;
     Frame { header: Header { kind, device: 0, error: 0, sub_error: 0, session, message: 1, call }, payload }
 }
 
@@ -65,7 +65,7 @@ proptest! {
         ];
         for (place, payload, milliseconds) in asked {
             let answers = arm.receive(PEER, &request(calls[place], session, payload));
-            prop_assert_eq!(answers.iter().filter(|(_, frame)| frame.header.kind == Kind::Response).count(), 1);
+            prop_assert_eq!(answers.iter().filter(|(_, frame)| frame.header.kind == FrameKind::Response).count(), 1);
             for _ in 0..milliseconds {
                 arm.tick();
             }

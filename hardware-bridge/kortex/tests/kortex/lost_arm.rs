@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use kinova_kortex::emulator::{Emulator, EventKind, Injection, Pace};
 use kinova_kortex::message::base::ServoingMode;
-use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::servoing::{Servoing, ServoingLimits};
 use kinova_kortex::{Arm, KortexError, Timeouts};
 
 use crate::support::*;
@@ -56,7 +56,7 @@ fn an_idle_arm_outlives_the_session_timeout() {
 }
 
 /// Servoes on an arm with this watchdog, ms, until `end` has done its work and the host notices. Returns the error.
-fn ended(cyclic_deadline: u64, timeouts: Timeouts, limits: Limits, end: impl FnOnce(&Emulator)) -> KortexError {
+fn ended(cyclic_deadline: u64, timeouts: Timeouts, limits: ServoingLimits, end: impl FnOnce(&Emulator)) -> KortexError {
     let emulator = emulator_with(home_posture(), Pace::Stepped, cyclic_deadline);
     let mut arm = connected(&emulator, timeouts);
     let mut servoing = Servoing::enter(&mut arm, limits).expect("enters");
@@ -115,7 +115,7 @@ fn a_lossy_network_is_told() {
     let emulator = emulator_with(home_posture(), Pace::Stepped, 50);
     let mut arm = host(&emulator);
     // Commands are in time on any busy machine.
-    let mut servoing = Servoing::enter(&mut arm, Limits { cycle: PATIENCE, ..limits() }).expect("enters");
+    let mut servoing = Servoing::enter(&mut arm, ServoingLimits { cycle: PATIENCE, ..limits() }).expect("enters");
     emulator.inject(Injection::LoseCommands(1.0));
     for _ in 0..60 {
         assert!(!servoing.hold(Instant::now() + Duration::from_micros(100)).expect("not noticed yet"));

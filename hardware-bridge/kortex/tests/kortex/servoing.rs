@@ -7,7 +7,7 @@ use kinova_kortex::JOINTS;
 use kinova_kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Injection, Pace, Settings};
 use kinova_kortex::message::ArmState;
 use kinova_kortex::message::base::ServoingMode;
-use kinova_kortex::servoing::{Limits, Servoing};
+use kinova_kortex::servoing::{Servoing, ServoingLimits};
 use kinova_kortex::{CommandError, KortexError};
 
 use crate::support::*;
@@ -89,7 +89,7 @@ fn a_command_far_from_the_arm_is_not_sent() {
     assert!(emulator.status().commands.largest_step.iter().all(|step| *step < 1e-9));
 }
 
-fn creep(top_speed: f64, limits: Limits) -> (Emulator, KortexError) {
+fn creep(top_speed: f64, limits: ServoingLimits) -> (Emulator, KortexError) {
     let plant = FirstOrderJoints::new(home_posture(), LAG, [top_speed; JOINTS]);
     let emulator = Emulator::start(Settings::default(), Box::new(plant), Pace::Stepped).expect("starts");
     let mut arm = host(&emulator);
@@ -116,7 +116,7 @@ fn a_blocked_arm_refuses_the_command_before_it_trips() {
 /// Without that check the arm raises its own following error, which arrives as an error with the joint's name.
 #[test]
 fn a_following_error_is_named() {
-    let (_, error) = creep(0.01, Limits { lead: [1.0; JOINTS], ..limits() });
+    let (_, error) = creep(0.01, ServoingLimits { lead: [1.0; JOINTS], ..limits() });
     assert!(matches!(error, KortexError::Fault(_)), "{error}");
     assert_eq!(error.to_string(), "the arm is in fault: base: joint fault; joint 2: following error");
 }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use kinova_kortex::JOINTS;
 use kinova_kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
-use kinova_kortex::servoing::Limits;
+use kinova_kortex::servoing::ServoingLimits;
 use kinova_kortex::{Arm, Credentials, Timeouts, gen3};
 
 /// Time constant of the emulated joints, s.
@@ -58,13 +58,13 @@ pub fn host(emulator: &Emulator) -> Arm {
     Arm::connect(emulator.address(), &credentials(), timeouts(), near).expect("connects")
 }
 
-pub fn limits() -> Limits {
-    Limits::gen3()
+pub fn limits() -> ServoingLimits {
+    ServoingLimits::gen3()
 }
 
 /// Limits that tolerate any silence, for an arm in real time on a busy machine.
-pub fn patient_limits() -> Limits {
-    Limits { silent_cycles: u32::MAX, ..limits() }
+pub fn patient_limits() -> ServoingLimits {
+    ServoingLimits { silent_cycles: u32::MAX, ..limits() }
 }
 
 /// A deadline before which any answer on loopback comes.

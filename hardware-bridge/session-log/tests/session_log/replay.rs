@@ -50,8 +50,8 @@ fn the_same_controller_replays_identically() {
     let mut replay = replay(&path);
     drive(&mut replay, TICKS);
     assert!(replay.has_ended());
-    let (progress, divergence) = replay.finish().expect("read to its end");
-    assert_eq!(divergence, None);
+    let (progress, fault) = replay.finish().expect("read to its end");
+    assert_eq!(fault, None);
     assert_eq!(progress, ReplayProgress { ticks: TICKS as u64, commands: TICKS as u64 });
 }
 
@@ -68,8 +68,8 @@ fn failures_are_replayed() {
     recorder.finish().1.expect("written");
     let mut replay = replay(&path);
     assert_eq!(drive(&mut replay, 60), failed);
-    let (progress, divergence) = replay.finish().expect("read to its end");
-    assert_eq!((progress, divergence), (ReplayProgress { ticks: 60, commands: 60 }, None));
+    let (progress, fault) = replay.finish().expect("read to its end");
+    assert_eq!((progress, fault), (ReplayProgress { ticks: 60, commands: 60 }, None));
 }
 
 /// A replay recorded in turn is the same session, event by event, bit by bit.
@@ -112,9 +112,9 @@ fn the_last_bit_is_noticed() {
         replay.send(&command).expect("recorded");
         replay.wait_for_tick();
     }
-    let (progress, divergence) = replay.finish().expect("readable");
+    let (progress, fault) = replay.finish().expect("readable");
     assert_eq!(progress.commands, 37);
-    match divergence {
+    match fault {
         Some(ReplayDifference::Command { tick: 37, field, .. }) => assert_eq!(field, "arm joint 3"),
         other => panic!("{other:?}"),
     }
@@ -127,8 +127,8 @@ fn another_kind_of_goal_is_noticed() {
     let mut command = decide(&replay.observe().and_then(Readings::into_observation).expect("recorded"));
     command.servos[1] = ServoGoal::Position { angle: 0.0, current_limit: 0.0 };
     replay.send(&command).expect("recorded");
-    let divergence = replay.difference().expect("noticed").to_string();
-    assert_eq!(divergence, "tick 0: kind of goal is servo 2 angle, recorded as servo 2 current");
+    let fault = replay.difference().expect("noticed").to_string();
+    assert_eq!(fault, "tick 0: kind of goal is servo 2 angle, recorded as servo 2 current");
 }
 
 #[test]

@@ -127,12 +127,12 @@ mod tests {
             addresses(&mut servo, 0, &goals).expect("set up");
             let shown = registers(&[xc330::PRESENT_INPUT_VOLTAGE, xc330::HARDWARE_ERROR_STATUS]);
             addresses(&mut servo, 6, &shown).expect("set up");
-            let mut wish = 1000_i32.to_le_bytes().to_vec();
-            wish.extend(120_i16.to_le_bytes());
-            servo.write(data, &wish).expect("written");
-            assert_eq!(servo.read(xc330::GOAL_POSITION.address, 4), Ok(wish[..4].to_vec()), "firmware {firmware}");
-            assert_eq!(servo.read(xc330::GOAL_CURRENT.address, 2), Ok(wish[4..].to_vec()));
-            assert_eq!(servo.read(data, 6), Ok(wish));
+            let mut command = 1000_i32.to_le_bytes().to_vec();
+            command.extend(120_i16.to_le_bytes());
+            servo.write(data, &command).expect("written");
+            assert_eq!(servo.read(xc330::GOAL_POSITION.address, 4), Ok(command[..4].to_vec()), "firmware {firmware}");
+            assert_eq!(servo.read(xc330::GOAL_CURRENT.address, 2), Ok(command[4..].to_vec()));
+            assert_eq!(servo.read(data, 6), Ok(command));
             assert_eq!(servo.read(data + 6, 3), Ok(vec![111, 0, 0]), "11.1 V and no error");
         }
     }

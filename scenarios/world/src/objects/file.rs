@@ -150,7 +150,7 @@ fn one() -> f64 {
 
 impl ObjectFile {
     /// Parses a file's text. `path` is named in errors; a mesh file is looked up relative to it and must be within
-    /// `file_access`.
+    /// `reach`.
     pub fn parse(text: &str, path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
         if let ShapeFile::Mesh { file, obj: obj @ None, unit, mended, .. } = &mut object.shape {
@@ -169,7 +169,7 @@ impl ObjectFile {
         Ok(object)
     }
 
-    /// Reads an object's file and its mesh file, which must be within `file_access`.
+    /// Reads an object's file and its mesh file, which must be within `reach`.
     pub fn read(path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         Self::parse(&read_text(path)?, path, reach)
     }

@@ -119,7 +119,7 @@ fn presses(p: &[f64], options: &PressOptions) -> FitSamples {
     samples
 }
 
-/// Fits `count` generated presses (and images of single lamps) with `noise_seed` grey levels of noise; returns the errors of
+/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; returns the errors of
 /// the result.
 pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &FitEffort, seed: u64) -> RecoveryErrors {
     let assumptions = Assumptions::full(Some(PIXEL_SIZE));

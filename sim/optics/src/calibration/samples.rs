@@ -42,7 +42,7 @@ pub(crate) struct FitSamples {
 }
 
 impl FitSamples {
-    /// Samples about `per_press` pixels from a square of `reach` visible radii around each press, and `flat_sensor` pixels of
+    /// Samples about `per_press` pixels from a square of `reach` visible radii around each press, and `flat` pixels of
     /// the background.
     pub(crate) fn draw(
         folder: &PressFolder,

@@ -128,7 +128,7 @@ impl CurvedSensor {
         TactileImage { rgb }
     }
 
-    /// Computes the grey level of image value `visible_share_at` for a radiance of the model.
+    /// Computes the grey level of image value `at` for a radiance of the model.
     fn grey(&self, at: usize, radiance: f32) -> f32 {
         self.sensor.response[at % 3].grey(radiance + self.sensor.correction[at])
     }

@@ -51,7 +51,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", requires = "policy", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     pub policy_timeout: Option<u32>,
     /// Simulated time that passes while your policy computes: none (`stand`), or as much as on the wall clock.
-    #[arg(long, value_enum, default_value_t = PolicyTime::Stand, requires = "policy")]
+    #[arg(long, value_enum, default_value_t = PolicyTime::Paused, requires = "policy")]
     pub policy_time: PolicyTime,
     /// Robot backend.
     #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
@@ -90,16 +90,16 @@ pub struct BenchArgs {
     /// Switch off all errors and effects, as --noise-scale 0 --without all; the controller expects none either.
     #[arg(long, conflicts_with_all = ["noise_scale", "without", "resume"])]
     pub no_errors: bool,
-    /// Switch off effects of the scenario: pads, gel, cables, eyes, arm, objects, floor, time, or all.
+    /// Switch off effects of the scenario: pads, gel, cables, detector, arm, objects, floor, time, or all.
     #[arg(long, value_delimiter = ',', value_name = "EFFECTS")]
     pub without: Vec<String>,
     /// Errors that the controller expects: a file like twin/control/data/uncertainty.toml, which is the default.
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
-    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
     /// nominal robot.
     #[arg(long, value_name = "FILE")]
-    pub individual: Option<PathBuf>,
+    pub instance: Option<PathBuf>,
     /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
     /// nominal pads.
     #[arg(long, value_name = "FILE")]
@@ -107,10 +107,10 @@ pub struct BenchArgs {
     /// Let touch and reflex simulate candidates for the second grasp (rollouts from the state as felt) before they
     /// choose one.
     #[arg(long)]
-    pub foresee: bool,
-    /// Run a twin in parallel with the robot and write the divergences that it names to divergences.csv.
+    pub look_ahead: bool,
+    /// Run a twin in parallel with the robot and write the divergences that it names to faults.csv.
     #[arg(long)]
-    pub mirror: bool,
+    pub detect_faults: bool,
     /// Number of the individual that a simulated or emulated robot is, unknown to the control stack; default: the robot
     /// that the control stack assumes.
     #[arg(long, value_name = "N")]
@@ -130,8 +130,8 @@ pub struct BenchArgs {
         long,
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
-            "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "individual", "plant",
-            "foresee", "mirror", "pads", "tactile", "robot_model",
+            "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "instance", "plant",
+            "look_ahead", "detect_faults", "pads", "tactile", "robot_model",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -141,7 +141,7 @@ pub struct BenchArgs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PolicyTime {
     /// No simulated time.
-    Stand,
+    Paused,
     /// As much as on the wall clock. On the real robot this is always so.
     Wall,
 }
@@ -218,18 +218,18 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         effort: args.effort,
         scenario: text,
         places: args.places.pose_sources(args.robot)?,
-        individual: instance_text(args.individual.as_deref(), &model)?.0,
+        robot_instance: instance_text(args.instance.as_deref(), &model)?.0,
         pads: pad_calibration_text(args.pads.as_deref(), &model)?,
         robot_model: model.sources,
-        plant: args.plant,
-        foresees: args.foresee,
-        mirrors: args.mirror,
+        plant_instance: args.plant,
+        looks_ahead: args.look_ahead,
+        detects_faults: args.detect_faults,
         // Filled in after the scenario's own objects have been tried.
         notes: Vec::new(),
         left_out: Vec::new(),
         gpu: args.tactile == TactileBackend::Gpu,
         record: args.record.map_or_else(Recorded::default, Recorded::from),
-        made: vec![Provenance::now()],
+        provenance: vec![Provenance::now()],
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
@@ -239,9 +239,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (mut request, folder) = request(terminal, args)?;
     let robot = <BackendKind as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
-    if request.places.eyes != args.places.eyes.is_some() {
-        let (found, expected) = if request.places.eyes { ("none", "them") } else { ("them", "none") };
-        bail!("--eyes: found {found}, expected {expected}, as the run in {} was begun", folder.display());
+    if request.places.detector != args.places.detector.is_some() {
+        let (found, expected) = if request.places.detector { ("none", "them") } else { ("them", "none") };
+        bail!("--detector: found {found}, expected {expected}, as the run in {} was begun", folder.display());
     }
     check_backend(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
@@ -254,7 +254,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
         bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
     }
-    if robot == BackendKind::Hardware && request.plant.is_some() {
+    if robot == BackendKind::Hardware && request.plant_instance.is_some() {
         bail!("--plant: --robot is hardware, which is the individual that it is");
     }
     let quiet = terminal.quiet || terminal.json;
@@ -267,7 +267,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let mut bench = bench_from_request(&request, quiet)?;
     let asked = request.combos;
     if args.resume.is_none() {
-        request.combos = bench.grasp_pairs.plans.len().min(asked);
+        request.combos = bench.grasp_pairs.pairs.len().min(asked);
         (request.notes, request.left_out) = (bench.notes.clone(), bench.left_out.clone());
     }
     warn_nominal_pads(robot, &request.conditions, request.pads.as_deref());
@@ -316,14 +316,14 @@ fn parse_ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`external_policy`), that condition is added.
+/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`own`), that condition is added.
 fn parse_conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
     let mut wanted: BTreeSet<Condition> =
         names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
-    if wanted.contains(&Condition::Own) && !own {
+    if wanted.contains(&Condition::External) && !own {
         bail!("--conditions: found own, expected --policy FILE.py:CLASS with it");
     }
-    wanted.extend(own.then_some(Condition::Own));
+    wanted.extend(own.then_some(Condition::External));
     Ok(wanted.into_iter().collect())
 }
 
@@ -331,7 +331,7 @@ fn parse_conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
 fn parse_policy(args: &BenchArgs) -> Result<Option<PolicySource>> {
     // On the real robot time passes anyway.
     let waits = args.policy_time == PolicyTime::Wall && args.robot != BackendKind::Hardware;
-    let pace = if waits { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Stand };
+    let pace = if waits { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
     let Some(text) = &args.policy else { return Ok(None) };
     let source = PolicySource::parse(text, &args.policy_arg, pace)?;
     Ok(Some(PolicySource { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))

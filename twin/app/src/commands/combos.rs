@@ -53,7 +53,7 @@ pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     let bench =
         make_scene_bench(&args.robot.model()?, scenario, count, terminal.seed, terminal.quiet || terminal.json)?;
     let lists: Vec<&str> = bench.world.scenario.object_lists().into_iter().map(|(field, _)| field).collect();
-    let width = bench.grasp_pairs.plans.iter().flat_map(GraspPair::objects).map(str::len).max().unwrap_or(0);
+    let width = bench.grasp_pairs.pairs.iter().flat_map(GraspPair::objects).map(str::len).max().unwrap_or(0);
     let row = |number: &str, names: &[&str]| {
         let names: Vec<String> = names.iter().map(|name| format!("{name:width$}")).collect();
         format!("{number:>5}  {}", names.join("  ")).trim_end().to_owned() + "\n"
@@ -61,7 +61,7 @@ pub fn run(terminal: &Terminal, args: &CombosArgs) -> Outcome {
     let heading = if lists.len() == 2 { vec!["first", "then"] } else { lists.clone() };
     let mut text = row("COMBO", &heading);
     let mut combinations = Vec::new();
-    for (combination, plan) in bench.grasp_pairs.plans.iter().enumerate() {
+    for (combination, plan) in bench.grasp_pairs.pairs.iter().enumerate() {
         text += &row(&combination.to_string(), &plan.objects());
         let objects = lists.iter().copied().zip(plan.objects()).collect();
         combinations.push(CombinationRow { combination, objects });

@@ -57,8 +57,8 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let robot = args.robot.model()?;
     let combos = (args.combination + 1).min(60);
     let bench = make_bench(&robot, Scenario::benchmark(), combos, terminal.seed, quiet)?;
-    let Some(plan) = bench.grasp_pairs.plans.get(args.combination) else {
-        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.grasp_pairs.plans.len() - 1);
+    let Some(plan) = bench.grasp_pairs.pairs.get(args.combination) else {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.grasp_pairs.pairs.len() - 1);
     };
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let program = if args.no_viewer { None } else { viewer::find() };
@@ -69,7 +69,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         let mut targets = vec![RecordingTarget::File(file.clone())];
         targets.extend(program.is_some().then_some(RecordingTarget::Spawn));
         let task = TrialTask {
-            watched: true,
+            images_throughout: true,
             scenario: scenarios::scenario::BENCHMARK_TOML.to_owned(),
             robot_model: robot.sources.clone(),
             ..TrialTask::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
@@ -114,9 +114,9 @@ fn write_page(
     let about = html! {
         p {
             "The hand takes the " (first) " with ring and little finger, keeps it, and takes the " (second) " with thumb, index and middle finger. \
-            Arm and eyes err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
+            Arm and detector err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
             object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses the grasp and the aim \
-            whose odds are best."
+            whose probabilities are best."
         }
         p {
             "The hand and the task are those of Zhao et al., "

@@ -232,7 +232,7 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     let mut recording = Recording::open(&[RecordingTarget::File(partial.clone())], &bench, &task, (began, false))?;
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
-    let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
+    let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let played = played.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
         // The trial cannot go on if the recording was cut short or the controller diverged from it.
         Some(_) => Ok(()),
@@ -246,11 +246,8 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     }
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
     played?;
-    let left = divergence.map(|divergence| {
-        format!(
-            "the recording ends where this program ({}) leaves the session: {divergence}",
-            env!("CARGO_PKG_VERSION")
-        )
+    let left = fault.map(|fault| {
+        format!("the recording ends where this program ({}) leaves the session: {fault}", env!("CARGO_PKG_VERSION"))
     });
     Ok((progress.ticks, left))
 }

@@ -33,9 +33,9 @@ pub enum GraspsCommand {
     #[command(flatten)]
     Lab(GraspsLabCommand),
     /// Make the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics (rollouts).
-    PickUps(RepertoireArgs),
+    Repertoire(RepertoireArgs),
     /// Draw object combinations by the benchmark's rule and rehearse them without noise.
-    Plan(PairsArgs),
+    Pairs(PairsArgs),
 }
 
 /// Runs a `grasps` command; those of `ftac-lab` are handed over to the `lab`.
@@ -47,7 +47,7 @@ pub fn run(terminal: &Terminal, command: &GraspsCommand, lab: &LabProgram<'_>) -
         GraspsCommand::Show(args) => show::show(terminal, args),
         GraspsCommand::Export(args) => export::run(terminal, args),
         GraspsCommand::Lab(_) => Err(lab.exec_lab()),
-        GraspsCommand::PickUps(args) => repertoire::make_repertoire(terminal, args),
-        GraspsCommand::Plan(args) => repertoire::make_pairs(terminal, args),
+        GraspsCommand::Repertoire(args) => repertoire::make_repertoire(terminal, args),
+        GraspsCommand::Pairs(args) => repertoire::make_pairs(terminal, args),
     }
 }

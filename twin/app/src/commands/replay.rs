@@ -23,7 +23,7 @@ use crate::terminal::Terminal;
 /// JSON output of `replay` of one session.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ReplayOutput {
-    /// Robot backend: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, direct, emulated or hardware.
     robot: String,
     /// Number of the combination, from 0.
     combination: usize,
@@ -37,13 +37,13 @@ pub struct ReplayOutput {
     /// Number of bit-identical commands.
     identical_commands: u64,
     /// True if the session is complete (not cut short).
-    whole: bool,
+    complete: bool,
     /// First command that differs, or null.
-    divergence: Option<String>,
+    difference: Option<String>,
     /// True if replay and session made the same decisions; null if one of them has none.
     same_decisions: Option<bool>,
     /// Reason for the failed look (vision) in which both session and replay end, or null.
-    failed_look: Option<String>,
+    failed_detection: Option<String>,
 }
 
 /// Result for a session of a folder, replayed or not.
@@ -143,7 +143,7 @@ fn replay_session(terminal: &Terminal, recording: &Path) -> Result<(ReplayOutput
 
 /// Builds the bench on which the trial of a session is replayed.
 pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, recording: &Path) -> Result<Bench> {
-    if task.condition == Condition::Own {
+    if task.condition == Condition::External {
         bail!(
             "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
             recording.display()
@@ -152,18 +152,18 @@ pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, re
     let quiet = terminal.quiet || terminal.json;
     // A shorter draw of combinations is the beginning of a longer one.
     let combos = task.combination + 1;
-    let robot = robot_from_sources(task.robot_model.as_ref(), task.individual.as_deref(), recording)?;
+    let robot = robot_from_sources(task.robot_model.as_ref(), task.instance.as_deref(), recording)?;
     let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
     task.places.apply_to(&mut bench.world)?;
     replace_calibration(&mut bench, task.pads.as_deref(), recording)?;
-    bench.set_look_ahead(task.foresees);
+    bench.set_look_ahead(task.looks_ahead);
     set_expected_errors(&mut bench, None, recording, &task.robot)?;
-    if task.combination >= bench.grasp_pairs.plans.len() {
+    if task.combination >= bench.grasp_pairs.pairs.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
             recording.display(),
             task.combination,
-            bench.grasp_pairs.plans.len().saturating_sub(1)
+            bench.grasp_pairs.pairs.len().saturating_sub(1)
         );
     }
     Ok(bench)
@@ -216,7 +216,7 @@ fn replay_trial(
             None => return Err(error),
         },
     };
-    let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
+    let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let decided = |record: &TrialRecord| (record.switched, record.retries, record.reason.clone());
     let same = match (&played, &outcome) {
         (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
@@ -229,10 +229,10 @@ fn replay_trial(
         condition: task.condition,
         ticks: progress.ticks,
         identical_commands: progress.commands,
-        whole,
-        divergence: divergence.as_ref().map(ToString::to_string),
+        complete: whole,
+        difference: fault.as_ref().map(ToString::to_string),
         same_decisions: same,
-        failed_look: failed.clone(),
+        failed_detection: failed.clone(),
     };
     if !terminal.json {
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
@@ -252,8 +252,8 @@ fn replay_trial(
         }
     }
     let other = describe_other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
-    let shortfall = match (divergence, same) {
-        (Some(divergence), _) => Some(format!("{divergence}{other}")),
+    let shortfall = match (fault, same) {
+        (Some(fault), _) => Some(format!("{fault}{other}")),
         (None, _) if progress.commands == 0 && failed.is_none() => {
             Some("the recording ends before its first command: nothing was compared".to_owned())
         }

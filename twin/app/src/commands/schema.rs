@@ -49,8 +49,8 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("grasps eval", schema_of::<Evaluation>),
     ("grasps export", schema_of::<grasps::export::GraspExportOutput>),
     ("grasps generate", schema_of::<SynthesisReport>),
-    ("grasps pick-ups", schema_of::<grasps::repertoire::RepertoireOutput>),
-    ("grasps plan", schema_of::<grasps::repertoire::PairsOutput>),
+    ("grasps repertoire", schema_of::<grasps::repertoire::RepertoireOutput>),
+    ("grasps pairs", schema_of::<grasps::repertoire::PairsOutput>),
     ("grasps show", schema_of::<grasps::show::ShowOutput>),
     ("hand picture", schema_of::<hand::picture::PictureOutput>),
     ("optics calibrate", schema_of::<optics::calibrate::CalibrateOutput>),
@@ -76,17 +76,17 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("transport", schema_of::<transport::TransportOutput>),
     ("transport", schema_of::<transport::SkillSearchOutput>),
     ("trial", schema_of::<trial::TrialOutput>),
-    ("twin evaluate", schema_of::<sysid::evaluate::EvaluateOutput>),
-    ("twin excite", schema_of::<sysid::excite::ExciteOutput>),
-    ("twin identify", schema_of::<sysid::identify::IdentifyOutput>),
+    ("sysid evaluate", schema_of::<sysid::evaluate::EvaluateOutput>),
+    ("sysid excite", schema_of::<sysid::excite::ExciteOutput>),
+    ("sysid identify", schema_of::<sysid::identify::IdentifyOutput>),
 ];
 
 /// Commands without a JSON result.
-const COMMANDS_WITHOUT_OUTPUT: [&str; 4] = ["completions", "man", "schema", "view"];
+const COMMANDS_WITHOUT_OUTPUT: [&str; 5] = ["completions", "man", "reference", "schema", "view"];
 /// Command with outputs of both programs.
 const SHARED_COMMAND: &str = "report";
 
-/// Returns the commands of `find_lab_program` that print a result.
+/// Returns the commands of `program` that print a result.
 pub fn commands_with_output(program: &Command) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
     add_leaves(program, "", &mut all);
@@ -104,7 +104,7 @@ fn add_leaves(command: &Command, path: &str, into: &mut BTreeSet<String>) {
     }
 }
 
-/// Runs `ftac schema` for a command of `find_lab_program`. The `lab` prints the schemas of its own commands, and those of all
+/// Runs `ftac schema` for a command of `program`. The `lab` prints the schemas of its own commands, and those of all
 /// commands together.
 pub fn run(terminal: &Terminal, command: &[String], program: &Command, lab: &LabProgram<'_>) -> Outcome {
     let name = command.join(" ");

@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 /// File name ending of ROS 2 bags exported from sessions.
 pub const BAG_SUFFIX: &str = ".ros2.mcap";
 
-/// Lists the sessions (MCAP) of `open_folder`, sorted by path, without bags exported from them.
+/// Lists the sessions (MCAP) of `folder`, sorted by path, without bags exported from them.
 pub fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {

@@ -8,7 +8,7 @@ use clap_complete::Shell;
 
 use crate::terminal::Outcome;
 
-/// Prints the completion script of `find_lab_program`.
+/// Prints the completion script of `program`.
 pub fn print_completions(shell: Shell, mut program: Command) -> Outcome {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut program, "ftac", &mut script);
@@ -16,7 +16,7 @@ pub fn print_completions(shell: Shell, mut program: Command) -> Outcome {
     Ok(None)
 }
 
-/// Writes a manual page for each command of `find_lab_program`.
+/// Writes a manual page for each command of `program`.
 pub fn write_manual(folder: &Path, program: Command) -> Outcome {
     std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
     clap_mangen::generate_to(program, folder).with_context(|| format!("--out: {}", folder.display()))?;

@@ -1,4 +1,4 @@
-//! `ftac twin`: identification of an individual robot, one of many built from the same drawing.
+//! `ftac sysid`: identification of an individual robot, one of many built from the same drawing.
 
 pub mod evaluate;
 pub mod excite;
@@ -48,7 +48,7 @@ pub fn run(terminal: &Terminal, command: &SysidCommand) -> Outcome {
 pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()> {
     let truth = RobotInstance::sample(nominal, number);
     let text = serde_json::json!({
-        "individual": number,
+        "instance": number,
         "cameras": RobotInstance::camera_serial(number),
         "parameters": truth.named_deviations(),
     });
@@ -65,7 +65,7 @@ pub struct NominalModel {
 }
 
 impl NominalModel {
-    /// Builds the drawing of `apply_to_robot` with the losses and gel of the benchmark.
+    /// Builds the drawing of `robot` with the losses and gel of the benchmark.
     pub fn new(robot: RobotModel) -> Result<Self> {
         let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
@@ -75,7 +75,7 @@ impl NominalModel {
         Ok(Self { robot, losses, pads, gel, repertoire })
     }
 
-    /// Reads the excitation script in `process_file`, or the built-in one.
+    /// Reads the excitation script in `file`, or the built-in one.
     ///
     /// # Errors
     /// If the script names something that the hand lacks, or an object without known grasps.
@@ -87,7 +87,7 @@ impl NominalModel {
                 ExcitationScript::parse(&text, path, &self.robot)?
             }
         };
-        if let Some(weight) = script.weight.as_ref().filter(|_| self.grasps(&script).is_empty()) {
+        if let Some(weight) = script.payload.as_ref().filter(|_| self.grasps(&script).is_empty()) {
             bail!(
                 "{}: weight.object: found `{}`, expected an object of which grasps by {} are known",
                 file.unwrap_or(Path::new("excitation.toml")).display(),
@@ -108,7 +108,7 @@ impl NominalModel {
     /// Returns the known grasps of the object that a script weighs, best first; empty if it weighs none.
     pub fn grasps(&self, script: &ExcitationScript) -> &[Grasp] {
         let known = |name: &String| self.repertoire.grasps.get(name).map(Vec::as_slice);
-        script.weight.as_ref().and_then(|weight| known(&weight.object)).unwrap_or_default()
+        script.payload.as_ref().and_then(|weight| known(&weight.object)).unwrap_or_default()
     }
 
     /// Builds the simulated robot of individual `number`, with the surroundings that an excitation by `script` needs;
@@ -120,7 +120,7 @@ impl NominalModel {
         let board =
             TactileBoard::unit(&own, RobotInstance::camera_serial(number).unwrap_or(HAND_UNIT)).with_noise(seed);
         let ball = script.ball.as_ref().map(|ball| TrueBall::draw(ball, number));
-        let weight = script.weight.as_ref().and_then(|weight| TruePayload::draw(weight, number));
+        let weight = script.payload.as_ref().and_then(|weight| TruePayload::draw(weight, number));
         let surroundings = Surroundings { cameras: board, gel: *gel, ball, payload: weight };
         Ok(excited_robot(&truth, robot, *losses, robot.arm.home, &surroundings)?)
     }

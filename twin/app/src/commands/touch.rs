@@ -25,10 +25,10 @@ pub enum TouchCommand {
         /// Calibration file to write.
         #[arg(long)]
         out: PathBuf,
-        /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these
+        /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these
         /// keep the nominal values unless a session identifies them.
         #[arg(long)]
-        individual: Option<PathBuf>,
+        instance: Option<PathBuf>,
         #[command(flatten)]
         robot: RobotArgs,
     },
@@ -51,7 +51,7 @@ pub struct TrainOutput {
 /// Runs a `touch` command; those of `ftac-lab` are handed over to the `lab`.
 pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &LabProgram<'_>) -> Outcome {
     match command {
-        TouchCommand::Train { presses, out, individual, robot } => {
+        TouchCommand::Train { presses, out, instance: individual, robot } => {
             let hand = instance_model(individual.as_deref(), &robot.model()?)?.hand;
             train(terminal, *presses, out, &hand)
         }

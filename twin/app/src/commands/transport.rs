@@ -39,17 +39,17 @@ pub struct TransportArgs {
     /// Policies to run; default: one by one, blind and touch.
     #[arg(long, value_delimiter = ',', value_parser = policies())]
     pub policy: Vec<PickMode>,
-    /// File of additional skills, from --rehearse.
+    /// File of additional skills, from --search-skills.
     #[arg(long)]
     pub skills: Option<PathBuf>,
     /// Result folder: transports.json, and a recording of the first transport under each policy.
-    #[arg(long, conflicts_with = "rehearse")]
+    #[arg(long, conflicts_with = "search_skills")]
     pub out: Option<PathBuf>,
     /// Carry nothing; search skills for a sequence of picks in physics and add them to this file.
     #[arg(long, requires = "pick")]
-    pub rehearse: Option<PathBuf>,
+    pub search_skills: Option<PathBuf>,
     /// A pick of the sequence to search, in order: BALL=DIGIT+DIGIT, such as ball_1=ring+little.
-    #[arg(long, requires = "rehearse")]
+    #[arg(long, requires = "search_skills")]
     pub pick: Vec<PickRequestText>,
     /// Robot backend; transports run on the simulated robot only.
     #[arg(long, value_enum, default_value = "sim")]
@@ -114,13 +114,13 @@ impl PickSearchResult {
     }
 }
 
-/// JSON output of `transport --rehearse`.
+/// JSON output of `transport --search-skills`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SkillSearchOutput<'a> {
     /// One entry per pick searched.
     picks: Vec<PickSearchResult>,
     /// Number of picks asked for.
-    asked: usize,
+    requested: usize,
     /// File of the skills.
     file: &'a Path,
 }
@@ -138,7 +138,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     if args.robot != BackendKind::Sim {
         bail!(
             "--robot {}: found a body that does not see where the balls lie after each trip, expected sim: a transport looks at all of them before \
-             it goes on, which only the simulated eyes do",
+             it goes on, which only the simulated detector do",
             args.robot.name()
         );
     }
@@ -147,7 +147,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
         None => TransportTask::small_balls(),
     };
     let site = build_site(transport, args.skills.as_deref(), terminal.seed)?;
-    match &args.rehearse {
+    match &args.search_skills {
         Some(file) => search_skills(terminal, args, &site, file),
         None => run_transports(terminal, args, &site),
     }
@@ -159,10 +159,10 @@ fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Resul
     scenario.effects = Effects::default();
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = grasp_verification::builtin::repertoire()?;
-    let mut proven = from_repertoire(&world, &repertoire)?;
-    proven.extend(SkillFile::builtin()?.skills);
+    let mut verified = from_repertoire(&world, &repertoire)?;
+    verified.extend(SkillFile::builtin()?.skills);
     if let Some(path) = more {
-        proven.extend(read_skills(path).context("--skills")?.skills);
+        verified.extend(read_skills(path).context("--skills")?.skills);
     }
     let mut sizes: Vec<f64> = Vec::new();
     let mut kind = Vec::new();
@@ -172,7 +172,7 @@ fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Resul
             sizes.len() - 1
         }));
     }
-    let numbered = for_sizes(&proven, &sizes);
+    let numbered = for_sizes(&verified, &sizes);
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
     let board = TactileBoard::unit(&world.cell.robot.hand, HAND_UNIT);
@@ -196,7 +196,7 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
 
 fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite, file: &Path) -> Outcome {
     let sequence: Vec<PickRequest> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
-    let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
+    let mut skills = if file.exists() { read_skills(file).context("--search-skills")?.skills } else { Vec::new() };
     let searched = transport::skill_search::search_skills(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Ids are unique within a file.
@@ -206,11 +206,11 @@ fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite
             skills.push(skill);
         }
     }
-    let command = "ftac transport --rehearse FILE --pick ..., sequence after sequence".to_owned();
+    let command = "ftac transport --search-skills FILE --pick ..., sequence after sequence".to_owned();
     SkillFile::new(command, skills).write(file)?;
     if terminal.json {
         let picks = searched.iter().map(|pick| PickSearchResult::from_search(site, pick)).collect();
-        terminal.print(&SkillSearchOutput { picks, asked: sequence.len(), file }, "")?;
+        terminal.print(&SkillSearchOutput { picks, requested: sequence.len(), file }, "")?;
     } else {
         println!(
             "{:12} {:36} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
@@ -310,7 +310,7 @@ fn print(terminal: &Terminal, site: &TransportSite, rows: &[PolicyRow], records:
             row.transports,
             100.0 * row.delivered,
             row.objects_per_trip,
-            row.most_per_trip,
+            row.max_per_trip,
             row.picks,
             row.seconds_per_object.map_or("-".to_owned(), |seconds| format!("{seconds:.1}")),
             row.cm3_per_trip
@@ -319,7 +319,7 @@ fn print(terminal: &Terminal, site: &TransportSite, rows: &[PolicyRow], records:
     let shown = if terminal.verbose { records.len() } else { 0 };
     for record in records.iter().take(shown).chain(records.iter().filter(|record| shown == 0 && record.trial == 0)) {
         println!("{} {}:", record.policy.name(), record.trial);
-        for line in &record.story {
+        for line in &record.events {
             println!("  {line}");
         }
     }
@@ -336,7 +336,7 @@ struct PolicyRow {
     delivered: f64,
     /// Mean number of objects in the hand over the goal, per trip.
     objects_per_trip: f64,
-    most_per_trip: usize,
+    max_per_trip: usize,
     picks: usize,
     /// Simulated time per delivered object, s; none if none was delivered.
     seconds_per_object: Option<f64>,
@@ -355,7 +355,7 @@ impl PolicyRow {
             transports: own.len(),
             delivered: objects as f64 / balls.max(1) as f64,
             objects_per_trip: per_trip(objects as f64),
-            most_per_trip: trips.iter().copied().max().unwrap_or(0),
+            max_per_trip: trips.iter().copied().max().unwrap_or(0),
             picks: own.iter().map(|record| record.picks).sum(),
             seconds_per_object: (objects > 0)
                 .then(|| own.iter().map(|record| record.seconds).sum::<f64>() / objects as f64),
@@ -378,7 +378,7 @@ mod tests {
             volume_cm3: 40.0 * carried.iter().sum::<usize>() as f64,
             picks: 5,
             seconds,
-            story: Vec::new(),
+            events: Vec::new(),
         }
     }
 
@@ -390,7 +390,7 @@ mod tests {
             record(PickMode::OneByOne, &[], 0.0),
         ];
         let touch = PolicyRow::from_records(PickMode::Touch, &records);
-        assert_eq!((touch.objects_per_trip, touch.most_per_trip, touch.delivered), (1.75, 2, 0.875));
+        assert_eq!((touch.objects_per_trip, touch.max_per_trip, touch.delivered), (1.75, 2, 0.875));
         assert_eq!((touch.seconds_per_object, touch.cm3_per_trip), (Some(8.0), 70.0));
         let single = PolicyRow::from_records(PickMode::OneByOne, &records);
         assert_eq!((single.objects_per_trip, single.seconds_per_object), (0.0, None));

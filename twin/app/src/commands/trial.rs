@@ -40,20 +40,20 @@ pub struct TrialArgs {
     /// Robot backend.
     #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
     pub robot: BackendKind,
-    /// Individual robot for both the backend and the control stack: a file of `ftac twin identify`; default: the
+    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
     /// nominal robot.
     #[arg(long, value_name = "FILE")]
-    pub individual: Option<PathBuf>,
+    pub instance: Option<PathBuf>,
     /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
     /// nominal pads.
     #[arg(long, value_name = "FILE")]
     pub pads: Option<PathBuf>,
     /// Simulate candidates for the second grasp (rollouts from the state as felt) before one is chosen.
     #[arg(long)]
-    pub foresee: bool,
+    pub look_ahead: bool,
     /// Run a twin in parallel with the robot, show it as a ghost, and name the divergences.
     #[arg(long)]
-    pub mirror: bool,
+    pub detect_faults: bool,
     /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
@@ -107,9 +107,9 @@ impl TrialPolicy {
 pub struct TrialOutput<'a> {
     #[serde(flatten)]
     record: &'a TrialRecord,
-    /// With --mirror: divergences between robot and twin.
+    /// With --detect-faults: divergences between robot and twin.
     #[serde(skip_serializing_if = "Option::is_none")]
-    divergences: Option<&'a [DetectedFault]>,
+    faults: Option<&'a [DetectedFault]>,
 }
 
 /// Runs `ftac trial`: plays one trial and records it.
@@ -124,17 +124,17 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     let combos = args.combination + 1;
     let nominal = args.model.model()?;
     args.robot.check_supported(&nominal)?;
-    let (individual, path) = instance_text(args.individual.as_deref(), &nominal)?;
+    let (individual, path) = instance_text(args.instance.as_deref(), &nominal)?;
     let pads = pad_calibration_text(args.pads.as_deref(), &nominal)?;
     let robot_model = nominal.sources;
     let quiet = terminal.quiet || terminal.json;
     let model = robot_from_sources(robot_model.as_ref(), individual.as_deref(), &path)?;
     let mut bench = make_bench(&model, scenario, combos, terminal.seed, quiet)?;
-    if bench.grasp_pairs.plans.len() <= args.combination {
+    if bench.grasp_pairs.pairs.len() <= args.combination {
         bail!(
             "COMBO: found {}, expected 0 to {}: {}",
             args.combination,
-            bench.grasp_pairs.plans.len() - 1,
+            bench.grasp_pairs.pairs.len() - 1,
             bench.notes.join("; ")
         );
     }
@@ -142,7 +142,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     replace_calibration(&mut bench, pads.as_deref(), Path::new("--pads"))?;
     warn_nominal_pads(args.robot, &[args.policy.condition()], pads.as_deref());
     bench.cameras = args.tactile.select_renderer(bench.cameras);
-    bench.set_look_ahead(args.foresee);
+    bench.set_look_ahead(args.look_ahead);
     set_expected_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
     let condition = args.policy.condition();
     let mut place =
@@ -153,15 +153,15 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         combination: args.combination,
         trial: args.trial,
         condition,
-        watched: true,
+        images_throughout: true,
         combos,
         scenario: text,
         places,
         robot_model,
-        individual,
+        instance: individual,
         pads,
-        foresees: args.foresee,
-        mirrored: args.mirror,
+        looks_ahead: args.look_ahead,
+        detects_faults: args.detect_faults,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
@@ -182,8 +182,9 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
             .map(|mut results| results.records.remove(0)),
     };
     let tells = args.robot == BackendKind::Hardware && !terminal.quiet;
-    let (played, named) = play_with_detector(&bench, Some(&mut recording), (args.mirror, tells, condition), play);
-    let named = named.map(|named| named.into_iter().map(|named| named.divergence).collect::<Vec<_>>());
+    let (played, named) =
+        play_with_detector(&bench, Some(&mut recording), (args.detect_faults, tells, condition), play);
+    let named = named.map(|named| named.into_iter().map(|named| named.fault).collect::<Vec<_>>());
     // The recording of a stopped trial holds everything up to the stop.
     let finished = recording.finish();
     if let Some(named) = named.as_ref().filter(|_| !terminal.json) {
@@ -224,5 +225,5 @@ fn print_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Detect
     if !record.reason.is_empty() {
         text += &format!("{}\n", record.reason);
     }
-    terminal.print(&TrialOutput { record, divergences: named }, &text)
+    terminal.print(&TrialOutput { record, faults: named }, &text)
 }

@@ -30,7 +30,7 @@ pub enum BackendKind {
     Emulated,
     /// The simulated robot with the same processing of commands, measurements and images as `wire_emulation`, but without its
     /// wires: to isolate effects of the devices.
-    Rounded,
+    Direct,
 }
 
 impl BackendKind {
@@ -40,7 +40,7 @@ impl BackendKind {
             Self::Sim => "sim",
             Self::Hardware => "hardware",
             Self::Emulated => "emulated",
-            Self::Rounded => "rounded",
+            Self::Direct => "direct",
         }
     }
 
@@ -48,7 +48,7 @@ impl BackendKind {
     pub fn check_supported(self, robot: &RobotModel) -> Result<()> {
         match self {
             Self::Sim => Ok(()),
-            Self::Hardware | Self::Emulated | Self::Rounded => Ok(check_supported(robot)?),
+            Self::Hardware | Self::Emulated | Self::Direct => Ok(check_supported(robot)?),
         }
     }
 
@@ -56,7 +56,7 @@ impl BackendKind {
     pub fn time_origin(self) -> TimeOrigin {
         match self {
             Self::Hardware => TimeOrigin::Now,
-            Self::Sim | Self::Emulated | Self::Rounded => TimeOrigin::Never,
+            Self::Sim | Self::Emulated | Self::Direct => TimeOrigin::Never,
         }
     }
 }
@@ -67,7 +67,7 @@ pub struct PoseSourceArgs {
     /// Vision system that measures object poses, HOST:PORT or unix:PATH, for --robot hardware or emulated: one JSON
     /// line per measurement with pose, covariance and time. With `wire_emulation`, a camera of the emulated robot.
     #[arg(long, value_name = "ADDRESS")]
-    pub eyes: Option<VisionSource>,
+    pub detector: Option<VisionSource>,
     /// Registration of the arm's base, a file of `ftac bridge register`.
     #[arg(long, value_name = "FILE")]
     pub registration: Option<PathBuf>,
@@ -80,8 +80,8 @@ impl PoseSourceArgs {
     /// Checks the options and returns them in the form stored with a trial.
     pub fn pose_sources(&self, robot: BackendKind) -> Result<PoseSources> {
         let real = matches!(robot, BackendKind::Hardware | BackendKind::Emulated);
-        if self.eyes.is_some() && !real {
-            bail!("--eyes: found --robot {}, expected emulated or hardware", robot.name());
+        if self.detector.is_some() && !real {
+            bail!("--detector: found --robot {}, expected emulated or hardware", robot.name());
         }
         if self.registration.is_some() && !real {
             bail!("--registration: found --robot {}, expected emulated or hardware", robot.name());
@@ -89,19 +89,19 @@ impl PoseSourceArgs {
         if self.mount.is_some() && robot != BackendKind::Emulated {
             bail!("--mount: found --robot {}, expected emulated", robot.name());
         }
-        if robot == BackendKind::Hardware && self.eyes == Some(VisionSource::Emulated) {
-            bail!("--eyes emulated: found --robot hardware, expected the address of a vision system");
+        if robot == BackendKind::Hardware && self.detector == Some(VisionSource::Emulated) {
+            bail!("--detector emulated: found --robot hardware, expected the address of a vision system");
         }
         let file = self.registration.as_deref().map(RegistrationFile::read).transpose()?;
         let base = file.map(|file| pose_numbers(&file.world_from_base()));
-        Ok(PoseSources { base, eyes: self.eyes.is_some(), mount: self.mount })
+        Ok(PoseSources { base, detector: self.detector.is_some(), mount: self.mount })
     }
 
     /// Returns the vision system, for the objects of this world.
     fn vision_setup(&self, world: &SimulatedWorld) -> Option<VisionSetup> {
         let known = world.scenario.object_names();
         let checks = MeasurementChecks::new(known.into_iter().collect(), world.cell.world_from_base);
-        self.eyes.clone().map(|source| VisionSetup { source, checks })
+        self.detector.clone().map(|source| VisionSetup { source, checks })
     }
 }
 
@@ -124,7 +124,7 @@ pub fn check_backend(robot: BackendKind, config: Option<&Path>, conditions: &[Co
         (BackendKind::Hardware, None) => {
             bail!("--robot hardware: found no --config, expected the bridge's configuration")
         }
-        (BackendKind::Sim | BackendKind::Emulated | BackendKind::Rounded, Some(config)) => bail!(
+        (BackendKind::Sim | BackendKind::Emulated | BackendKind::Direct, Some(config)) => bail!(
             "--config {}: only the real robot has a configuration, and --robot is {}",
             config.display(),
             robot.name()
@@ -147,7 +147,7 @@ pub fn backend_factory(
             let source = WireEmulationFactory::new(world.cell.robot.clone(), sessions);
             Some(Box::new(source.with_vision(places.vision_setup(world))))
         }
-        (BackendKind::Rounded, sessions) => {
+        (BackendKind::Direct, sessions) => {
             Some(Box::new(DirectEmulationFactory { robot: world.cell.robot.clone(), sessions }))
         }
         (BackendKind::Hardware, sessions) => {

@@ -28,22 +28,22 @@ impl RobotArgs {
     }
 }
 
-/// Returns the text of the file that `--individual` names, validated against the robot `nominal`, and the name to use
+/// Returns the text of the file that `--instance` names, validated against the robot `nominal`, and the name to use
 /// in errors.
 pub fn instance_text(path: Option<&Path>, nominal: &RobotModel) -> Result<(Option<String>, PathBuf)> {
     let text = read_identified_robot(path, nominal)?.map(|(text, _)| text);
-    Ok((text, PathBuf::from("--individual")))
+    Ok((text, PathBuf::from("--instance")))
 }
 
-/// Reads the file that `--individual` names: its text, and the robot that it describes.
+/// Reads the file that `--instance` names: its text, and the robot that it describes.
 fn read_identified_robot(path: Option<&Path>, nominal: &RobotModel) -> Result<Option<(String, IdentifiedRobot)>> {
     let Some(path) = path else { return Ok(None) };
-    let text = ftac_platform::data::read_text(path).context("--individual")?;
-    let own = IdentifiedRobot::parse(&text, path, nominal).context("--individual")?;
+    let text = ftac_platform::data::read_text(path).context("--instance")?;
+    let own = IdentifiedRobot::parse(&text, path, nominal).context("--instance")?;
     Ok(Some((text, own)))
 }
 
-/// Returns the robot that `--individual` names, an individual of `nominal`; `nominal` itself if it names none.
+/// Returns the robot that `--instance` names, an individual of `nominal`; `nominal` itself if it names none.
 pub fn instance_model(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotModel> {
     Ok(read_identified_robot(path, nominal)?
         .map_or_else(|| nominal.clone(), |(_, own)| own.instance.apply_to_robot(nominal)))
@@ -57,7 +57,7 @@ pub fn pad_calibration_text(path: Option<&Path>, robot: &RobotModel) -> Result<O
     Ok(Some(text))
 }
 
-/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pad_calibration_text` gives no
+/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pads` gives no
 /// calibration of its own.
 pub fn warn_nominal_pads(robot: BackendKind, conditions: &[Condition], pads: Option<&str>) {
     let sees = |condition: &Condition| {

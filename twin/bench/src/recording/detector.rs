@@ -9,18 +9,18 @@ use fault_detection::FaultDetector;
 
 impl Recording {
     /// Logs the twin at the moment that was seen last, and its diagnoses at that moment, in words.
-    pub fn log_fault_detector(&mut self, mirror: &FaultDetector, named: &[String]) -> Result<()> {
+    pub fn log_fault_detector(&mut self, fault_detector: &FaultDetector, named: &[String]) -> Result<()> {
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.is_shown) else { return Ok(()) };
-        let [arm, hand] = &mirror.reference_model().links();
-        let residuals = mirror.residuals();
-        let object = mirror.held_object().map(|(belief, pose)| {
+        let [arm, hand] = &fault_detector.reference_model().links();
+        let residuals = fault_detector.residuals();
+        let object = fault_detector.held_object().map(|(belief, pose)| {
             let turn = belief.palm_from_object.rotation.to_rotation_matrix().into_inner();
             let place = turn.transpose() * belief.covariance.fixed_view::<3, 3>(0, 0) * turn;
             (self.names[usize::from(self.reversed)].as_str(), pose, place)
         });
         recorder.log_reference_model(&ReferenceFrame {
             arm,
-            palm: mirror.reference_model().palm(),
+            palm: fault_detector.reference_model().palm(),
             hand,
             loads: residuals.cables.iter().map(|cable| cable.tension - cable.reference_tension).collect(),
             force: residuals.force.into(),

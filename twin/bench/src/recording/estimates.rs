@@ -61,7 +61,7 @@ impl RecordedEstimates {
         Ok(felt)
     }
 
-    /// Records a decision about the path of the object `unit_name` in the hand.
+    /// Records a decision about the path of the object `name` in the hand.
     pub fn record_decision(&mut self, recorder: &mut Recorder, name: &str, choice: &DecisionRecord) -> Result<()> {
         self.decision_shown = true;
         let marked = |n: usize, planned: bool| match (choice.chosen == Some(n), planned) {

@@ -161,7 +161,7 @@ fn decide_and_play(
                 break;
             }
             PolicyStep::NotDetected => {
-                played.run.referee.give_up(FailureCause::NotSeen);
+                played.run.referee.give_up(FailureCause::NotDetected);
                 break;
             }
         }
@@ -202,9 +202,10 @@ fn decide(
     let Run { snapshot: RolloutSnapshot { robot, executor }, disturber, history, profile, .. } = run;
     profile.measure(Activity::Perception, || policy.perceive(executor, injected))?;
     let time = robot.time();
-    let BranchSettings { noise, library, detection_noise: looks, .. } = with;
-    let mut eyes = SimulatedDetector { robot, disturber, noise, detection_noise: looks, objects, library, history };
-    Ok(profile.measure(Activity::Choice, || policy.decide(executor, &mut eyes, time))?)
+    let BranchSettings { noise, library, detection_noise: detections, .. } = with;
+    let mut detector =
+        SimulatedDetector { robot, disturber, noise, detection_noise: detections, objects, library, history };
+    Ok(profile.measure(Activity::Choice, || policy.decide(executor, &mut detector, time))?)
 }
 
 /// Notes the referee's errors of the pose estimate, for the record only.

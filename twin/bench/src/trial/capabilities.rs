@@ -21,9 +21,9 @@ impl PolicyCapabilities {
         let sensing = match condition {
             Condition::Ideal | Condition::Blind => return None,
             Condition::Reflex => Sensing::ServosOnly,
-            Condition::Touch | Condition::Own => Sensing::Full,
+            Condition::Touch | Condition::External => Sensing::Full,
         };
-        Some(Self { sensing, recovery: Recovery::FULL, explores: condition != Condition::Own })
+        Some(Self { sensing, recovery: Recovery::FULL, explores: condition != Condition::External })
     }
 
     /// True if the senses include tactile images.

@@ -18,7 +18,7 @@ use fault_detection::fault::FaultRow;
 impl From<Ablation> for PolicyCapabilities {
     fn from(ablation: Ablation) -> Self {
         let recovery =
-            Recovery { retry: ablation != Ablation::NoRetry, new_detection: ablation != Ablation::NoNewLook };
+            Recovery { retry: ablation != Ablation::NoRetry, new_detection: ablation != Ablation::NoNewDetection };
         Self { sensing: ablation.sensing(), recovery, explores: ablation != Ablation::NoExploration }
     }
 }
@@ -66,7 +66,7 @@ impl Branches<'_> {
     /// Plays one condition.
     pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match PolicyCapabilities::for_condition(id.condition) {
-            _ if id.condition == Condition::Own => self.play_external_policy(id, watcher),
+            _ if id.condition == Condition::External => self.play_external_policy(id, watcher),
             None => self.bench.play_blind(
                 &self.start,
                 self.bench.branch_settings(id, self.detection_noise.clone()),
@@ -78,23 +78,23 @@ impl Branches<'_> {
 
     /// Plays the user's own policy.
     fn play_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, detection_noise: looks } = self;
-        let options = bench.branch_settings(id, looks.clone());
-        if bench.skips_planned_grasp(Condition::Own) {
+        let Self { bench, setup, start, detection_noise: detections } = self;
+        let options = bench.branch_settings(id, detections.clone());
+        if bench.skips_planned_grasp(Condition::External) {
             return bench.play_external_policy(&setup.begin_at_rest(bench, None, watcher)?, options, watcher);
         }
         bench.play_external_policy(start, options, watcher)
     }
 
-    /// Plays a policy that decides, with the `capabilities` that are left to it.
+    /// Plays a policy that decides, with the `means` that are left to it.
     pub fn play_deciding_policy(
         &self,
         id: TrialId,
         means: PolicyCapabilities,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, detection_noise: looks } = self;
-        let options = bench.branch_settings(id, looks.clone());
+        let Self { bench, setup, start, detection_noise: detections } = self;
+        let options = bench.branch_settings(id, detections.clone());
         if let Some(why) = bench.intact_grasps.as_ref().and_then(|intact| intact.impossible.get(&id.combination)) {
             return bench.declined_trial(setup, id, why, watcher);
         }

@@ -66,7 +66,7 @@ enum TrialEnd {
     Failed(String),
 }
 
-/// Plays a trial from rest with the answers of `server`. The first request is `reset_question`. Images have `side` pixels; without
+/// Plays a trial from rest with the answers of `host`. The first request is `reset`. Images have `side` pixels; without
 /// `side` there are none.
 pub fn play_external_trial(
     bench: &Bench,

@@ -76,7 +76,7 @@ impl Watcher for Filming {
 
 /// Returns the constant parts of a film of this combination.
 pub fn film_stage(bench: &Bench, combination: usize) -> Result<FilmStage<'_>> {
-    let (plan, world) = (&bench.grasp_pairs.plans[combination], &bench.world);
+    let (plan, world) = (&bench.grasp_pairs.pairs[combination], &bench.world);
     let objects = world.models(&plan.objects())?;
     Ok(FilmStage { hand: &world.cell.robot.hand, arm: &world.cell.robot.arm, objects })
 }

@@ -113,7 +113,7 @@ impl Run {
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `measure` returns true for the executor and the time (s).
+    /// Plays as long as `on` returns true for the executor and the time (s).
     fn play_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
@@ -141,7 +141,7 @@ impl Run {
     }
 
     /// Plays one tick with `command`; referee and watcher see it. Returns the command after limits, if one was sent.
-    /// The phase comes from the executor, or from `phase_tracker` if the executor does not command.
+    /// The phase comes from the executor, or from `stages` if the executor does not command.
     pub fn carry_out(
         &mut self,
         command: &RobotCommand,
@@ -155,7 +155,7 @@ impl Run {
         Ok(sent)
     }
 
-    /// Lets a tick pass in which `record_send` was sent; referee and watcher see it.
+    /// Lets a tick pass in which `sent` was sent; referee and watcher see it.
     fn finish_tick(
         &mut self,
         sent: Option<&RobotCommand>,

@@ -147,13 +147,13 @@ impl<'a> InitialConditions<'a> {
 
     /// Sets up a trial with its noise and disturbances. Returns also the generators of its later looks.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, DetectionNoise)> {
-        let (noise, camera_noise, looks) = draw_noise(bench, combination, trial)?;
+        let (noise, camera_noise, detections) = draw_noise(bench, combination, trial)?;
         let mut setup = Self::planned(bench, combination, noise, camera_noise).with_drift(bench, combination, trial);
         setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
             setup.grasp_pair = ball_sizes::pair_for_trial(&setup.grasp_pair, sweep, trial);
         }
-        Ok((setup, looks))
+        Ok((setup, detections))
     }
 
     /// Adds the camera drift drawn for a trial, if the scenario has one.
@@ -170,7 +170,7 @@ impl<'a> InitialConditions<'a> {
 
     /// Returns the setup of the same trial for a policy that knows which digits have no power.
     pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
-        let (plan, repertoire) = (bench.grasp_pairs.plans[combination].clone(), &bench.repertoire);
+        let (plan, repertoire) = (bench.grasp_pairs.pairs[combination].clone(), &bench.repertoire);
         Self {
             grasp_pair: plan,
             repertoire,
@@ -180,12 +180,13 @@ impl<'a> InitialConditions<'a> {
         }
     }
 
-    /// Returns the setup of the same trial in the order that a policy with these `capabilities` chooses: with the other object
+    /// Returns the setup of the same trial in the order that a policy with these `means` chooses: with the other object
     /// first, if that promises more. The real poses, errors and properties of the objects stay those of the planned
     /// order. A scenario that disturbs the first or the second object keeps the planned order.
     pub fn reordered_for(&self, bench: &Bench, means: PolicyCapabilities) -> Result<Self> {
         // Plans tried after a single hold are not comparable with those proven after many.
-        let comparable = |reversed: &&GraspPair| self.grasp_pair.proof.is_none() || reversed.proof.is_some();
+        let comparable =
+            |reversed: &&GraspPair| self.grasp_pair.verification.is_none() || reversed.verification.is_some();
         let reversed = self.grasp_pair.reversed.as_deref().filter(comparable);
         let Some(reversed) = reversed.filter(|_| self.disturbances.is_none()) else {
             return Ok(self.clone());
@@ -213,7 +214,7 @@ impl<'a> InitialConditions<'a> {
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
         let sized = scaled_objects(&objects, &self.disturbances.size_factors())?;
-        let real = sized.iter().zip(&self.noise.individuals);
+        let real = sized.iter().zip(&self.noise.object_instances);
         let real = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<Result<Vec<_>>>()?;
         let grasps = planned.planned();
         let mut board = bench.cameras.with_noise(self.camera_noise);
@@ -222,10 +223,10 @@ impl<'a> InitialConditions<'a> {
             board = board.drifting(drift.clone());
             pipeline = Some(bench.pipeline.with_backgrounds(board.background_frames())?);
         }
-        let eyes = source.as_ref().is_some_and(|(_, task)| task.places.eyes);
-        let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
+        let eyes = source.as_ref().is_some_and(|(_, task)| task.places.detector);
+        let watched = source.as_ref().map_or(watched, |(_, task)| task.images_throughout);
         let in_reality = source.as_ref().filter(|(body, _)| body.is_real());
-        let mirrored = in_reality.is_some_and(|(_, task)| task.mirrored);
+        let mirrored = in_reality.is_some_and(|(_, task)| task.detects_faults);
         let period = if in_reality.is_some() && !mirrored { REAL_WATCH_PERIOD } else { WATCH_PERIOD };
         let noise = disturber.first_detection_noise(&self.noise);
         let start =
@@ -249,7 +250,7 @@ impl<'a> InitialConditions<'a> {
         let protocol = &world.scenario.protocol;
         let limits = RefereeLimits { hold: protocol.hold_time, trial: protocol.time_limit };
         let referee = Referee::new(world.scenario.referee, limits);
-        let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
+        let latency = world.scenario.effects.detector.map_or(0.0, |eyes| eyes.latency);
         let history = PoseHistory::new(latency);
         let reversed = self.reordered.is_some();
         let run = Run {
@@ -323,7 +324,7 @@ impl<'a> InitialConditions<'a> {
     }
 }
 
-/// Runs `roll_out` on `start`, and adopts the perception that it returns, if any.
+/// Runs `play` on `start`, and adopts the perception that it returns, if any.
 fn finish_on_error(
     mut start: PreparedTrial,
     play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>,
@@ -347,7 +348,7 @@ fn intact_grasps(bench: &Bench) -> (&Repertoire, &GraspPairTable) {
 }
 
 fn planned_pair(bench: &Bench, combination: usize) -> &GraspPair {
-    &intact_grasps(bench).1.plans[combination]
+    &intact_grasps(bench).1.pairs[combination]
 }
 
 /// Draws a trial's errors with those of the first look, the seed of its camera noise, and the generators of its later
@@ -361,11 +362,11 @@ pub fn draw_noise(bench: &Bench, combination: usize, trial: usize) -> Result<(Tr
     let camera_noise = rand::RngExt::random(&mut rng);
     noise.shifts = draw_shifts(&scenario.layout, objects.len(), &mut rng);
     let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
-    let stream = Effect::Eyes.draw_rng(seed, combination, trial);
-    let sight = scenario.effects.eyes.map(|eyes| DetectorModel::draw(eyes, &scenario.noise.perception, stream));
-    let mut looks = DetectionNoise::new(rng, sight);
-    let noise = looks.first_detection(&noise, &objects, &world.objects, &world.object_poses(&objects, &noise));
-    Ok((noise, camera_noise, looks))
+    let stream = Effect::Detector.draw_rng(seed, combination, trial);
+    let sight = scenario.effects.detector.map(|eyes| DetectorModel::draw(eyes, &scenario.noise.perception, stream));
+    let mut detections = DetectionNoise::new(rng, sight);
+    let noise = detections.first_detection(&noise, &objects, &world.objects, &world.object_poses(&objects, &noise));
+    Ok((noise, camera_noise, detections))
 }
 
 /// Returns perception with the backgrounds that the body has shown.

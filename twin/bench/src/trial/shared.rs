@@ -68,7 +68,7 @@ impl Bench {
     /// True if a trial under a condition does not begin with the planned first grasp.
     pub fn skips_planned_grasp(&self, condition: Condition) -> bool {
         match condition {
-            Condition::Own => {
+            Condition::External => {
                 self.external_policy.as_ref().is_some_and(|own| own.introduction.level == DecisionLevel::Act)
             }
             _ => PolicyCapabilities::for_condition(condition).is_some_and(PolicyCapabilities::may_skip_planned_grasp),

@@ -25,12 +25,12 @@ pub struct DetectionNoise {
 }
 
 impl DetectionNoise {
-    /// Creates looks whose own errors come from `rng`, with the additional errors of vision in `detector_model`.
+    /// Creates looks whose own errors come from `rng`, with the additional errors of vision in `sight`.
     pub fn new(rng: ChaCha8Rng, sight: Option<DetectorModel>) -> Self {
         Self { rng, detector_model: sight }
     }
 
-    /// Returns `noise` with the errors of the first look at `objects` standing at `object_poses`.
+    /// Returns `noise` with the errors of the first look at `objects` standing at `places`.
     pub fn first_detection(
         &mut self,
         noise: &TrialNoise,

@@ -34,7 +34,7 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    /// A stepper for a robot whose arm is at the set-points `posture` (rad) and whose cables are pulled with `palpation_tensions`
+    /// A stepper for a robot whose arm is at the set-points `posture` (rad) and whose cables are pulled with `tensions`
     /// (N).
     pub fn new(cell: &Workcell, posture: Joints, tensions: DigitVector) -> Result<Self, IkError> {
         let reference = Reference::Palm(Box::new(cell.arm_servo(posture)?));

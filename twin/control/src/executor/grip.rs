@@ -15,7 +15,7 @@ impl Executor {
         pulled_digits(&self.holding_tension(self.held_count))
     }
 
-    /// Opens all digits except `holding_digits`.
+    /// Opens all digits except `holding`.
     pub fn keep_only(&mut self, holding: &[Digit]) {
         for target in &mut self.targets[..self.held_count] {
             for digit in self.motion.hand().digits().iter().filter(|digit| !holding.contains(digit)) {
@@ -62,7 +62,7 @@ impl Executor {
         }
     }
 
-    /// Tensions with which the digits keep the first `held_count` objects, N.
+    /// Tensions with which the digits keep the first `held` objects, N.
     fn holding_tension(&self, held: usize) -> DigitVector {
         let mut kept = self.motion.hand().slack_tensions();
         for target in &self.targets[..held] {

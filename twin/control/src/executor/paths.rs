@@ -21,7 +21,7 @@ impl Executor {
         RISE_CANDIDATES.iter().map(|rise| self.motion.start_stops(self.rise() + rise))
     }
 
-    /// Path by way of `start_stops` that takes an object seen at `detection` with `grasp`, in two parts: to the approach pose,
+    /// Path by way of `stops` that takes an object seen at `percept` with `grasp`, in two parts: to the approach pose,
     /// and from there to the pose at which the digits close.
     pub fn path_to(
         &self,
@@ -32,7 +32,7 @@ impl Executor {
         Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
     }
 
-    /// Path by way of `start_stops` that the arm can follow to the pose at which `grasp` closes on the object at `detection`;
+    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `percept`;
     /// see [`crate::motion::MotionExecutor::feasible_approach`].
     pub fn feasible_approach(
         &self,

@@ -91,7 +91,7 @@ impl ArmServo {
         self.comfort = comfort;
     }
 
-    /// Moves the reference by one tick of `dt` (s) towards `aim_sigma` (`world_from_palm` at the end of the tick), which
+    /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which
     /// itself moves with the twist `feedforward` (world axes, at the palm's origin).
     pub fn step(&mut self, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Result<IkStep, IkError> {
         if !(dt.is_finite() && dt > 0.0) {
@@ -122,7 +122,7 @@ impl ArmServo {
         })
     }
 
-    /// Rehearses `method` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
+    /// Rehearses `path` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
     /// the tracking errors of a motion before it is made. Takes about 4 us per tick.
     pub fn roll_out(&self, path: &PosePath, settle: f64, dt: f64) -> Result<PathRollout, IkError> {
         let mut servo = self.clone();

@@ -22,15 +22,15 @@ pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>)
     limits.duration(length, angle).max(MIN_DURATION)
 }
 
-/// Path from the first of `start_stops` through the others and the approach pose of `grasp` to the pose at which the digits
-/// close on the object at `detection`.
+/// Path from the first of `stops` through the others and the approach pose of `grasp` to the pose at which the digits
+/// close on the object at `detected`.
 pub fn approach(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &DetectedObject,
+    detected: &DetectedObject,
 ) -> Result<PosePath, PathError> {
-    let (mut waypoints, last) = waypoints((hand, limits), stops, grasp, percept);
+    let (mut waypoints, last) = waypoints((hand, limits), stops, grasp, detected);
     waypoints.push(last);
     PosePath::new(waypoints)
 }
@@ -40,9 +40,9 @@ pub fn approach_in_parts(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &DetectedObject,
+    detected: &DetectedObject,
 ) -> Result<[PosePath; 2], PathError> {
-    let (way, last) = waypoints((hand, limits), stops, grasp, percept);
+    let (way, last) = waypoints((hand, limits), stops, grasp, detected);
     let from = way.last().map(|(_, before)| (0.0, *before));
     Ok([PosePath::new(way)?, PosePath::new(from.into_iter().chain([last]).collect())?])
 }
@@ -52,9 +52,9 @@ fn waypoints(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],
     grasp: &Grasp,
-    percept: &DetectedObject,
+    detected: &DetectedObject,
 ) -> (Vec<Waypoint>, Waypoint) {
-    let target = grasp.palm_pose(&percept.position, percept.yaw);
+    let target = grasp.palm_pose(&detected.position, detected.yaw);
     let before = pregrasp_pose(hand, &target, APPROACH_DISTANCE);
     let mut waypoints: Vec<Waypoint> = Vec::with_capacity(stops.len() + 2);
     for pose in stops.iter().chain([&before]) {

@@ -159,8 +159,8 @@ impl<'a> ChooserPolicy<'a> {
             rotation: turn * seen.rotation,
             yaw: seen.yaw + aim.yaw,
         };
-        let ways: Vec<_> = executor.approach_paths().collect();
-        let path = ways.iter().find_map(|stops| executor.feasible_approach(stops, &grasp, &beside));
+        let paths: Vec<_> = executor.approach_paths().collect();
+        let path = paths.iter().find_map(|stops| executor.feasible_approach(stops, &grasp, &beside));
         let Some(path) = path else {
             let at = beside.position;
             self.trace.record(format!("grasp {} is out of reach at ({:.2}, {:.2}) m", grasp.id, at.x, at.y));
@@ -213,14 +213,14 @@ impl TrialPolicy for ChooserPolicy<'_> {
     fn decide(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         time: f64,
     ) -> Result<PolicyStep, PolicyError> {
         let phase = executor.phase();
         if phase.is_done() {
             return Ok(PolicyStep::Finish);
         }
-        let seen = eyes.detect(1)?.map(|seen| DetectedObject::from_pose(&self.knowledge.objects[1], &seen.pose));
+        let seen = detector.detect(1)?.map(|seen| DetectedObject::from_pose(&self.knowledge.objects[1], &seen.pose));
         if let Some(seen) = seen {
             executor.update_detection(1, seen);
         }

@@ -149,9 +149,9 @@ impl<'a> PickSequence<'a> {
     pub fn decide(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
     ) -> Result<PolicyStep, PolicyError> {
-        let next = if self.picks < self.task.max_picks { self.next_pick(eyes)? } else { None };
+        let next = if self.picks < self.task.max_picks { self.next_pick(detector)? } else { None };
         if let Some((pick, percept)) = next {
             self.take(executor, pick, &percept)?;
             return Ok(PolicyStep::Continue);
@@ -167,7 +167,7 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Next pick and the percept of its object; `None` if there is nothing to take.
-    fn next_pick(&mut self, eyes: &mut dyn ObjectDetector) -> Result<Option<(Pick, DetectedObject)>, PolicyError> {
+    fn next_pick(&mut self, detector: &mut dyn ObjectDetector) -> Result<Option<(Pick, DetectedObject)>, PolicyError> {
         let most = match self.mode {
             PickMode::OneByOne => 1_usize.saturating_sub(self.picked.len()),
             PickMode::Blind | PickMode::Touch => Digit::ALL.len() - self.picked.len(),
@@ -175,15 +175,17 @@ impl<'a> PickSequence<'a> {
         if most == 0 || self.remaining.is_empty() {
             return Ok(None);
         }
-        let mut percepts: Vec<(usize, DetectedObject)> = Vec::with_capacity(self.remaining.len());
+        let mut detected_objects: Vec<(usize, DetectedObject)> = Vec::with_capacity(self.remaining.len());
         for &object in &self.remaining {
-            percepts.extend(eyes.detect(object)?.map(|seen| (object, DetectedObject::from_ball_pose(&seen.pose))));
+            detected_objects
+                .extend(detector.detect(object)?.map(|seen| (object, DetectedObject::from_ball_pose(&seen.pose))));
         }
-        let of = |object: usize| percepts.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
+        let of =
+            |object: usize| detected_objects.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
         if self.mode != PickMode::Blind || self.picked.is_empty() {
             let holding = self.holding_digits();
             let ready: Vec<ReachableObject> =
-                percepts.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
+                detected_objects.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
             let now = plan_picks(self.task.skills, &ready, &holding, most);
             self.record_plan(&now, &holding);
             self.planned = now.picks;

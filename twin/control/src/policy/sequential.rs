@@ -41,9 +41,9 @@ pub struct SequentialPolicy<'a> {
 impl<'a> SequentialPolicy<'a> {
     /// The policy of a trial in which each object has a planned grasp in `planned`.
     pub fn new(knowledge: Knowledge<'a>, senses: TouchPerception<'a>, planned: &[&Grasp]) -> Self {
-        let proven = [&[][..], &knowledge.second_candidates, &knowledge.third_candidates];
-        let known = |(n, grasp): (usize, &&Grasp)| match proven.get(n) {
-            Some(proven) if !proven.is_empty() => proven.to_vec(),
+        let verified = [&[][..], &knowledge.second_candidates, &knowledge.third_candidates];
+        let known = |(n, grasp): (usize, &&Grasp)| match verified.get(n) {
+            Some(verified) if !verified.is_empty() => verified.to_vec(),
             _ => {
                 let others = knowledge.repertoire.for_digits(&grasp.object, &grasp.digits);
                 let others = others.filter(|other| other.id != grasp.id);
@@ -71,13 +71,13 @@ impl<'a> SequentialPolicy<'a> {
         object: usize,
         again: bool,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
     ) -> Result<bool, PolicyError> {
         if !self.knowledge.recovery.new_detection {
             return Ok(true);
         }
         let tracked = &mut self.objects[object];
-        let Some(seen) = tracked.detect(&self.knowledge, eyes)? else { return Ok(false) };
+        let Some(seen) = tracked.detect(&self.knowledge, detector)? else { return Ok(false) };
         if again {
             // A touched object may have moved: only the new look counts.
             tracked.replace_detection(Some(seen), executor);
@@ -97,10 +97,10 @@ impl<'a> SequentialPolicy<'a> {
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         let seen = executor.target(object).detected;
         let model = &self.knowledge.objects[object];
-        let ways: Vec<_> = executor.approach_paths().collect();
+        let paths: Vec<_> = executor.approach_paths().collect();
         let found = order.iter().find_map(|(_, candidate)| {
             yaw_variants(&self.knowledge, &candidate.grasp, &seen, model).find_map(|grasp| {
-                let path = ways.iter().find_map(|stops| executor.feasible_approach(stops, &grasp, &seen))?;
+                let path = paths.iter().find_map(|stops| executor.feasible_approach(stops, &grasp, &seen))?;
                 Some((grasp, path))
             })
         });
@@ -125,9 +125,9 @@ impl<'a> SequentialPolicy<'a> {
         why: &str,
         again: bool,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
     ) -> Result<PolicyStep, PolicyError> {
-        if self.detect(object, again, executor, eyes)? {
+        if self.detect(object, again, executor, detector)? {
             return self.take(object, why.to_owned(), executor);
         }
         self.trace.record(format!("{} is nowhere to be seen", self.knowledge.objects[object].name));
@@ -176,14 +176,16 @@ impl TrialPolicy for SequentialPolicy<'_> {
     fn decide(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         time: f64,
     ) -> Result<PolicyStep, PolicyError> {
         let phase = executor.phase();
         let count = self.objects.len();
         let last = match phase.skill {
-            Skill::Begin => return self.detect_and_take(0, "as planned", false, executor, eyes),
-            Skill::PutDown => return self.detect_and_take(0, "once more, from the beginning", true, executor, eyes),
+            Skill::Begin => return self.detect_and_take(0, "as planned", false, executor, detector),
+            Skill::PutDown => {
+                return self.detect_and_take(0, "once more, from the beginning", true, executor, detector);
+            }
             Skill::Snapshot => phase.object,
             _ => count - 1,
         };
@@ -194,13 +196,15 @@ impl TrialPolicy for SequentialPolicy<'_> {
             self.trace.retries += 1;
             self.trace.record(format!("nothing is felt of {}", self.knowledge.objects[object].name));
             if object == last {
-                return self.detect_and_take(object, "once more", true, executor, eyes);
+                return self.detect_and_take(object, "once more", true, executor, detector);
             }
             executor.put_down()?;
             return Ok(PolicyStep::Continue);
         }
         match phase.skill {
-            Skill::Snapshot if last + 1 < count => self.detect_and_take(last + 1, "as planned", false, executor, eyes),
+            Skill::Snapshot if last + 1 < count => {
+                self.detect_and_take(last + 1, "as planned", false, executor, detector)
+            }
             Skill::Snapshot => {
                 executor.carry_aside()?;
                 Ok(PolicyStep::Continue)

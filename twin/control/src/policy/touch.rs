@@ -136,10 +136,14 @@ impl<'a> TouchPolicy<'a> {
     }
 
     /// Looks at an object again; `None` if it is hidden.
-    fn detect(&mut self, index: usize, eyes: &mut dyn ObjectDetector) -> Result<Option<DetectedObject>, PolicyError> {
+    fn detect(
+        &mut self,
+        index: usize,
+        detector: &mut dyn ObjectDetector,
+    ) -> Result<Option<DetectedObject>, PolicyError> {
         match self.first_detections.as_ref().filter(|_| !self.knowledge.recovery.new_detection) {
             Some(seen) => Ok(Some(seen[index])),
-            None => self.objects[index].detect(&self.knowledge, eyes),
+            None => self.objects[index].detect(&self.knowledge, detector),
         }
     }
 
@@ -149,25 +153,25 @@ impl<'a> TouchPolicy<'a> {
         &mut self,
         object: usize,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         aside: bool,
     ) -> Result<PolicyStep, PolicyError> {
-        let seen = self.detect(object, eyes)?;
-        self.retry_at(object, seen, executor, eyes, aside)
+        let seen = self.detect(object, detector)?;
+        self.retry_at(object, seen, executor, detector, aside)
     }
 
-    /// Like [`Self::retry`], for an object that was `first_detections` just now.
+    /// Like [`Self::retry`], for an object that was `seen` just now.
     fn retry_at(
         &mut self,
         object: usize,
         seen: Option<DetectedObject>,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         aside: bool,
     ) -> Result<PolicyStep, PolicyError> {
         self.objects[object].replace_detection(seen, executor);
         for index in object + 1..self.objects.len() {
-            let seen = self.detect(index, eyes)?;
+            let seen = self.detect(index, detector)?;
             self.objects[index].replace_detection(seen, executor);
         }
         if self.objects[object].hidden {
@@ -207,7 +211,7 @@ impl<'a> TouchPolicy<'a> {
     fn decide_after_snapshot(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         looked: ExecutorActivity,
     ) -> Result<PolicyStep, PolicyError> {
         let tries = !self.is_late() && self.knowledge.recovery.retry;
@@ -216,7 +220,7 @@ impl<'a> TouchPolicy<'a> {
             if tries { NextAction::after(executor.phase(), self.hold_state, last) } else { NextAction::Continue };
         let mut seen = None;
         if let Some(missing) = next.missing_object() {
-            seen = self.detect(missing, eyes)?;
+            seen = self.detect(missing, detector)?;
             if seen.is_some_and(|there| self.is_above_table(missing, &there, executor)) {
                 let name = &self.knowledge.objects[missing].name;
                 self.trace.record(format!("{name} is not felt, but seen above the table: it is held"));
@@ -250,12 +254,12 @@ impl<'a> TouchPolicy<'a> {
                 self.activity = ExecutorActivity::Carries;
                 Ok(PolicyStep::Continue)
             }
-            NextAction::Retry(object) => self.retry_at(object, seen, executor, eyes, false),
+            NextAction::Retry(object) => self.retry_at(object, seen, executor, detector, false),
             NextAction::StartOver => self.lay_down(executor),
-            NextAction::Continue if self.objects[1].hidden => self.retry(1, executor, eyes, false),
+            NextAction::Continue if self.objects[1].hidden => self.retry(1, executor, detector, false),
             NextAction::Continue => {
                 if self.knowledge.recovery.new_detection
-                    && let Some(seen) = self.detect(1, eyes)?
+                    && let Some(seen) = self.detect(1, detector)?
                 {
                     self.objects[1].add_detection(seen, &self.knowledge, executor);
                 }
@@ -338,21 +342,21 @@ impl TrialPolicy for TouchPolicy<'_> {
     fn decide(
         &mut self,
         executor: &mut Executor,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
         time: f64,
     ) -> Result<PolicyStep, PolicyError> {
         self.time = time;
         match std::mem::replace(&mut self.activity, ExecutorActivity::Start) {
             ExecutorActivity::Start if executor.phase().skill == Skill::Begin => self.palpate_or_take(0, executor),
             looked @ (ExecutorActivity::Start | ExecutorActivity::Takes { .. } | ExecutorActivity::Carries) => {
-                self.decide_after_snapshot(executor, eyes, looked)
+                self.decide_after_snapshot(executor, detector, looked)
             }
             ExecutorActivity::Palpates { object, found } => {
                 self.update_from_touch(object, executor, found);
                 self.take(object, executor)
             }
-            ExecutorActivity::LaysDown => self.retry(0, executor, eyes, false),
-            ExecutorActivity::StepsAside { sought } => self.retry(sought, executor, eyes, true),
+            ExecutorActivity::LaysDown => self.retry(0, executor, detector, false),
+            ExecutorActivity::StepsAside { sought } => self.retry(sought, executor, detector, true),
         }
     }
 

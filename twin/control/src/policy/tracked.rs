@@ -48,9 +48,9 @@ impl TrackedObject {
     pub fn detect(
         &mut self,
         knowledge: &Knowledge,
-        eyes: &mut dyn ObjectDetector,
+        detector: &mut dyn ObjectDetector,
     ) -> Result<Option<DetectedObject>, PolicyError> {
-        let Some(sighted) = eyes.detect(self.object)? else { return Ok(None) };
+        let Some(sighted) = detector.detect(self.object)? else { return Ok(None) };
         self.detection_sigma = sighted.sigma;
         Ok(Some(DetectedObject::from_pose(&knowledge.objects[self.object], &sighted.pose)))
     }

@@ -14,7 +14,7 @@ use crate::trajectory::PosePath;
 /// Clearance that the held object keeps from other solids during a palpation, m.
 pub const PALPATION_CLEARANCE: f64 = 0.012;
 
-/// Smallest distance (m) of `moving` from `fixed` along `method` by way of `start_stops`. With two stops or more it is computed
+/// Smallest distance (m) of `moving` from `fixed` along `path` by way of `stops`. With two stops or more it is computed
 /// from the second one on, because the hand may touch something at the first one and rises from there.
 pub(super) fn clearance_after(
     stops: &[Isometry3<f64>],
@@ -47,29 +47,29 @@ pub(super) fn first_clear_option<T>(
 }
 
 /// Via poses of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the way with the
-/// largest clearance. Returned with the smallest distance, m. `method` leads by way of stops to the approach pose.
+/// largest clearance. Returned with the smallest distance, m. `path` leads by way of stops to the approach pose.
 pub fn clear_via_poses(
     moving: &[Solid],
     fixed: &[Solid],
-    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
+    paths: impl Iterator<Item = Vec<Isometry3<f64>>>,
     path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
 ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
-    let best = first_clear_option(ways, PALPATION_CLEARANCE, |stops| clearance_after(stops, moving, fixed, &path))?;
+    let best = first_clear_option(paths, PALPATION_CLEARANCE, |stops| clearance_after(stops, moving, fixed, &path))?;
     Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
 }
 
-/// First way that keeps the held object clear enough of the table and of `aim_sigma` at `detection`, else the way with the
+/// First way that keeps the held object clear enough of the table and of `target` at `detected`, else the way with the
 /// largest clearance. `None` if every way makes them collide.
 pub fn clearest_palpation(
     hand: &Hand,
     held: &HeldObject,
-    (target, percept): (&[Solid], &DetectedObject),
-    ways: impl Iterator<Item = PalpationPaths>,
+    (target, detected): (&[Solid], &DetectedObject),
+    paths: impl Iterator<Item = PalpationPaths>,
 ) -> Result<Option<PalpationPaths>, StrategyError> {
     let moving = held_solids(hand, held, (&held.pose, &held.joints));
-    let mut fixed = transformed(target, &percept.pose());
+    let mut fixed = transformed(target, &detected.pose());
     fixed.push(Solid::table(0.0));
-    let best = first_clear_option(ways, PALPATION_CLEARANCE, |way: &PalpationPaths| {
+    let best = first_clear_option(paths, PALPATION_CLEARANCE, |way: &PalpationPaths| {
         let mut clearance = f64::INFINITY;
         for path in [&way.approach, &way.guarded_motion] {
             let found = clearance_along(path, &moving, &fixed, 2000)?;

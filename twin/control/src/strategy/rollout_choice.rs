@@ -42,7 +42,7 @@ impl LookAhead<'_> {
         scene: &ClearanceScene,
         plan: &mut CheckedCandidate<'a>,
         options: Vec<AimedCandidate<'a>>,
-        weighed: &mut Vec<ScoredCandidate>,
+        scored: &mut Vec<ScoredCandidate>,
     ) -> Result<Option<CheckedCandidate<'a>>, StrategyError> {
         let executor = situation.executor;
         let draws = look_ahead::draw_samples(&UnknownState {
@@ -69,16 +69,16 @@ impl LookAhead<'_> {
             if utmost >= GOOD_SCORE {
                 break;
             }
-            let (assessment, passage) = aiming.assess(executor, scene)?;
+            let (assessment, clearance) = aiming.assess(executor, scene)?;
             let mut one = CheckedCandidate {
                 index: n + 1,
                 aimed: aiming,
                 assessment,
-                swept_clearance: passage,
+                swept_clearance: clearance,
                 rollout_counts: None,
             };
             roll_out(executor, imagined, &mut one, utmost)?;
-            weighed[n + 1] = one.aimed.record(Some(&one.assessment), false);
+            scored[n + 1] = one.aimed.record(Some(&one.assessment), false);
             if one.assessment.score > score_of(best.as_ref()) {
                 best = Some(one);
             }
@@ -86,9 +86,9 @@ impl LookAhead<'_> {
         if plan.rollout_counts.is_none() && score_of(best.as_ref()) < GOOD_SCORE {
             roll_out(executor, imagined, plan, score_of(best.as_ref()))?;
         }
-        weighed[0] = plan.aimed.record(Some(&plan.assessment), true);
+        scored[0] = plan.aimed.record(Some(&plan.assessment), true);
         if self.settings.max_alternatives > 0 {
-            self.search_aims(situation, scene, imagined, plan, &mut best, weighed)?;
+            self.search_aims(situation, scene, imagined, plan, &mut best, scored)?;
         }
         Ok(best.filter(|best| best.assessment.score > SWITCH_GAIN * plan.assessment.score))
     }
@@ -101,7 +101,7 @@ impl LookAhead<'_> {
         twin: &dyn SampledScene,
         plan: &CheckedCandidate<'a>,
         best: &mut Option<CheckedCandidate<'a>>,
-        weighed: &mut Vec<ScoredCandidate>,
+        scored: &mut Vec<ScoredCandidate>,
     ) -> Result<(), StrategyError> {
         for _ in 0..AIM_SEARCH_ROUNDS {
             let center = best.as_ref().filter(|best| best.assessment.score > plan.assessment.score).unwrap_or(plan);
@@ -111,18 +111,18 @@ impl LookAhead<'_> {
             }
             for step in [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()] {
                 let aiming = AimedCandidate::with_aim(situation, candidate, aim + AIM_SHIFT * step);
-                let (assessment, passage) = aiming.assess(situation.executor, scene)?;
-                let place = weighed.len();
+                let (assessment, clearance) = aiming.assess(situation.executor, scene)?;
+                let place = scored.len();
                 let mut one = CheckedCandidate {
                     index: place,
                     aimed: aiming,
                     assessment,
-                    swept_clearance: passage,
+                    swept_clearance: clearance,
                     rollout_counts: None,
                 };
                 let least = score_of(best.as_ref()).max(utmost);
                 roll_out(situation.executor, twin, &mut one, least)?;
-                weighed.push(one.aimed.record(Some(&one.assessment), false));
+                scored.push(one.aimed.record(Some(&one.assessment), false));
                 if one.rollout_counts.is_some() && one.assessment.score > least {
                     *best = Some(one);
                 }

@@ -78,7 +78,7 @@ impl<'a> ClearanceScene<'a> {
         Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
     }
 
-    /// Smallest distance (m) of `moving` from the target at `percept` while `method` is followed and `grasp` closes, and
+    /// Smallest distance (m) of `moving` from the target at `percept` while `path` is followed and `grasp` closes, and
     /// the palm pose there.
     fn clearance(
         &self,
@@ -109,7 +109,7 @@ impl<'a> ClearanceScene<'a> {
     }
 
     /// Distance (m) of the held object alone from the target at `percept` when the palm has arrived at the end of
-    /// `method`.
+    /// `path`.
     fn separation(&self, path: &PosePath, percept: &DetectedObject) -> Result<f64, StrategyError> {
         let found = clearance_at(&path.end(), &self.object, &transformed(self.target, &percept.pose()))?;
         Ok(found.map_or(f64::INFINITY, |found| found.min_distance))
@@ -129,8 +129,8 @@ impl<'a> ClearanceScene<'a> {
         let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
         // Rehearsals after many holds have met the obstacles of each of them.
-        let proven = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
-        let contact = if proven || taking > NO_CONTACT_SIGMAS * self.sigma {
+        let verified = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
+        let contact = if verified || taking > NO_CONTACT_SIGMAS * self.sigma {
             0.0
         } else {
             let known = match &self.rollout_solids {

@@ -30,7 +30,7 @@ fn with_bar_at(x: f64) -> (bool, Assessment) {
         sigma: 0.001,
     };
     let hand = &table.cell.robot.hand;
-    let belief = AimPosterior::new(&Uncertainty::standard());
+    let posterior = AimPosterior::new(&Uncertainty::standard());
     let situation = DecisionContext {
         executor: &executor,
         hand,
@@ -39,7 +39,7 @@ fn with_bar_at(x: f64) -> (bool, Assessment) {
         target: &target,
         target_sigma: 0.002,
         all_rollouts: Arc::default(),
-        aim_posterior: &belief,
+        aim_posterior: &posterior,
         detections: 1,
         probe: Vector3::zeros(),
         look_ahead: None,
@@ -116,7 +116,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         digits: SIDE.to_vec(),
         sigma: 0.001,
     };
-    let belief = AimPosterior::new(&Uncertainty::standard());
+    let posterior = AimPosterior::new(&Uncertainty::standard());
     let covariance = nalgebra::Matrix6::zeros();
     let situation = DecisionContext {
         executor: &executor,
@@ -126,7 +126,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
         target: &target,
         target_sigma: 0.002,
         all_rollouts: Arc::default(),
-        aim_posterior: &belief,
+        aim_posterior: &posterior,
         detections: 1,
         probe: Vector3::zeros(),
         look_ahead: twin.map(|twin| LookAhead {

@@ -36,14 +36,14 @@ fn take(candidate: usize) -> Result<ChooserDecision, &'static str> {
 /// Plays a trial whose decisions come at `time` until it ends; returns the tries and the story too.
 fn played(told: &mut ScriptedChooser, time: f64) -> (PolicyStep, Vec<u32>, Vec<String>) {
     let table = Table::new();
-    let (mut executor, mut eyes) = (table.executor(), CountingDetector::new(&table));
+    let (mut executor, mut detector) = (table.executor(), CountingDetector::new(&table));
     let senses = TouchPerception::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut chosen = ChooserPolicy::new(table.knowledge(), senses, told);
     run_until(&mut executor, DECIDE);
     loop {
         let second = executor.phase().has_lifted(1);
         chosen.perceive(&executor, in_hand(true, second)).expect("perceived");
-        match chosen.decide(&mut executor, &mut eyes, time).expect("decided") {
+        match chosen.decide(&mut executor, &mut detector, time).expect("decided") {
             PolicyStep::Continue => run_on(&mut executor),
             end => {
                 let story = chosen.trace();

@@ -20,7 +20,7 @@ impl ObjectDetector for FixedDetector<'_> {
     }
 }
 
-/// Plays a trial in which the first two objects are felt as `contact_time` says in each phase, the third never is, and
+/// Plays a trial in which the first two objects are felt as `felt` says in each phase, the third never is, and
 /// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
 fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();
@@ -35,13 +35,13 @@ fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<P
     };
     let senses = TouchPerception::new(&table.pipeline, Sensing::TruePose).expect("made");
     let mut policy = SequentialPolicy::new(knowledge, senses, &planned.iter().collect::<Vec<_>>());
-    let (mut eyes, mut phases) = (FixedDetector(&table), Vec::new());
+    let (mut detector, mut phases) = (FixedDetector(&table), Vec::new());
     for _ in 0..6 {
         let phase = executor.phase();
         phases.push(phase);
         let [first, second] = felt(phase);
         policy.perceive(&executor, in_hand(first, second)).expect("perceived");
-        if policy.decide(&mut executor, &mut eyes, time).expect("decided") != PolicyStep::Continue {
+        if policy.decide(&mut executor, &mut detector, time).expect("decided") != PolicyStep::Continue {
             break;
         }
         run_on(&mut executor);

@@ -16,7 +16,7 @@ use crate::table::*;
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let mut touch = table.touch();
     for (phase, grip, then) in [
         (DECIDE, in_hand(true, false), PolicyStep::Continue),
@@ -25,9 +25,9 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
     ] {
         run_until(&mut executor, phase);
         touch.perceive(&executor, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), then);
+        assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), then);
     }
-    assert_eq!((eyes.detections, touch.trace().retries, touch.trace().decisions), ([0, 1], 0, 1));
+    assert_eq!((detector.detections, touch.trace().retries, touch.trace().decisions), ([0, 1], 0, 1));
     let felt = touch.felt()[0].estimate.palm_from_object;
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
@@ -38,7 +38,7 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
 fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let first = table.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp");
     let touch_with = |sensing: Sensing| {
         let senses = TouchPerception::new(&table.pipeline, sensing).expect("made");
@@ -54,13 +54,13 @@ fn touch_feels_for_the_second_object_first() {
     ] {
         let (mut touch, mut executor) = (touch_with(sensing), executor.clone());
         touch.perceive(&executor, behind).expect("perceived");
-        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        let step = touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
         assert_eq!((step, executor.phase()), then, "{sensing:?}");
         if executor.phase() == REACH_SECOND {
             let seen = executor.target(1).detected;
             run_until(&mut executor, LOCATE_SECOND);
             touch.perceive(&executor, None).expect("perceived");
-            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            let step = touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
             assert_eq!((step, executor.phase()), (PolicyStep::Continue, APPROACH_SECOND));
             assert_eq!(executor.target(1).detected, seen);
             assert!(touch.trace().reasons.iter().any(|reason| reason.contains("nothing was felt")));
@@ -73,7 +73,7 @@ fn touch_feels_for_the_second_object_first() {
 #[test]
 fn touch_feels_for_the_first_object_too() {
     let table = Table::new();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let first = table.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp");
     for (sensing, then) in [
         (Sensing::ServosOnly, (PolicyStep::Continue, APPROACH_FIRST)),
@@ -83,14 +83,14 @@ fn touch_feels_for_the_first_object_too() {
         let mut touch = TouchPolicy::new(Knowledge { palpates: true, ..table.knowledge() }, senses, first);
         let mut executor = table.waiting();
         touch.perceive(&executor, None).expect("perceived");
-        let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+        let step = touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
         assert_eq!((step, executor.phase()), then, "{sensing:?}");
         assert_eq!(executor.target(0).grasp.id, first.id);
         if executor.phase() == REACH_FIRST {
             run_until(&mut executor, LOCATE_FIRST);
             let (height, still) = (executor.motion().end().translation.z, executor.required_tensions());
             touch.perceive(&executor, None).expect("perceived");
-            let step = touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            let step = touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
             assert_eq!((step, executor.phase()), (PolicyStep::Continue, APPROACH_FIRST));
             assert_eq!(executor.required_tensions(), still);
             run_until(&mut executor, GRASP_FIRST);
@@ -105,12 +105,12 @@ fn touch_feels_for_the_first_object_too() {
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(false, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::Continue);
-    assert_eq!((executor.phase(), eyes.detections), (APPROACH_FIRST, [1, 1]));
+    assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::Continue);
+    assert_eq!((executor.phase(), detector.detections), (APPROACH_FIRST, [1, 1]));
     // 1.0 halved by its failure is less than 0.9 x 0.9 of the unplanned grasp.
     assert_eq!((executor.target(0).grasp.id, touch.trace().retries), (1, 1));
     assert!(!touch.trace().is_as_planned() && touch.trace().take_announcements().len() == 1);
@@ -122,21 +122,21 @@ fn touch_tries_again_what_is_missing() {
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(true, false)).expect("perceived");
-    touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+    touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
     run_until(&mut executor, CONFIRM);
     touch.perceive(&executor, in_hand(false, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::Continue);
-    assert_eq!((executor.phase(), eyes.detections), (PUT_DOWN, [1, 1]));
+    assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::Continue);
+    assert_eq!((executor.phase(), detector.detections), (PUT_DOWN, [1, 1]));
     while executor.phase() == PUT_DOWN {
         executor.tick(&still()).expect("a command");
     }
     touch.perceive(&executor, in_hand(true, true)).expect("perceived");
-    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::Continue);
-    assert_eq!((executor.phase(), eyes.detections), (APPROACH_FIRST, [2, 2]));
+    assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::Continue);
+    assert_eq!((executor.phase(), detector.detections), (APPROACH_FIRST, [2, 2]));
 }
 
 /// A second object that the pads do not feel is kept if the eyes see it hang, and taken again if it is on the table or
@@ -146,14 +146,14 @@ fn touch_keeps_what_is_seen_in_the_hand() {
     for (raised, kept) in [(0.0, false), (0.02, false), (0.12, true)] {
         let table = Table::new();
         let mut executor = table.executor();
-        let mut eyes = CountingDetector { raised: [0.0, raised], ..CountingDetector::new(&table) };
+        let mut detector = CountingDetector { raised: [0.0, raised], ..CountingDetector::new(&table) };
         let mut touch = table.touch();
         run_until(&mut executor, DECIDE);
         touch.perceive(&executor, in_hand(true, false)).expect("perceived");
         touch.decide(&mut executor, &mut CountingDetector::new(&table), 0.0).expect("decided");
         run_until(&mut executor, CONFIRM);
         touch.perceive(&executor, in_hand(true, false)).expect("perceived");
-        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::Continue);
+        assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::Continue);
         assert_eq!((executor.phase() != APPROACH_SECOND, touch.trace().retries == 0), (kept, kept), "{raised} m");
     }
 }
@@ -172,13 +172,13 @@ fn aside(executor: &mut Executor) {
 fn touch_steps_aside_to_see_what_it_needs() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector { hidden: [1, 3], ..CountingDetector::new(&table) };
+    let mut detector = CountingDetector { hidden: [1, 3], ..CountingDetector::new(&table) };
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(false, false)).expect("perceived");
     let mut decide = |executor: &mut Executor, touch: &mut TouchPolicy, grip: Option<InjectedHold>| {
         touch.perceive(executor, grip).expect("perceived");
-        touch.decide(executor, &mut eyes, 0.0).expect("decided")
+        touch.decide(executor, &mut detector, 0.0).expect("decided")
     };
     assert_eq!(decide(&mut executor, &mut touch, in_hand(false, false)), PolicyStep::Continue);
     let last = executor.target(1).detected;
@@ -191,7 +191,7 @@ fn touch_steps_aside_to_see_what_it_needs() {
     aside(&mut executor);
     assert_eq!(decide(&mut executor, &mut touch, None), PolicyStep::Continue);
     assert_eq!((executor.phase(), touch.trace().retries), (APPROACH_SECOND, 1));
-    assert_eq!((eyes.detections, eyes.hidden), ([2, 4], [0, 0]));
+    assert_eq!((detector.detections, detector.hidden), ([2, 4], [0, 0]));
 }
 
 /// If an object stays hidden after the hand has stepped aside, the trial is given up, and the reason names it.
@@ -200,19 +200,19 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
     for (phase, grip, missing) in [(DECIDE, in_hand(false, false), FIRST), (CONFIRM, in_hand(true, false), SECOND)] {
         let table = Table::new();
         let mut executor = table.executor();
-        let mut eyes = CountingDetector { hidden: [9, 9], ..CountingDetector::new(&table) };
+        let mut detector = CountingDetector { hidden: [9, 9], ..CountingDetector::new(&table) };
         let mut touch = table.touch();
         run_until(&mut executor, DECIDE);
         if phase == CONFIRM {
             touch.perceive(&executor, in_hand(true, false)).expect("perceived");
-            touch.decide(&mut executor, &mut eyes, 0.0).expect("decided");
+            touch.decide(&mut executor, &mut detector, 0.0).expect("decided");
             run_until(&mut executor, CONFIRM);
         }
         touch.perceive(&executor, grip).expect("perceived");
-        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::Continue);
+        assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::Continue);
         aside(&mut executor);
         touch.perceive(&executor, None).expect("perceived");
-        assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::NotDetected);
+        assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::NotDetected);
         let reason = touch.trace().reasons.last().expect("a reason").clone();
         assert_eq!(reason, format!("{missing} is nowhere to be seen"));
     }
@@ -223,11 +223,11 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
 fn touch_begins_no_try_that_cannot_end_in_time() {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(false, false)).expect("perceived");
-    let step = touch.decide(&mut executor, &mut eyes, TIME_LIMIT - 1.0).expect("decided");
+    let step = touch.decide(&mut executor, &mut detector, TIME_LIMIT - 1.0).expect("decided");
     assert_eq!((step, touch.trace().retries), (PolicyStep::Continue, 0));
 }
 
@@ -239,11 +239,11 @@ fn touch_gives_up_what_is_out_of_reach() {
     let far = DetectedObject { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
     executor.update_detection(1, far);
     // The next look does not find it either.
-    let mut eyes = CountingDetector { hidden: [0, 1], ..CountingDetector::new(&table) };
+    let mut detector = CountingDetector { hidden: [0, 1], ..CountingDetector::new(&table) };
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(true, false)).expect("perceived");
-    assert_eq!(touch.decide(&mut executor, &mut eyes, 0.0).expect("decided"), PolicyStep::GiveUp);
+    assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::GiveUp);
     let reason = touch.trace().reasons.last().expect("a reason").clone();
     assert!(reason.contains(SECOND) && reason.contains("3.00"), "{reason}");
 }

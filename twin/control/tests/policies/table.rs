@@ -70,7 +70,7 @@ pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f
         thumb_delay: 0.0,
         held: None,
         held_joints: None,
-        held_spread: None,
+        held_sigmas: None,
         score,
     }
 }
@@ -159,7 +159,7 @@ impl Table {
             third_candidates: Vec::new(),
             fallen_candidates: Vec::new(),
             alternative_firsts: Vec::new(),
-            uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
+            uncertainty: Uncertainty { arm: 0.005, detector: 0.0065, detector_persistent_share: 0.5 },
             first_detection_sigmas: [None; 3],
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,

@@ -22,7 +22,7 @@ fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
-/// rehearsals after the other first grasp as given by `alternative_firsts`.
+/// rehearsals after the other first grasp as given by `others`.
 fn with_contacts_after_the_plan(
     others: Option<TryOutcome>,
     recovery: Recovery,
@@ -30,7 +30,7 @@ fn with_contacts_after_the_plan(
 ) -> (PolicyStep, Phase, String) {
     let table = Table::new();
     let mut executor = table.executor();
-    let mut eyes = CountingDetector::new(&table);
+    let mut detector = CountingDetector::new(&table);
     let mut grasps = table.repertoire.for_digits(FIRST, SIDE);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
     let others =
@@ -45,14 +45,14 @@ fn with_contacts_after_the_plan(
     let mut touch = TouchPolicy::new(knowledge, senses, planned);
     run_until(&mut executor, DECIDE);
     touch.perceive(&executor, in_hand(true, false)).expect("perceived");
-    let step = touch.decide(&mut executor, &mut eyes, time).expect("decided");
+    let step = touch.decide(&mut executor, &mut detector, time).expect("decided");
     let told = touch.trace().take_announcements().join("; ");
     if executor.phase() == PUT_DOWN {
         while executor.phase() == PUT_DOWN {
             executor.tick(&still()).expect("a command");
         }
         touch.perceive(&executor, in_hand(false, false)).expect("perceived");
-        touch.decide(&mut executor, &mut eyes, time).expect("decided");
+        touch.decide(&mut executor, &mut detector, time).expect("decided");
         assert_eq!(executor.target(0).grasp.id, other.id, "it is taken with the other grasp");
     }
     (step, executor.phase(), told)

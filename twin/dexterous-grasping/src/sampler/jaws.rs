@@ -51,7 +51,7 @@ pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rn
         thumb_delay: 0.0,
         held: None,
         held_joints: None,
-        held_spread: None,
+        held_sigmas: None,
         score: 0.0,
     }
 }

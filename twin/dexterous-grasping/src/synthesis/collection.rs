@@ -35,7 +35,8 @@ pub struct CollectionHeader {
 pub struct SearchSummary {
     pub object: String,
     /// Number of grasps requested.
-    pub wanted: usize,
+    #[serde(alias = "wanted")]
+    pub requested: usize,
     /// Number of grasps kept; their lines follow.
     pub kept: usize,
     /// Number of chains run.
@@ -113,7 +114,7 @@ fn to_row(grasp: &HeldGrasp) -> Option<GraspRow> {
         (link, point, normal, one(contact.force, per_unit::FORCE))
     });
     let mut checks = vec![one(grasp.margin, per_unit::FORCE), one(grasp.penetration, per_unit::DEPTH)];
-    if let Some(VerifiedLoad { mass, friction, payload }) = grasp.proof {
+    if let Some(VerifiedLoad { mass, friction, payload }) = grasp.verified_load {
         checks.extend([one(mass, per_unit::MASS), one(friction, per_unit::FRICTION), one(payload, per_unit::MASS)]);
     }
     Some((
@@ -159,7 +160,7 @@ fn from_row(object: &str, row: GraspRow) -> Result<HeldGrasp, String> {
             return Err(format!("{field}: found a quaternion of length {length:.4}, expected 1"));
         }
     }
-    let (margin, penetration, proof) = match checks[..] {
+    let (margin, penetration, verification) = match checks[..] {
         [margin, penetration] => (margin, penetration, None),
         [margin, penetration, mass, friction, payload] => {
             let kg = |grams: i64| grams as f64 / per_unit::MASS;
@@ -192,7 +193,7 @@ fn from_row(object: &str, row: GraspRow) -> Result<HeldGrasp, String> {
         held_without_tension: None,
         moved: Some(from_steps(&moved, per_unit::MOTION)),
         energy: Some(energy as f64 / per_unit::ENERGY),
-        proof,
+        verified_load: verification,
     })
 }
 
@@ -279,7 +280,7 @@ mod tests {
             })
             .collect();
         let summary =
-            SearchSummary { object: "ball".into(), wanted: 5, kept: 3, chains: 7, short: Some("slippery".into()) };
+            SearchSummary { object: "ball".into(), requested: 5, kept: 3, chains: 7, short: Some("slippery".into()) };
         let header = CollectionHeader { version: VERSION, command: "test".into(), seed: 4 };
         Collection { header, objects: vec![ObjectGrasps { summary, grasps }] }
     }

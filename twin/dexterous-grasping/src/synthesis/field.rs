@@ -68,7 +68,7 @@ struct GridPosition {
 
 impl DistanceField {
     /// Samples `signed_distance` (distance and outward unit gradient, in the object's frame) in the box from `low` to `high`
-    /// widened by `rule_margin` on every side, with cells of `cell`, all m. `center` is the object's centre of mass.
+    /// widened by `margin` on every side, with cells of `cell`, all m. `center` is the object's centre of mass.
     pub fn sample(
         low: &Point3<f64>,
         high: &Point3<f64>,

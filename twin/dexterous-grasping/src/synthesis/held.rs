@@ -202,7 +202,8 @@ pub struct HeldGrasp {
     pub energy: Option<f64>,
     /// Load for which it was verified. `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<VerifiedLoad>,
+    #[serde(alias = "proof")]
+    pub verified_load: Option<VerifiedLoad>,
 }
 
 impl HeldGrasp {
@@ -254,8 +255,8 @@ impl HeldGrasp {
         to(std::slice::from_mut(&mut self.penetration), per_unit::DEPTH);
         to(self.moved.as_mut_slice().as_flattened_mut(), per_unit::MOTION);
         to(self.energy.as_mut_slice(), per_unit::ENERGY);
-        if let Some(proof) = &mut self.proof {
-            to(std::slice::from_mut(&mut proof.payload), per_unit::MASS);
+        if let Some(verification) = &mut self.verified_load {
+            to(std::slice::from_mut(&mut verification.payload), per_unit::MASS);
         }
         self
     }
@@ -341,7 +342,7 @@ pub(crate) mod tests {
             held_without_tension: None,
             moved: Some([1e-3, 0.02]),
             energy: Some(0.9),
-            proof: Some(VerifiedLoad { mass: 0.1, friction: 0.6, payload: 0.253 }),
+            verified_load: Some(VerifiedLoad { mass: 0.1, friction: 0.6, payload: 0.253 }),
         }
     }
 
@@ -382,7 +383,7 @@ pub(crate) mod tests {
     fn lines_of_both_kinds_of_hand_are_read() {
         let ours = serde_json::to_string(&grasp()).expect("a line");
         assert!(ours.starts_with(r#"{"object":"ball","chain":3,"palm_from_object":[0.012"#), "{ours}");
-        let other = r#"{"object":"ball","chain":7,"root_from_object":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"joints":[["turn",0.5]],"start":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"open_joints":[["turn",0.1]],"open_tensions":[["close",1.0]],"tensions":[["close",30.0]],"contacts":[[0,[0.0,0.0,0.0],[0.0,0.0,1.0],2.0]],"margin":2.0,"penetration":0.0,"held_without_tension":false,"proof":{"mass":0.1,"friction":0.6,"payload":0.3}}"#;
+        let other = r#"{"object":"ball","chain":7,"root_from_object":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"joints":[["turn",0.5]],"start":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"open_joints":[["turn",0.1]],"open_tensions":[["close",1.0]],"tensions":[["close",30.0]],"contacts":[[0,[0.0,0.0,0.0],[0.0,0.0,1.0],2.0]],"margin":2.0,"penetration":0.0,"held_without_tension":false,"verification":{"mass":0.1,"friction":0.6,"payload":0.3}}"#;
         for line in [&*ours, other] {
             let read: HeldGrasp = serde_json::from_str(line).expect("read");
             assert_eq!(serde_json::to_string(&read).expect("a line"), line);

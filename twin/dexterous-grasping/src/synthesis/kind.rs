@@ -57,7 +57,10 @@ pub fn table(kinds: &[GraspKind<'_>]) -> String {
             let room = best.digit_use.as_ref().and_then(|used| used.room);
             format!(" {:>8} {:>8}\n", millimetres(room, 0), millimetres(best.moved.map(|[far, _]| far), 1))
         } else {
-            format!(" {:>9}\n", best.proof.map_or("-".into(), |proof| format!("{:.0}", 1e3 * proof.payload)))
+            format!(
+                " {:>9}\n",
+                best.verified_load.map_or("-".into(), |verification| format!("{:.0}", 1e3 * verification.payload))
+            )
         };
     }
     text

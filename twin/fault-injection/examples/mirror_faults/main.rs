@@ -9,7 +9,7 @@
 //! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under
 //! CONDITIONS (such as `blind,touch`) with a mirror beside them and no fault.
 //!
-//! INDIVIDUAL is the file of an identified robot (`ftac twin identify`), which the control stack and the twin use as
+//! INDIVIDUAL is the file of an identified robot (`ftac sysid identify`), which the control stack and the twin use as
 //! their model of the robot. Without it they use the robot as drawn.
 
 mod event_times;
@@ -70,11 +70,11 @@ impl RunningTrial {
         self.event_times.record(&self.robot.truth(), self.executor.phase());
         let begun = Instant::now();
         let seen = TickMeasurements::from_executor(&self.executor, self.robot.time(), &sent, None);
-        let mirror = match &mut self.detector {
-            Some(mirror) => mirror,
+        let fault_detector = match &mut self.detector {
+            Some(fault_detector) => fault_detector,
             none => none.insert(FaultDetector::new(&bench.world, &seen.arm.position)?),
         };
-        mirror.update(&seen);
+        fault_detector.update(&seen);
         self.computing_time.0 += 1;
         self.computing_time.1 += begun.elapsed();
         Ok(())
@@ -175,10 +175,10 @@ fn trial(
 }
 
 /// Prepares the first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn if
-/// `plant` is 0. The control stack uses the robot model of the file `individual`, or the robot as drawn.
-fn prepare_bench(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
-    let path = individual.map_or(Path::new(""), Path::new);
-    let text = individual.map(|_| ftac_platform::data::read_text(path)).transpose()?;
+/// `plant` is 0. The control stack uses the robot model of the file `instance`, or the robot as drawn.
+fn prepare_bench(combos: usize, seed: u64, plant: u64, instance: Option<&String>) -> Result<Bench> {
+    let path = instance.map_or(Path::new(""), Path::new);
+    let text = instance.map(|_| ftac_platform::data::read_text(path)).transpose()?;
     let robot = robot_from_sources(None, text.as_deref(), path)?;
     let mut bench = make_bench(&robot, Scenario::benchmark(), combos, seed, true)?;
     if plant > 0 {
@@ -194,12 +194,12 @@ fn main() -> Result<()> {
     {
         return sound::main(rest);
     }
-    let [seed, from, to, plant, moments, individual @ ..] = &arguments[..] else {
+    let [seed, from, to, plant, moments, instance @ ..] = &arguments[..] else {
         bail!("expected SEED FROM TO PLANT MOMENTS [INDIVIDUAL], found {} arguments", arguments.len());
     };
     let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
     let (from, to, moments): (usize, usize, usize) = (from.parse()?, to.parse()?, moments.parse()?);
-    let bench = prepare_bench(to, seed, plant, individual.first())?;
+    let bench = prepare_bench(to, seed, plant, instance.first())?;
     let mut tallies: Vec<Tally> = FAULT_KINDS.iter().map(|_| Tally::default()).collect();
     let (mut seconds, mut false_alarms, mut ticks, mut spent) = (0.0, 0, 0, Duration::ZERO);
     let mut alarms: BTreeMap<&str, u32> = BTreeMap::new();

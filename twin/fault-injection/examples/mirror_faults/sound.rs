@@ -53,7 +53,7 @@ impl Watcher for TruthRecorder {
 
 /// Runs the mode `sound` with arguments `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
 pub fn main(arguments: &[String]) -> Result<()> {
-    let [seed, from, to, plant, conditions, trials, individual @ ..] = arguments else {
+    let [seed, from, to, plant, conditions, trials, instance @ ..] = arguments else {
         bail!(
             "expected sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL], found {} after sound",
             arguments.len()
@@ -61,7 +61,7 @@ pub fn main(arguments: &[String]) -> Result<()> {
     };
     let (from, to, trials): (usize, usize, usize) = (from.parse()?, to.parse()?, trials.parse()?);
     let conditions = conditions.split(',').map(str::parse).collect::<Result<Vec<Condition>, _>>()?;
-    let bench = prepare_bench(to, seed.parse()?, plant.parse()?, individual.first())?;
+    let bench = prepare_bench(to, seed.parse()?, plant.parse()?, instance.first())?;
     let (mut seconds, mut wrongly) = (0.0, 0);
     for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
         let mut truths = TruthRecorder {
@@ -81,14 +81,13 @@ pub fn main(arguments: &[String]) -> Result<()> {
             &mut Watchers(vec![&mut mirroring, &mut truths]),
         )?;
         for named in mirroring.finish(Condition::Blind) {
-            let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
+            let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.fault));
             let rightly = if right { "rightly" } else { "wrongly" };
             let at = |(condition, time, _): &&(Option<Condition>, f64, Phase)| {
-                condition.is_none_or(|condition| condition == named.condition)
-                    && (time - named.divergence.time).abs() < 1e-6
+                condition.is_none_or(|condition| condition == named.condition) && (time - named.fault.time).abs() < 1e-6
             };
             let phase = truths.phases.iter().rev().find(at).map(|(.., phase)| phase.name()).unwrap_or_default();
-            println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
+            println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.fault);
             wrongly += u32::from(!right);
         }
         seconds += truths.seconds;

@@ -36,8 +36,8 @@ pub fn holds_of_pairs(
     quiet: bool,
 ) -> Result<Vec<PlannedHold>> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let progress = progress::bar(plans.plans.len() as u64, "combinations played", quiet);
-    let held = plans.plans.par_iter().map(|plan| {
+    let progress = progress::bar(plans.pairs.len() as u64, "combinations played", quiet);
+    let held = plans.pairs.par_iter().map(|plan| {
         let held = holds_of_pair(world, repertoire, plan, &board)?;
         progress.inc(1);
         Ok(held)

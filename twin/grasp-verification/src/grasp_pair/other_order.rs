@@ -38,7 +38,7 @@ fn plan_reversed_pair(
     Ok(())
 }
 
-/// Plans the objects of `grasp_pair` in the reversed order, without odds, in a world in that order. Returns `None` if `grasp_pair`
+/// Plans the objects of `plan` in the reversed order, without odds, in a world in that order. Returns `None` if `plan`
 /// is sure.
 pub(super) fn reversed_pair(
     turned: &SimulatedWorld,
@@ -52,8 +52,8 @@ pub(super) fn reversed_pair(
     plan_pair(turned, repertoire, board, [&plan.second, &plan.first])
 }
 
-/// Returns the worth of the best second grasp of `grasp_pair`, after any of its first grasps.
+/// Returns the worth of the best second grasp of `plan`, after any of its first grasps.
 fn best_score(plan: &GraspPair) -> f64 {
-    let others = plan.others.iter().flat_map(|other| &other.outcomes);
+    let others = plan.alternative_firsts.iter().flat_map(|other| &other.outcomes);
     plan.outcomes.iter().chain(others).map(GraspOutcomes::score_once_touched).fold(0.0, f64::max)
 }

@@ -20,7 +20,7 @@ pub(super) fn rollout_step(
     let rehearsals = RolloutContext::new(world, board);
     match number {
         0 => rehearsals.roll_out_pair(repertoire, plan)?,
-        1 => plan.others = rehearsals.alternatives(repertoire, plan)?,
+        1 => plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?,
         _ => variations::search_pair_variations(world, repertoire, board, plan)?,
     }
     Ok(())

@@ -132,7 +132,7 @@ pub fn roll_out_alternatives(
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let rehearsals = RolloutContext::new(world, &board);
     plans.for_each_pair("plans tried", quiet, |plan| {
-        plan.others = rehearsals.alternatives(repertoire, plan)?;
+        plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?;
         Ok(())
     })
 }
@@ -151,7 +151,7 @@ impl<'a> RolloutContext<'a> {
         Self { world, board, wide: wide_errors(WIDE_DRAWS), narrow: narrow_errors(NARROW_DRAWS) }
     }
 
-    /// Tries the second grasps of `grasp_pair` that work without errors. There are no outcomes if its first grasp does not
+    /// Tries the second grasps of `plan` that work without errors. There are no outcomes if its first grasp does not
     /// hold.
     pub(super) fn roll_out_pair(&self, repertoire: &Repertoire, plan: &mut GraspPair) -> Result<()> {
         plan.forget_variations();
@@ -204,7 +204,7 @@ impl<'a> RolloutContext<'a> {
             let outcomes = self.outcomes(&hold, &works, FINALISTS)?;
             most = most.max(best(&outcomes));
             if !outcomes.is_empty() {
-                others.push(AlternativeFirstGrasp { first_grasp: first.id, outcomes, proof: None });
+                others.push(AlternativeFirstGrasp { first_grasp: first.id, outcomes, verification: None });
             }
         }
         Ok(others)
@@ -218,7 +218,7 @@ impl<'a> RolloutContext<'a> {
         Ok(roll_out_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 
-    /// Tries `grasps` under the first errors of either kind, and the `best_share` of them under all.
+    /// Tries `grasps` under the first errors of either kind, and the `best` of them under all.
     pub(super) fn outcomes(
         &self,
         hold: &RolloutSnapshot,

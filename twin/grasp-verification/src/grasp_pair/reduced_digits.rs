@@ -37,7 +37,7 @@ pub struct ReducedGrasps {
     pub impossible: std::collections::BTreeMap<usize, String>,
 }
 
-/// Plans the combinations of `pairs` anew without `digits`.
+/// Plans the combinations of `plans` anew without `digits`.
 pub fn plan_without_digits(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -48,21 +48,21 @@ pub fn plan_without_digits(
     let sets = digit_sets(&world.cell.robot.hand, 2);
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
     let made: Vec<Result<PlannedPair>> =
-        plans.plans.par_iter().map(|plan| plan_reduced_pair(world, &slack, plan, digits, &board)).collect();
+        plans.pairs.par_iter().map(|plan| plan_reduced_pair(world, &slack, plan, digits, &board)).collect();
     let mut without = ReducedGrasps { repertoire: slack.clone(), pairs: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
         list.retain(|grasp| grasp.digits == sets[1]);
     }
     for (n, made) in made.into_iter().enumerate() {
-        let (proven, plan) = made?;
-        for grasp in proven {
+        let (verified, plan) = made?;
+        for grasp in verified {
             let known = without.repertoire.for_digits(&grasp.object, &sets[0]).any(|other| other.id == grasp.id);
             if !known {
                 without.repertoire.insert(grasp);
             }
         }
         match plan {
-            Ok(plan) => without.pairs.plans[n] = plan,
+            Ok(plan) => without.pairs.pairs[n] = plan,
             Err(why) => {
                 without.impossible.insert(n, why);
             }
@@ -92,8 +92,8 @@ fn plan_reduced_pair(
     if seconds == 0 {
         return none(format!("no grasp takes {} second without {names}", plan.second));
     }
-    let proven = verify_firsts(world, &firsts, slack.for_digits(&plan.second, &sets[1]).next(), board)?;
-    if proven.is_empty() {
+    let verified = verify_firsts(world, &firsts, slack.for_digits(&plan.second, &sets[1]).next(), board)?;
+    if verified.is_empty() {
         return none(format!(
             "{} grasps of {} without {names} were tried in physics and none holds it",
             firsts.len(),
@@ -101,7 +101,7 @@ fn plan_reduced_pair(
         ));
     }
     let mut own = Repertoire::default();
-    for grasp in proven
+    for grasp in verified
         .iter()
         .take(FIRST_GRASPS_TESTED)
         .chain(slack.for_digits(&plan.second, &sets[1]).take(SECOND_GRASPS_TESTED))
@@ -112,14 +112,14 @@ fn plan_reduced_pair(
         format!(
             "{seconds} grasps of {} without {names} were tried in physics after {} of {} and none holds both",
             plan.second,
-            proven.len().min(FIRST_GRASPS_TESTED),
+            verified.len().min(FIRST_GRASPS_TESTED),
             plan.first
         )
     });
-    Ok((proven, planned))
+    Ok((verified, planned))
 }
 
-/// Returns those of `first_grasps` that hold beside the object of `bystander`, with the object's pose in the hand.
+/// Returns those of `firsts` that hold beside the object of `bystander`, with the object's pose in the hand.
 fn verify_firsts(
     world: &SimulatedWorld,
     firsts: &[&Grasp],
@@ -127,16 +127,16 @@ fn verify_firsts(
     board: &TactileBoard,
 ) -> Result<Vec<Grasp>> {
     let Some(bystander) = bystander else { return Ok(Vec::new()) };
-    let mut proven = Vec::new();
+    let mut verified = Vec::new();
     for first in firsts {
         let grasps = [*first, bystander];
         let rehearsal = FirstGraspRollout::ideal(world, &grasps);
         if let Some((_, held)) = roll_out_first(world, &rehearsal, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
-            proven.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
+            verified.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
         }
     }
-    Ok(proven)
+    Ok(verified)
 }
 
 /// Returns the grasps that have a digit left, with `digits` slack. Grasps that lose a digit are also added with more

@@ -58,7 +58,7 @@ pub fn plan_stepwise(
     Ok(made)
 }
 
-/// Adds proofs to `plan_stepwise` at a level of effort, in steps that are kept.
+/// Adds proofs to `plan` at a level of effort, in steps that are kept.
 pub fn verify_stepwise(
     world: &SimulatedWorld,
     repertoire: &Repertoire,

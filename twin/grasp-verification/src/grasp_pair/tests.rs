@@ -28,7 +28,7 @@ fn nothing_works() {
 #[test]
 fn missing_grasps_are_named() {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
-    let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").plans.swap_remove(0);
+    let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").pairs.swap_remove(0);
     assert!(plan.grasps(&Hand::ftac(), &repertoire).is_ok());
     plan.second_grasps.push((987_654, 1.0));
     let error = plan.grasps(&Hand::ftac(), &repertoire).expect_err("no such grasp").to_string();

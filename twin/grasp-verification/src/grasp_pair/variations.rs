@@ -51,7 +51,7 @@ pub fn search_pair_variations(
 ) -> Result<()> {
     plan.forget_variations();
     let sequences = std::iter::once((plan.first_grasp, &plan.outcomes))
-        .chain(plan.others.iter().map(|other| (other.first_grasp, &other.outcomes)));
+        .chain(plan.alternative_firsts.iter().map(|other| (other.first_grasp, &other.outcomes)));
     let best = |outcomes: &[GraspOutcomes]| outcomes.iter().map(GraspOutcomes::score_once_touched).fold(0.0, f64::max);
     // The first of sequences of equal worth, which is the plan's own.
     let Some((first, outcomes)) = sequences.reduce(|a, b| if best(b.1) > best(a.1) { b } else { a }) else {
@@ -78,7 +78,7 @@ pub fn search_pair_variations(
         Climb { hold: &hold, errors: narrow_errors(2 * NARROW_DRAWS).split_off(NARROW_DRAWS) }.run(parents, plan)?;
     let grasps: Vec<&Grasp> = kept.iter().collect();
     let found = rehearsals.outcomes(&hold, &grasps, grasps.len())?;
-    match plan.others.iter_mut().find(|other| other.first_grasp == first && first != plan.first_grasp) {
+    match plan.alternative_firsts.iter_mut().find(|other| other.first_grasp == first && first != plan.first_grasp) {
         Some(other) => other.outcomes.extend(found),
         None => plan.outcomes.extend(found),
     }

@@ -100,7 +100,8 @@ pub struct HoldStatistics {
     /// Mean of `palm_from_object`.
     pub mean: Isometry3<f64>,
     /// Standard deviations of position (m) and rotation (rad), per axis.
-    pub spread: [f64; 2],
+    #[serde(alias = "spread")]
+    pub sigmas: [f64; 2],
 }
 
 impl HoldStatistics {
@@ -118,7 +119,7 @@ impl HoldStatistics {
         let places: f64 = poses.iter().map(|pose| (pose.translation.vector - place).norm_squared()).sum();
         let angles: f64 = turns.iter().map(|other| turn.angle_to(other).powi(2)).sum();
         let spread = [places, angles].map(|squares| (squares / (3.0 * count)).sqrt());
-        Some(Self { mean: Isometry3::from_parts(place.into(), turn), spread })
+        Some(Self { mean: Isometry3::from_parts(place.into(), turn), sigmas: spread })
     }
 }
 
@@ -145,14 +146,14 @@ impl Verification {
 
     /// Returns the share of the draws in which the grasp that holds most often holds its object.
     pub fn best_share(&self) -> f64 {
-        let held = |proven: &VerifiedGrasp| proven.near.chars().filter(|letter| *letter == 'h').count();
+        let held = |verified: &VerifiedGrasp| verified.near.chars().filter(|letter| *letter == 'h').count();
         self.grasps.iter().map(held).max().unwrap_or(0) as f64 / self.holds.len().max(1) as f64
     }
 
     /// Returns the rehearsals of `grasp`, with the errors in axes that turn with its heading. `None` if it is not among
     /// the proven grasps.
     pub fn rollouts(&self, grasp: &Grasp) -> Result<Option<Vec<Rollout>>> {
-        let Some(proven) = self.grasps.iter().find(|proven| proven.grasp == grasp.id) else { return Ok(None) };
+        let Some(verified) = self.grasps.iter().find(|verified| verified.grasp == grasp.id) else { return Ok(None) };
         let narrow = (0..self.holds.len()).map(|number| draw_errors(ErrorMagnitude::Residual, number));
         let draws = self.holds.iter().zip(narrow).zip(wide_errors(self.holds.len()));
         let draws = draws.filter_map(|((hold, narrow), wide)| {
@@ -161,8 +162,8 @@ impl Verification {
             Some((hold, narrow, narrow + wide))
         });
         let draws: Vec<_> = draws.collect();
-        let near = proven.near.chars().zip(&draws).map(|(letter, (hold, error, _))| (letter, hold, error));
-        let wide = proven.wide.chars().zip(&draws).map(|(letter, (hold, _, error))| (letter, hold, error));
+        let near = verified.near.chars().zip(&draws).map(|(letter, (hold, error, _))| (letter, hold, error));
+        let wide = verified.wide.chars().zip(&draws).map(|(letter, (hold, _, error))| (letter, hold, error));
         let tried = near.chain(wide).map(|(letter, hold, error)| {
             Ok(Rollout { hold: Some(*hold), ..Rollout::new(*error, parse_outcome(grasp.id, letter)?) })
         });
@@ -170,7 +171,7 @@ impl Verification {
     }
 }
 
-/// Proves second grasps for those of the `grasp_pairs` that have no proof, or an unsure one that took less than this effort.
+/// Proves second grasps for those of the `plans` that have no proof, or an unsure one that took less than this effort.
 /// `done` is called after each step. Shows a progress bar unless `quiet`.
 pub fn verify_pairs(
     world: &SimulatedWorld,
@@ -185,7 +186,7 @@ pub fn verify_pairs(
         if prover.recompute_holds(plan)? {
             done(plan)?;
         }
-        if plan.proven < effort.level {
+        if plan.verification_level < effort.level {
             for step in VERIFICATION_STEPS {
                 prover.step(step, plan)?;
                 done(plan)?;
@@ -198,8 +199,8 @@ pub fn verify_pairs(
 impl GraspPair {
     /// Returns the share of the draws in which the best second grasp holds its object, after any of the first grasps.
     pub fn best_share(&self) -> f64 {
-        let others = self.others.iter().filter_map(|other| other.proof.as_ref());
-        self.proof.iter().chain(others).map(Verification::best_share).fold(0.0, f64::max)
+        let others = self.alternative_firsts.iter().filter_map(|other| other.verification.as_ref());
+        self.verification.iter().chain(others).map(Verification::best_share).fold(0.0, f64::max)
     }
 }
 
@@ -239,8 +240,11 @@ impl<'a> GraspVerifier<'a> {
         let firsts: Vec<Grasp> = std::iter::once(firsts.first)
             .chain(firsts.alternative_firsts.into_iter().map(|other| other.first))
             .collect();
-        let others = plan.others.iter_mut().filter_map(|other| Some((other.first_grasp, other.proof.as_mut()?)));
-        let proofs = plan.proof.as_mut().map(|proof| (plan.first_grasp, proof)).into_iter().chain(others);
+        let others = plan
+            .alternative_firsts
+            .iter_mut()
+            .filter_map(|other| Some((other.first_grasp, other.verification.as_mut()?)));
+        let proofs = plan.verification.as_mut().map(|proof| (plan.first_grasp, proof)).into_iter().chain(others);
         let mut found = false;
         for (first, proof) in proofs.filter(|(_, proof)| proof.hold.is_none()) {
             let Some(first) = firsts.iter().find(|grasp| grasp.id == first) else { continue };
@@ -257,7 +261,7 @@ impl<'a> GraspVerifier<'a> {
                 if plan.best_share() < POOR_SHARE {
                     self.verify_other_order(plan)?;
                 }
-                plan.proven = self.effort.level;
+                plan.verification_level = self.effort.level;
                 return Ok(());
             }
             _ if plan.best_share() >= SURE_SHARE => return Ok(()),
@@ -267,14 +271,14 @@ impl<'a> GraspVerifier<'a> {
         if step == VerificationStep::Another {
             return self.verify_another(&race, plan);
         }
-        if plan.proof.as_ref().is_none_or(|proof| proof.effort < self.effort.level)
+        if plan.verification.as_ref().is_none_or(|proof| proof.effort < self.effort.level)
             && let Some((proof, found)) = race.run(plan)?
         {
             // A further race draws other proposals and may end with fewer holds: the better proof stays, as searched at this level.
-            match &mut plan.proof {
+            match &mut plan.verification {
                 Some(known) if known.best_share() >= proof.best_share() => known.effort = proof.effort,
                 _ => {
-                    plan.proof = Some(proof);
+                    plan.verification = Some(proof);
                     plan.variations.extend(found);
                 }
             }
@@ -286,7 +290,7 @@ impl<'a> GraspVerifier<'a> {
     fn verify_other_order(&self, plan: &mut GraspPair) -> Result<()> {
         let other =
             GraspVerifier { world: Cow::Owned(self.world.with_places_swapped()), board: self.board.clone(), ..*self };
-        if plan.reversed.as_ref().is_none_or(|reversed| reversed.proof.is_none()) {
+        if plan.reversed.as_ref().is_none_or(|reversed| reversed.verification.is_none()) {
             let reversed = plan_pair(&other.world, self.repertoire, &self.board, [&plan.second, &plan.first])?;
             plan.reversed = reversed.map(Box::new).or(plan.reversed.take());
         }
@@ -299,15 +303,17 @@ impl<'a> GraspVerifier<'a> {
     /// proven, the one after which the known second grasps go best.
     fn verify_another(&self, race: &Race, plan: &mut GraspPair) -> Result<()> {
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
-        let proven: Vec<u32> = plan.proof.iter().flat_map(|proof| &proof.grasps).map(|proven| proven.grasp).collect();
+        let verified: Vec<u32> =
+            plan.verification.iter().flat_map(|proof| &proof.grasps).map(|verified| verified.grasp).collect();
         let known =
             self.repertoire.for_digits(&plan.second, &sets[1]).chain(plan.variations_for(&plan.second, &sets[1]));
-        let seconds: Vec<Grasp> = known.filter(|grasp| proven.contains(&grasp.id)).cloned().collect();
-        let done = plan.others.iter().filter(|other| other.proof.is_some()).map(|other| other.first_grasp);
+        let seconds: Vec<Grasp> = known.filter(|grasp| verified.contains(&grasp.id)).cloned().collect();
+        let done =
+            plan.alternative_firsts.iter().filter(|other| other.verification.is_some()).map(|other| other.first_grasp);
         let done: Vec<u32> = done.chain([plan.first_grasp]).collect();
         let mut firsts: Vec<Grasp> = self.repertoire.for_digits(&plan.first, &sets[0]).cloned().collect();
         // If the first grasp is the one that fails, new first grasps may hold more often than any known one.
-        if plan.proof.as_ref().is_none_or(|proof| proof.first_holds() < SURE_SHARE) {
+        if plan.verification.as_ref().is_none_or(|proof| proof.first_holds() < SURE_SHARE) {
             let new = race.first_grasps(plan)?;
             firsts.extend(
                 new.into_iter()
@@ -332,9 +338,13 @@ impl<'a> GraspVerifier<'a> {
             .chain(plan.variations_for(&plan.first, &sets[0]))
             .all(|known| known.id != first_grasp);
         plan.variations.extend(found.into_iter().chain(new.then_some(first)));
-        match plan.others.iter_mut().find(|other| other.first_grasp == first_grasp) {
-            Some(other) => other.proof = Some(proof),
-            None => plan.others.push(AlternativeFirstGrasp { first_grasp, outcomes: Vec::new(), proof: Some(proof) }),
+        match plan.alternative_firsts.iter_mut().find(|other| other.first_grasp == first_grasp) {
+            Some(other) => other.verification = Some(proof),
+            None => plan.alternative_firsts.push(AlternativeFirstGrasp {
+                first_grasp,
+                outcomes: Vec::new(),
+                verification: Some(proof),
+            }),
         }
         Ok(())
     }
@@ -366,7 +376,7 @@ mod tests {
         assert!((hold.mean.translation.vector - Vector3::new(0.02, 0.0, -0.03)).norm() < 1e-12);
         assert!((hold.mean * Vector3::z()).angle(&Vector3::z()) < 1e-6);
         let expected = [0.003, 0.1].map(|one| one / 3f64.sqrt());
-        assert!(hold.spread.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{hold:?}");
+        assert!(hold.sigmas.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{hold:?}");
         assert_eq!(HoldStatistics::from_poses(&poses[1..], &Symmetry::Full), None);
     }
 
@@ -379,8 +389,8 @@ mod tests {
             .expect("the world");
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
         let mut plans = crate::builtin::grasp_pairs().expect("the built-in plans");
-        plans.plans.retain(|plan| plan.objects() == ["ball_45", "box_50"]);
-        (plans.plans[0].proof, plans.plans[0].proven) = (None, 0);
+        plans.pairs.retain(|plan| plan.objects() == ["ball_45", "box_50"]);
+        (plans.pairs[0].verification, plans.pairs[0].verification_level) = (None, 0);
         let effort = VerificationEffort {
             selection_draws: 2,
             verification_draws: 3,
@@ -392,11 +402,14 @@ mod tests {
             level: 1,
         };
         verify_pairs(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a proof");
-        let plan = &plans.plans[0];
-        let proof = plan.proof.as_ref().expect("a proof");
+        let plan = &plans.pairs[0];
+        let proof = plan.verification.as_ref().expect("a proof");
         let held = proof.holds.iter().flatten().count();
         assert!(proof.holds.len() == 3 && held > 0 && proof.best_share() > 0.5, "{proof:?}");
-        assert!(proof.grasps.iter().all(|proven| proven.near.len() == held && proven.wide.len() <= 1), "{proof:?}");
+        assert!(
+            proof.grasps.iter().all(|verified| verified.near.len() == held && verified.wide.len() <= 1),
+            "{proof:?}"
+        );
         let grasps = plan.grasps(&world.cell.robot.hand, &repertoire).expect("the grasps");
         assert!(!grasps.second_candidates[0].rollouts.is_empty());
         let found = plan.variations.iter().filter(|grasp| grasp.id >= race::FIRST_NUMBER);

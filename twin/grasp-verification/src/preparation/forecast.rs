@@ -12,7 +12,7 @@ const PAIR_ROLLOUTS: f64 = 2.0 * 1310.0;
 const VERIFICATION_ROLLOUTS: f64 = 5.0 * 600.0;
 
 /// Returns the forecast of a search in `place` (from 0) once a rehearsal is known to take `seconds` with all threads of
-/// this machine. `for_other_first` are the places of the searches that follow.
+/// this machine. `after` are the places of the searches that follow.
 pub fn forecast_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
     let most = |place: usize| seconds * SEARCH_EFFORT.max_rollouts(place) as f64;
     let one = most(place);
@@ -27,7 +27,7 @@ pub fn forecast_search(name: &str, place: usize, after: &[usize], seconds: f64) 
     )
 }
 
-/// Returns the forecast before `collision_pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
+/// Returns the forecast before `pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
 /// pair.
 pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
@@ -43,10 +43,10 @@ pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String
 
 /// Describes how reliable the pairs are that did not come with a plan: those with a proof by name, the others together.
 pub fn describe_verification<'a>(plans: impl Iterator<Item = &'a GraspPair>) -> Vec<String> {
-    let (proven, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.proof.is_some());
-    let sure = proven.iter().map(|plan| {
+    let (verified, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.verification.is_some());
+    let sure = verified.iter().map(|plan| {
         let best = plan.reversed.iter().map(|other| other.best_share()).fold(plan.best_share(), f64::max);
-        let draws = plan.proof.iter().map(|proof| proof.holds.len()).max().unwrap_or(0);
+        let draws = plan.verification.iter().map(|proof| proof.holds.len()).max().unwrap_or(0);
         format!(
             "{}: taken one after the other without contact in {:.0} of {draws} drawn trials",
             plan.objects().join(", "),

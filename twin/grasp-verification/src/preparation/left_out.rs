@@ -72,13 +72,13 @@ pub fn left_out_objects(
     let mut left_out = Vec::new();
     let own = scenario.object.len();
     for name in scenario.object.iter().map(|file| &file.name) {
-        if plans.plans.iter().any(|plan| plan.objects().contains(&name.as_str())) {
+        if plans.pairs.iter().any(|plan| plan.objects().contains(&name.as_str())) {
             continue;
         }
         let rejected = plans.rejected.iter().filter(|objects| objects.contains(name)).count();
         match unpickable(world, repertoire, name) {
             Some(reason) => left_out.push(reason),
-            None if plans.plans.len() >= count && rejected == 0 => {
+            None if plans.pairs.len() >= count && rejected == 0 => {
                 notes.push(format!("{name} is in none of the combinations: only {count} were asked for"));
             }
             None => left_out.push(format!(
@@ -89,13 +89,13 @@ pub fn left_out_objects(
     if own > 0 && left_out.len() == own {
         bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", left_out.join("; "))));
     }
-    if plans.plans.is_empty() {
+    if plans.pairs.is_empty() {
         bail!(
             "none of the scenario's {} {combinations} can be done by this hand without noise",
             scenario.combination_count()
         );
     }
-    if plans.plans.len() < count {
+    if plans.pairs.len() < count {
         let pairs: Vec<String> = plans.rejected.iter().map(|objects| objects.join(" + ")).collect();
         notes.push(format!(
             "{} of the {} {combinations} cannot be done by this hand, even without errors: {}",

@@ -60,7 +60,7 @@ fn a_changed_object_or_grasp_is_another_key() {
     let mut without = world(0.1, 0.05);
     without.scenario.effects = without.scenario.effects.without(Effect::Gel);
     assert_ne!(first, key(&without, &repertoire), "soft pads");
-    without.scenario.effects = world(0.1, 0.05).scenario.effects.without(Effect::Eyes);
+    without.scenario.effects = world(0.1, 0.05).scenario.effects.without(Effect::Detector);
     assert_eq!(first, key(&without, &repertoire), "errors have no part in a rehearsal");
     repertoire
         .grasps
@@ -74,7 +74,7 @@ fn a_changed_object_or_grasp_is_another_key() {
 #[test]
 fn plans_of_the_benchmark_are_used_where_they_fit() {
     let builtin = crate::builtin::grasp_pairs().expect("the built-in plans");
-    let plan = &builtin.plans[7];
+    let plan = &builtin.pairs[7];
     let pair = |first: &str, second: &str| Combination { id: 0, objects: vec![first.into(), second.into()] };
     let mut scenario = world(0.1, 0.05).scenario;
     let known = builtin_pairs(&scenario).expect("plans").expect("the same places");
@@ -96,7 +96,7 @@ fn what_cannot_be_picked_is_named() {
 
 /// Returns a plan of a pair with placeholder grasp numbers.
 fn plan_of(pair: &Combination) -> grasp_pair::GraspPair {
-    let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").plans.swap_remove(0);
+    let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").pairs.swap_remove(0);
     (plan.first, plan.second) = (pair.objects[0].clone(), pair.objects[1].clone());
     plan
 }
@@ -112,17 +112,17 @@ fn plans_of(world: &SimulatedWorld, count: usize, works: impl Fn(&Combination) -
 fn an_own_object_is_played_instead_of_another_benchmark() {
     let world = world(0.1, 0.05);
     let has =
-        |plans: &GraspPairTable, name: &str| plans.plans.iter().any(|plan| plan.first == name || plan.second == name);
+        |plans: &GraspPairTable, name: &str| plans.pairs.iter().any(|plan| plan.first == name || plan.second == name);
     for count in 1..=4 {
         let plans = plans_of(&world, count, |_| true);
-        assert!(plans.plans.len() == count && has(&plans, "my_ball"), "{count}");
+        assert!(plans.pairs.len() == count && has(&plans, "my_ball"), "{count}");
         assert!(count < 2 || has(&plans, "my_cube"));
     }
     // A pair that works is found by the second or third try. A shorter run is the beginning of a longer one.
     let only = |pair: &Combination| pair.objects[0] == "golf_ball";
     let (one, all) = (plans_of(&world, 1, only), plans_of(&world, 4, only));
-    assert_eq!((one.plans[0].second.as_str(), all.plans[0].second.as_str()), ("my_cube", "my_cube"));
-    assert_eq!(all.plans.len(), 2);
+    assert_eq!((one.pairs[0].second.as_str(), all.pairs[0].second.as_str()), ("my_cube", "my_cube"));
+    assert_eq!(all.pairs.len(), 2);
     let mut notes = Vec::new();
     let mut repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
     let any = repertoire.for_digits("golf_ball", &digit_sets(&world)[0]).next().expect("a grasp").clone();

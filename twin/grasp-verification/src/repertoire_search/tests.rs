@@ -88,8 +88,8 @@ fn scores_are_shares_of_tries() {
         }
     };
     let score = |bad: usize, failures: usize| {
-        let proven = verify_grasp(grasp(1, 0.0, 0.0), &errors, failures, &failing(bad)).expect("tried");
-        proven.map(|grasp| grasp.score)
+        let verified = verify_grasp(grasp(1, 0.0, 0.0), &errors, failures, &failing(bad)).expect("tried");
+        verified.map(|grasp| grasp.score)
     };
     assert_eq!(score(0, 0), Some(1.0));
     assert_eq!(score(2, 4), Some(0.6));

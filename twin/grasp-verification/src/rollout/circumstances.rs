@@ -35,22 +35,22 @@ pub enum ErrorMagnitude {
     Wide,
 }
 
-/// Returns draw `link_number` of the circumstances of a trial of two objects. The draw is the same for every grasp.
+/// Returns draw `number` of the circumstances of a trial of two objects. The draw is the same for every grasp.
 pub fn draw_circumstances(world: &SimulatedWorld, errors: ErrorMagnitude, number: usize) -> TrialNoise {
     let (mut noise, mut rng) = draw_noise(errors, number);
     noise.shifts = draw_shifts(&world.scenario.layout, 2, &mut rng);
     if let Some(spread) = &world.scenario.effects.objects {
-        noise.individuals = noise.individuals.map(|_| spread.draw(&mut rng));
+        noise.object_instances = noise.object_instances.map(|_| spread.draw(&mut rng));
     }
     noise
 }
 
-/// Returns only the errors of draw `link_number`.
+/// Returns only the errors of draw `number`.
 pub fn draw_errors(errors: ErrorMagnitude, number: usize) -> TrialNoise {
     draw_noise(errors, number).0
 }
 
-/// Returns the errors of draw `link_number`, and the random generator for everything else in it.
+/// Returns the errors of draw `number`, and the random generator for everything else in it.
 fn draw_noise(errors: ErrorMagnitude, number: usize) -> (TrialNoise, ChaCha8Rng) {
     let stream = match errors {
         ErrorMagnitude::Wide => 3,
@@ -80,8 +80,11 @@ pub fn hold_first(
     let models = world.models(&grasps.map(|grasp| grasp.object.as_str()))?;
     let start = TrialStart { protocol: world.protocol(), grasps: &grasps, noise, arm: world.cell.ready_posture };
     let mut snapshot = RolloutSnapshot::at_start(world, &start, &models, board.clone())?;
-    let real =
-        models.iter().zip(&noise.individuals).map(|(model, one)| one.apply_to(model)).collect::<Result<Vec<_>, _>>()?;
+    let real = models
+        .iter()
+        .zip(&noise.object_instances)
+        .map(|(model, one)| one.apply_to(model))
+        .collect::<Result<Vec<_>, _>>()?;
     snapshot.robot = SimulatedRobot::new(
         world.simulated_robot(),
         &world.scene(&real, world.cell.ready_posture, noise),

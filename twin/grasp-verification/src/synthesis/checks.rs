@@ -147,7 +147,7 @@ pub fn run_hold_test(closed: &impl PullingGrasp, mass: f64) -> HoldTestResult {
 }
 
 /// Returns the payload: the largest mass (kg) that is held in six directions, to within a tenth below it. The search
-/// goes up from `mass`, for which `run_hold_test` was passed. The closed grasp remains the one of that mass.
+/// goes up from `mass`, for which `hold` was passed. The closed grasp remains the one of that mass.
 pub fn payload(closed: &impl PullingGrasp, mass: f64, hold: &HoldTestResult) -> f64 {
     largest_held(mass, hold.weakest_first(), |direction, mass| motion_along(closed, direction, mass).is_held())
 }
@@ -184,7 +184,7 @@ fn at_rest(before: &(Isometry3<f64>, Vec<f64>), now: &(Isometry3<f64>, Vec<f64>)
         && before.1.iter().zip(&now.1).all(|(a, b)| (a - b).abs() < REST_TOLERANCE)
 }
 
-/// Returns the masses among which a payload is searched for, in rising order from `held_joints`: the doublings of `held_joints`, each
+/// Returns the masses among which a payload is searched for, in rising order from `held`: the doublings of `held`, each
 /// interval halved geometrically until neighbours differ by at most [`PAYLOAD_RATIO`].
 fn candidate_masses(held: f64) -> Vec<f64> {
     fn between(low: f64, high: f64, into: &mut Vec<f64>) {

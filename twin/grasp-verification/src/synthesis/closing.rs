@@ -152,7 +152,7 @@ pub fn close(
     close_open_hand(hand, subject, start, open, after)
 }
 
-/// Closes an open hand: its tensions rise to `for_other_first` (N), with the object at `start` (`root_from_object`).
+/// Closes an open hand: its tensions rise to `after` (N), with the object at `start` (`root_from_object`).
 pub fn close_open_hand(
     hand: &GraspingHand,
     subject: &PreparedObject,

@@ -32,7 +32,7 @@ pub struct GraspFile {
 }
 
 impl GraspFile {
-    /// Reads `file`, or the built-in collection. The grasps belong to the hand `builtin_hand` if the file names no other hand.
+    /// Reads `file`, or the built-in collection. The grasps belong to the hand `ours` if the file names no other hand.
     pub fn read_or_built_in(file: Option<&Path>, ours: Arc<Hand>) -> Result<Self> {
         match file {
             Some(path) => Self::read(path, ours).with_context(|| format!("--grasps {}", path.display())),
@@ -167,13 +167,13 @@ fn collection_of_search(header: &GraspFileHeader, grasps: Vec<HeldGrasp>) -> Col
     for grasp in grasps {
         let object = grasp.object.clone();
         let place = objects.iter().position(|entry| entry.summary.object == object).unwrap_or_else(|| {
-            let summary = SearchSummary { object, wanted: 0, kept: 0, chains: 0, short: None };
+            let summary = SearchSummary { object, requested: 0, kept: 0, chains: 0, short: None };
             objects.push(ObjectGrasps { summary, grasps: Vec::new() });
             objects.len() - 1
         });
         let entry = &mut objects[place];
         entry.summary.kept += 1;
-        entry.summary.wanted += 1;
+        entry.summary.requested += 1;
         entry.summary.chains = entry.summary.chains.max(grasp.chain + 1);
         entry.grasps.push(grasp);
     }

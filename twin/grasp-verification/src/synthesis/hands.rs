@@ -80,7 +80,8 @@ pub struct BestGrasp {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComparisonCell {
     /// Inputs of the cell.
-    pub asked: CellInputs,
+    #[serde(alias = "asked")]
+    pub inputs: CellInputs,
     /// Number of chains that ended in a closed grasp.
     closed: u64,
     /// Counts of checks passed.
@@ -112,7 +113,7 @@ impl ComparisonCell {
             Ok(text) => {
                 let known: Self = serde_json::from_str(&text)
                     .with_context(|| format!("{}: not a cell of this version; take another --out", path.display()))?;
-                let (found, expected) = (&known.asked, &asked);
+                let (found, expected) = (&known.inputs, &asked);
                 ensure!(
                     found == expected,
                     "{}: asked: found {found:?}, expected {expected:?}; take another --out",
@@ -131,7 +132,7 @@ impl ComparisonCell {
 
     /// Returns the share of the chains that left a verified grasp.
     pub fn rate(&self) -> SuccessRate {
-        SuccessRate::new(self.verified.all, self.asked.chains)
+        SuccessRate::new(self.verified.all, self.inputs.chains)
     }
 }
 
@@ -145,7 +146,13 @@ fn compute_cell(
     let (report, held) = search::search(&synthesizer, SearchStart::default(), None, &ProgressBar::hidden())?;
     let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| in_palm_frame(hand, grasp));
     let slack = report.judgement.map(|judgement| judgement.held_without_tension);
-    Ok(ComparisonCell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
+    Ok(ComparisonCell {
+        inputs: asked,
+        closed: report.found,
+        verified: report.verified,
+        held_without_tension: slack,
+        best,
+    })
 }
 
 /// Converts a record to the palm frame.
@@ -161,8 +168,8 @@ fn in_palm_frame(hand: &GraspingHand, grasp: &HeldGrasp) -> BestGrasp {
 
 /// Returns the rate of a hand over all of its cells together.
 pub fn total(cells: &[ComparisonCell], hand: &str) -> SuccessRate {
-    let own = cells.iter().filter(|cell| cell.asked.hand == hand);
-    let (count, of) = own.fold((0, 0), |(count, of), cell| (count + cell.verified.all, of + cell.asked.chains));
+    let own = cells.iter().filter(|cell| cell.inputs.hand == hand);
+    let (count, of) = own.fold((0, 0), |(count, of), cell| (count + cell.verified.all, of + cell.inputs.chains));
     SuccessRate::new(count, of)
 }
 
@@ -177,7 +184,7 @@ struct ComparisonRow {
     /// refused.
     verified: u64,
     /// Number of chains run.
-    of: u64,
+    chains: u64,
     /// Lower end of the 95 % interval.
     low: f64,
     /// Upper end of the 95 % interval.
@@ -204,10 +211,10 @@ impl HandComparison {
         let row = |cell: &ComparisonCell| {
             let SuccessRate { count, of, low, high, .. } = cell.rate();
             ComparisonRow {
-                hand: cell.asked.hand.clone(),
-                object: cell.asked.object.clone(),
+                hand: cell.inputs.hand.clone(),
+                object: cell.inputs.object.clone(),
                 verified: count,
-                of,
+                chains: of,
                 low,
                 high,
                 closed: cell.closed,
@@ -215,7 +222,7 @@ impl HandComparison {
                 held_without_tension: cell.held_without_tension,
             }
         };
-        let hands = cells.iter().map(|cell| (cell.asked.hand.clone(), total(cells, &cell.asked.hand)));
+        let hands = cells.iter().map(|cell| (cell.inputs.hand.clone(), total(cells, &cell.inputs.hand)));
         Self { rows: cells.iter().map(row).collect(), hands: hands.collect() }
     }
 }
@@ -235,7 +242,7 @@ pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[ComparisonCell
     let mut text = "grasps that pass all three checks, of chains, with Wilson 95 % intervals\n".to_owned();
     text += &line("object", &hands.iter().map(|hand| hand.hand.name().to_owned()).collect::<Vec<_>>());
     for object in objects {
-        let own = cells.iter().filter(|cell| cell.asked.object == *object);
+        let own = cells.iter().filter(|cell| cell.inputs.object == *object);
         text += &line(object, &own.map(|cell| percent(&cell.rate())).collect::<Vec<_>>());
     }
     text + &line("all", &hands.iter().map(|hand| percent(&total(cells, hand.hand.name()))).collect::<Vec<_>>())

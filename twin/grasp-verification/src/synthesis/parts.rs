@@ -58,7 +58,7 @@ impl CollectionPart<'_> {
         Ok(self.grasps(request.max_grasps, grasps, chains, short))
     }
 
-    /// Returns the object's grasps found so far, at most `type_filter`.
+    /// Returns the object's grasps found so far, at most `wanted`.
     pub fn found_so_far(&self, wanted: usize) -> Result<ObjectGrasps> {
         if !self.file.exists() {
             return Ok(self.grasps(wanted, Vec::new(), 0, Some("not searched yet".into())));
@@ -79,7 +79,8 @@ impl CollectionPart<'_> {
     }
 
     fn grasps(&self, wanted: usize, grasps: Vec<HeldGrasp>, chains: u64, short: Option<String>) -> ObjectGrasps {
-        let summary = SearchSummary { object: self.object.into(), wanted, kept: grasps.len(), chains, short };
+        let summary =
+            SearchSummary { object: self.object.into(), requested: wanted, kept: grasps.len(), chains, short };
         ObjectGrasps { summary, grasps }
     }
 }

@@ -66,7 +66,7 @@ pub fn to_held_grasp(hand: &GraspingHand, subject: &PreparedObject, chain: u64, 
         held_without_tension: None,
         moved: named.then(|| closed.moved.into()),
         energy: named.then_some(checked.sample.terms.total),
-        proof: None,
+        verified_load: None,
     }
     .at_file_precision()
 }
@@ -89,10 +89,15 @@ fn digit_use(hand: &GraspingHand, named: &Hand, subject: &PreparedObject, closed
 }
 
 /// Completes a record with its proof.
-pub fn add_verification(hand: &GraspingHand, checked: &CheckedGrasp, proof: VerifiedLoad, grasp: &mut HeldGrasp) {
+pub fn add_verification(
+    hand: &GraspingHand,
+    checked: &CheckedGrasp,
+    verification: VerifiedLoad,
+    grasp: &mut HeldGrasp,
+) {
     let slack = || checks::run_hold_test(&checked.closed.slack(), checked.mass).held;
     grasp.held_without_tension = hand.derived_surface.as_ref().map(|_| slack());
-    grasp.proof = Some(proof);
+    grasp.verified_load = Some(verification);
     *grasp = grasp.clone().at_file_precision();
 }
 

@@ -99,8 +99,8 @@ pub fn search(
         }
         // A proof costs more than all earlier steps, so only the grasps that are kept get one.
         kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
-            let proof: VerifiedLoad = synthesizer.verified_load(checked);
-            record::add_verification(hand, checked, proof, grasp);
+            let verification: VerifiedLoad = synthesizer.verified_load(checked);
+            record::add_verification(hand, checked, verification, grasp);
         });
         if let Some(writer) = &mut writer {
             for grasp in &kept[before..] {
@@ -115,7 +115,7 @@ pub fn search(
         let slack = kept.iter().filter(|grasp| grasp.held_without_tension == Some(true));
         judgement.held_without_tension = slack.count() as u64;
     }
-    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
+    let payloads = kept.iter().filter_map(|grasp| Some(grasp.verified_load?.payload));
     report.load = ObjectProperties::summarize(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);

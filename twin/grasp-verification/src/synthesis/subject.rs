@@ -19,7 +19,7 @@ pub const TEST_FRICTION: f64 = 0.6;
 /// Returns the mass (kg) and friction for which a grasp was verified. Files without a proof were verified for
 /// [`TEST_MASS`] and [`TEST_FRICTION`].
 pub fn verified_for(grasp: &HeldGrasp) -> (f64, f64) {
-    grasp.proof.map_or((TEST_MASS, TEST_FRICTION), |proof| (proof.mass, proof.friction))
+    grasp.verified_load.map_or((TEST_MASS, TEST_FRICTION), |verification| (verification.mass, verification.friction))
 }
 
 /// Smallest cell of the distance field, m, and largest number of cells along the object's longest side.

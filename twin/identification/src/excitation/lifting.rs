@@ -42,7 +42,7 @@ fn is_at_posture(shown: &ArmState, at: &[f64]) -> bool {
 }
 
 impl<R: RobotBackend> ScriptPlayer<'_, R> {
-    /// Performs one part of weighing, according to the robot model `robot_model`.
+    /// Performs one part of weighing, according to the robot model `own`.
     pub(super) fn calibrate_payload(
         &mut self,
         means: &ExcitationSetup,

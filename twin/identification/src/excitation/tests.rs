@@ -57,11 +57,11 @@ fn script() -> ExcitationScript {
     let mut script = ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid");
     script.posture.retain(|posture| ["ready", "fingers up"].contains(&posture.name.as_str()));
     script.motion.truncate(1);
-    (script.ball, script.weight) = (None, None);
+    (script.ball, script.payload) = (None, None);
     script
 }
 
-/// Returns the result of an excitation of `apply_to_robot`, and the steps that were done.
+/// Returns the result of an excitation of `robot`, and the steps that were done.
 fn played(mut robot: LimitedArm) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let (model, script) = (RobotModel::ftac_gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");

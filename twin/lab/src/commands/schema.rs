@@ -1,8 +1,10 @@
-//! `ftac schema` of the commands that this program runs, and of all commands of both programs.
+//! `ftac schema` of the commands that this program runs, and of all commands of both programs; `ftac reference`.
+
+use std::path::Path;
 
 use ftac::json_schema::{OutputSchema, schema_of};
-use ftac::schema;
 use ftac::terminal::{Outcome, Terminal};
+use ftac::{reference, schema};
 use grasp_analysis::explanation::Explanation;
 use grasp_analysis::{grasp_map, landscape, summary};
 use grasp_verification::synthesis::hands::HandComparison;
@@ -41,6 +43,11 @@ const OUTPUTS: &[OutputSchema] = &[
 /// Prints the schema of a command's output, or those of all commands of both programs.
 pub fn run(terminal: &Terminal, command: &[String]) -> Outcome {
     schema::print_schemas(terminal, command, &[schema::OUTPUTS, OUTPUTS])
+}
+
+/// Writes the reference pages of both programs' commands into `folder`.
+pub fn reference(folder: &Path) -> Outcome {
+    reference::write(folder, ftac::cli::command_definition(), &[schema::OUTPUTS, OUTPUTS].concat())
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ pub struct GraspTypeResult {
 }
 
 /// Searches for grasps of the types with these `numbers`, or of all types if none is given, with at most `tries`
-/// attempts each. `is_finished` is called after each type.
+/// attempts each. `done` is called after each type.
 pub fn run(
     hand: &Arc<Hand>,
     seed: u64,

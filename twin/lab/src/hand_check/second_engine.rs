@@ -60,7 +60,7 @@ struct StandTest {
 }
 
 impl StandTest {
-    /// Returns a test in which all digits close on `dumbbell_prop` at a tension (N) with the thumb opposed (rad).
+    /// Returns a test in which all digits close on `prop` at a tension (N) with the thumb opposed (rad).
     fn closing(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
         let phases = vec![
             CommandPhase { seconds: 0.6, tensions: [0.0; 5].into(), opposition },

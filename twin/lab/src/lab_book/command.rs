@@ -42,7 +42,7 @@ impl<'a> CommandCheck<'a> {
         Ok(Self { root, packages, parse })
     }
 
-    /// Checks all figures of `scene_file`; the error is about the first one whose command is refused.
+    /// Checks all figures of `file`; the error is about the first one whose command is refused.
     pub fn check_all(&self, file: &Path, figures: &[LabBookFigure]) -> Result<(), FieldError> {
         for figure in figures {
             for command in figure.command.split(';').map(str::trim) {

@@ -27,7 +27,7 @@ pub const COLUMNS: [&str; 17] = [
     "note",
 ];
 
-/// Parses the figures in `text`, the contents of `scene_file`. Returns an error for other columns, for invalid fields, for an
+/// Parses the figures in `text`, the contents of `file`. Returns an error for other columns, for invalid fields, for an
 /// interval that does not contain the value, and for a duplicate id.
 pub fn parse(file: &Path, text: &str) -> Result<Vec<LabBookFigure>, FieldError> {
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
@@ -109,7 +109,7 @@ impl Row<'_> {
         }
     }
 
-    /// Parses a field with `model_normals`; an empty field is `None`.
+    /// Parses a field with `read`; an empty field is `None`.
     fn optional<T>(
         &self,
         field: &'static str,

@@ -24,8 +24,8 @@ pub fn write(hands: &[ComparedHand], cells: &[ComparisonCell], path: &Path) -> R
     let set = ObjectSet::repertoire();
     let mut pictures = Vec::new();
     for cell in cells {
-        let hand = hands.iter().find(|hand| hand.hand.name() == cell.asked.hand).context("a cell of no hand")?;
-        let model = set.get(&cell.asked.object).context("a cell of no object")?;
+        let hand = hands.iter().find(|hand| hand.hand.name() == cell.inputs.hand).context("a cell of no hand")?;
+        let model = set.get(&cell.inputs.object).context("a cell of no object")?;
         pictures.push(picture(hand, model, cell));
     }
     save(&tile(&pictures, cells.len() / hands.len()), path)
@@ -33,7 +33,7 @@ pub fn write(hands: &[ComparedHand], cells: &[ComparisonCell], path: &Path) -> R
 
 fn picture(hand: &ComparedHand, model: &ObjectModel, cell: &ComparisonCell) -> RgbImage {
     let of = cell.rate();
-    let caption = format!("{}\n{}\n{} of {}", cell.asked.hand, cell.asked.object, of.count, of.of);
+    let caption = format!("{}\n{}\n{} of {}", cell.inputs.hand, cell.inputs.object, of.count, of.of);
     let Some(best) = &cell.best else {
         return Picture::new(PICTURE_SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
     };

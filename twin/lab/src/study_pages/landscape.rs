@@ -61,8 +61,8 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
         })
         .collect();
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
-    let drawing = tree::svg(found.tree, &leaves, &title);
-    write_atomically(&folder.join("landscape.svg"), drawing.0.as_bytes())?;
+    let nominal = tree::svg(found.tree, &leaves, &title);
+    write_atomically(&folder.join("landscape.svg"), nominal.0.as_bytes())?;
     report::picture::save(&growth(&found.growth()), &folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
@@ -72,7 +72,7 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
                         of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
                         circle to see a grasp of it. Below: the largest basins.";
     let body = html! {
-        div style="overflow-x:auto" { (drawing) }
+        div style="overflow-x:auto" { (nominal) }
         h2 { "How many basins there are" }
         p { (COUNT_TEXT) }
         img src="growth.png" alt="basins over grasps" style="max-width:100%";

@@ -33,7 +33,7 @@ const TOP: f64 = 56.0;
 /// Cells of the boundary's shading along each side.
 const BOUNDARY_CELLS: usize = 90;
 
-/// Draws the map; `is_power` is true for coordinates on the power side of the boundary.
+/// Draws the map; `power` is true for coordinates on the power side of the boundary.
 pub fn svg(dots: &[MapDot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Markup {
     let reach = dots.iter().flat_map(|dot| dot.at).fold(1e-9, |most: f64, x| most.max(x.abs())) * 1.06;
     let place = |at: [f64; 2]| [0.5 * MAP_SIZE * (1.0 + at[0] / reach), TOP + 0.5 * MAP_SIZE * (1.0 - at[1] / reach)];

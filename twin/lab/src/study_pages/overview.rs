@@ -49,7 +49,7 @@ pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, 
             @if let Ok(svg) = std::fs::read_to_string(folder.join(file)) {
                 h2 { (title) }
                 p { (caption) }
-                figure style="overflow-x:auto" { (PreEscaped(svg.split_once("?>").map_or(&*svg, |(_, drawing)| drawing))) }
+                figure style="overflow-x:auto" { (PreEscaped(svg.split_once("?>").map_or(&*svg, |(_, nominal)| nominal))) }
                 @if let Some(page) = more.filter(|page| is_there(page)) { p { a href=(page) { (page) } ": with grasps in 3D under the mouse." } }
             }
         }

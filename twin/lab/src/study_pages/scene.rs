@@ -127,7 +127,7 @@ impl PageScene {
         }
     }
 
-    /// Creates the scene of `grasp_count` of `hand` on their `objects`, which are in the order of the classification.
+    /// Creates the scene of `grasps` of `hand` on their `objects`, which are in the order of the classification.
     pub fn from_grasps<'a>(
         hand: &Hand,
         objects: &[Arc<ObjectModel>],

@@ -61,7 +61,7 @@ fn of_method(rows: &[(NormalMethod, NormalErrors)], method: NormalMethod) -> Opt
     rows.iter().find(|row| row.0 == method).map(|row| row.1)
 }
 
-/// Presses unseen shapes, and perceives `point_count` grasps, evenly spread over the list, as built and under every change.
+/// Presses unseen shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
 /// The background images are taken under the change too, as a hand takes them when it is switched on.
 pub fn under_changes(
     bench: &Bench,
@@ -78,18 +78,20 @@ pub fn under_changes(
         .chain(changes)
         .map(|change| {
             let hand = &bench.world.cell.robot.hand;
-            let eyes = [CameraUnit::new(hand, HAND_UNIT, change)?, CameraUnit::new(hand, HAND_UNIT + 1, change)?];
-            let look_up = simulated_touch_pipeline(&bench.world.cell.robot, eyes[0].backgrounds())?;
-            let sampled: Vec<SampledPress> = press_unseen_shapes(&eyes, bench.seed)?;
+            let detector = [CameraUnit::new(hand, HAND_UNIT, change)?, CameraUnit::new(hand, HAND_UNIT + 1, change)?];
+            let look_up = simulated_touch_pipeline(&bench.world.cell.robot, detector[0].backgrounds())?;
+            let sampled: Vec<SampledPress> = press_unseen_shapes(&detector, bench.seed)?;
             let normals = NormalMethod::ALL
-                .map(|method| Ok((method, evaluate_normals(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
+                .map(|method| {
+                    Ok((method, evaluate_normals(&sampled, &detector, &networks.pipeline(&look_up, method))?))
+                })
                 .into_iter()
                 .collect::<Result<_>>()?;
             let poses = NormalMethod::ALL
                 .into_iter()
                 .filter(|method| !some.is_empty() && (*method == METHOD_IN_USE || *change == OpticsChange::NONE))
                 .map(|method| {
-                    let felt = evaluate_poses(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
+                    let felt = evaluate_poses(bench, &detector[0], &networks.pipeline(&look_up, method), &some, || {})?;
                     Ok((method, error_percentiles(&felt, PoseSource::Touch, |_| true)))
                 })
                 .collect::<Result<_>>()?;

@@ -23,7 +23,7 @@ struct GraspCache {
     grasps: Vec<HeldGrasp>,
 }
 
-/// Returns the grasps of `played` that hold, in order. They are read from `scene_file` if it exists; otherwise they are
+/// Returns the grasps of `played` that hold, in order. They are read from `file` if it exists; otherwise they are
 /// simulated and written there.
 pub fn grasps(bench: &Bench, played: SimulatedGrasps, file: Option<&Path>, quiet: bool) -> Result<Vec<HeldGrasp>> {
     if let Some(path) = file.filter(|path| path.exists()) {

@@ -33,19 +33,19 @@ pub struct SampledPress {
     pixels: Vec<usize>,
 }
 
-/// Presses the unseen shapes into all cameras of the hand units `eyes`.
-pub fn press_unseen_shapes(eyes: &[CameraUnit], seed: u64) -> Result<Vec<SampledPress>> {
+/// Presses the unseen shapes into all cameras of the hand units `detector`.
+pub fn press_unseen_shapes(detector: &[CameraUnit], seed: u64) -> Result<Vec<SampledPress>> {
     let drawn = make_each(HELD_OUT_SHAPES.len() * PRESSES_PER_SHAPE, |n| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x756e_7365_656e);
         rng.set_stream(n as u64);
         let relief = relief_by_name(HELD_OUT_SHAPES[n / PRESSES_PER_SHAPE]).context("an unseen shape has no relief")?;
-        let hand = eyes[0].hand();
-        let (index, unit) = (n % hand.cameras.len(), n % PRESSES_PER_SHAPE / hand.cameras.len() % eyes.len());
+        let hand = detector[0].hand();
+        let (index, unit) = (n % hand.cameras.len(), n % PRESSES_PER_SHAPE / hand.cameras.len() % detector.len());
         let camera = &hand.cameras[index];
-        let sensor = &eyes[unit].board().sensors()[index];
+        let sensor = &detector[unit].board().sensors()[index];
         let place = PressPlace::draw([camera.w, camera.h], [0.0, camera.center_y], &mut rng);
         let force = rng.random_range(0.4..5.0);
-        let press = press_into(eyes[unit].hand(), (index, sensor), (&relief, &place), force, &mut rng)?;
+        let press = press_into(detector[unit].hand(), (index, sensor), (&relief, &place), force, &mut rng)?;
         let touched: Vec<usize> = contact_pixels(&press).collect();
         if touched.is_empty() {
             return Ok(None);
@@ -78,14 +78,16 @@ impl NormalErrors {
     }
 }
 
-/// Evaluates `pipeline` on presses into the hand units `eyes`.
+/// Evaluates `pipeline` on presses into the hand units `detector`.
 pub fn evaluate_normals(
     sampled: &[SampledPress],
-    eyes: &[CameraUnit],
+    detector: &[CameraUnit],
     pipeline: &TouchPipeline,
 ) -> Result<NormalErrors> {
-    let pipelines: Vec<TouchPipeline> =
-        eyes.iter().map(|eyes| Ok(pipeline.with_backgrounds(eyes.backgrounds())?)).collect::<Result<_>>()?;
+    let pipelines: Vec<TouchPipeline> = detector
+        .iter()
+        .map(|detector| Ok(pipeline.with_backgrounds(detector.backgrounds())?))
+        .collect::<Result<_>>()?;
     let parts: Vec<(Vec<f64>, f64, usize)> = sampled
         .par_iter()
         .map(|SampledPress { press, unit, pixels }| {

@@ -30,7 +30,7 @@ const TEXT_COLOR: [u8; 3] = [235, 235, 235];
 const PATCH_COLOR: [u8; 3] = [90, 230, 255];
 
 /// Writes a recording and a sheet of the first grasp of each object into `folder`. Returns the number of objects.
-pub fn write(bench: &Bench, eyes: &CameraUnit, grasps: &[HeldGrasp], folder: &Path) -> Result<usize> {
+pub fn write(bench: &Bench, detector: &CameraUnit, grasps: &[HeldGrasp], folder: &Path) -> Result<usize> {
     std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
     let mut shown: Vec<&str> = Vec::new();
     for (n, grasp) in grasps.iter().enumerate() {
@@ -39,7 +39,7 @@ pub fn write(bench: &Bench, eyes: &CameraUnit, grasps: &[HeldGrasp], folder: &Pa
         }
         shown.push(&grasp.object);
         let known = &bench.known_objects[&grasp.object];
-        let frames = eyes.render_images(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
+        let frames = detector.render_images(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
         let touches = bench.pipeline.perceive_frames(&frames, &[])?.touches;
         let estimate = bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &grasp.prior, known)?;
         let hand = &bench.world.cell.robot.hand;

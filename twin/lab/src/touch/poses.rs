@@ -21,7 +21,7 @@ use super::images::CameraUnit;
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
     /// Planned pose of the object (the prior).
-    Plan,
+    Prior,
     /// Servos and felt points, without normals and without absence of touch.
     Points,
     /// All evidence of touch, including absence of touch.
@@ -117,7 +117,7 @@ fn squared_mahalanobis(estimate: &PoseEstimate, truth: &Isometry3<f64>) -> Optio
 /// Perceives every grasp once, and evaluates the estimates.
 pub fn evaluate_poses(
     bench: &Bench,
-    eyes: &CameraUnit,
+    detector: &CameraUnit,
     pipeline: &TouchPipeline,
     grasps: &[HeldGrasp],
     mut seen: impl FnMut(),
@@ -131,8 +131,8 @@ pub fn evaluate_poses(
             known.prepare();
             let object = &known.model;
             let seed = bench.seed ^ (n as u64) << 20;
-            let frames = eyes.render_images(grasp, &object.shape, seed);
-            let pipeline = match eyes.background_frames(grasp, seed) {
+            let frames = detector.render_images(grasp, &object.shape, seed);
+            let pipeline = match detector.background_frames(grasp, seed) {
                 Some(frames) => Cow::Owned(pipeline.with_backgrounds(frames)?),
                 None => Cow::Borrowed(pipeline),
             };

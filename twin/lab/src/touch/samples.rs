@@ -34,7 +34,7 @@ struct Pixel {
     weight: f32,
 }
 
-/// Cuts `point_count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
+/// Cuts `count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
 pub fn cut_squares(
     press: &CalibrationPress,
     (configuration, model): (char, &PhotometricModel),

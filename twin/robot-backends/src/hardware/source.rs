@@ -60,16 +60,16 @@ impl HardwareFactory {
 
     /// Adds a vision system that reports object poses.
     #[must_use]
-    pub fn with_vision(self, eyes: Option<VisionSetup>) -> Self {
-        Self { vision: eyes, ..self }
+    pub fn with_vision(self, detector: Option<VisionSetup>) -> Self {
+        Self { vision: detector, ..self }
     }
 
     /// Connects the vision system.
     fn connect_vision(&self) -> Result<Option<VisionLink>> {
-        let connect = |eyes: &VisionSetup| match &eyes.source {
-            VisionSource::System(address) => Ok(VisionLink::connect(address, eyes.checks.clone())?),
+        let connect = |detector: &VisionSetup| match &detector.source {
+            VisionSource::System(address) => Ok(VisionLink::connect(address, detector.checks.clone())?),
             VisionSource::Emulated => {
-                bail!("--eyes emulated: found --robot hardware, expected the address of a vision system")
+                bail!("--detector emulated: found --robot hardware, expected the address of a vision system")
             }
         };
         self.vision.as_ref().map(connect).transpose()
@@ -86,7 +86,7 @@ impl HardwareFactory {
         let mistaken: Vec<String> = kept.exchanged_cameras(&now).iter().map(ToString::to_string).collect();
         if !mistaken.is_empty() {
             bail!(
-                "found {}, expected every camera where it was (`ftac bridge doctor --know-cameras` keeps what is right now)",
+                "found {}, expected every camera where it was (`ftac bridge doctor --store-references` keeps what is right now)",
                 mistaken.join(", ")
             );
         }
@@ -201,15 +201,15 @@ impl BackendFactory for HardwareFactory {
         let TrialTask { combination, trial, condition, .. } = setup.task;
         ensure_session_space(&self.sessions)?;
         // Faults of robot or eyes are found before anybody lays out objects.
-        let mut eyes = self.connect_vision()?;
+        let mut detector = self.connect_vision()?;
         let mut checked = self.check()?;
         eprintln!("combination {combination}, trial {trial}, {condition}:");
         for (name, place) in &setup.objects {
             eprintln!("  put {name} at {}", format_position(place));
         }
-        let look = |eyes: &mut VisionLink, name: &str| -> Result<()> {
+        let snapshot = |detector: &mut VisionLink, name: &str| -> Result<()> {
             // A hidden object is found before anything moves.
-            let seen = eyes.detect(name, || false)?;
+            let seen = detector.detect(name, || false)?;
             let seen =
                 seen.with_context(|| format!("{name} is hidden, expected it in sight before the trial begins"))?;
             eprintln!("  {name} is seen at {}", format_position(&seen.pose));
@@ -220,9 +220,9 @@ impl BackendFactory for HardwareFactory {
             bail!(TrialStopped("the operator ended the list here".into()));
         }
         for (name, _) in &setup.objects {
-            eyes.as_mut().map_or(Ok(()), |eyes| look(eyes, name))?;
+            detector.as_mut().map_or(Ok(()), |detector| snapshot(detector, name))?;
         }
-        Ok(Box::new(HardwareBackend { vision: eyes, ..checked.arm_and_home(&setup.objects)? }))
+        Ok(Box::new(HardwareBackend { vision: detector, ..checked.arm_and_home(&setup.objects)? }))
     }
 
     fn session(&self, task: &TrialTask) -> Result<Option<(PathBuf, SessionHeader)>> {

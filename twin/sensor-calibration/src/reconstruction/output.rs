@@ -20,7 +20,7 @@ pub const HEIGHT_PER_LEVEL: f32 = 1e-7;
 /// calibration's presses; 255 means known, 0 no contact.
 pub const OUT_OF_RANGE_GREY: u8 = 128;
 
-/// Writes the surface of the image `image_name` into `folder`, and returns the files: height (NPY, EXR: m; PNG: 16 bits of
+/// Writes the surface of the image `name` into `folder`, and returns the files: height (NPY, EXR: m; PNG: 16 bits of
 /// [`HEIGHT_PER_LEVEL`]), normals (NPY, EXR, PNG) with their expected error (NPY, degrees), contact mask (PNG), mask of known
 /// pixels (PNG) and the points in contact (PLY). Heights outside the contact are unknown: NaN, or 0 in the PNG.
 pub fn write(surface: &ReconstructedSurface, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
@@ -97,7 +97,7 @@ struct SurfaceFigures {
 }
 
 impl ImageFigures {
-    /// Creates the results of the image `image_name`, which took `wall_ms`. Without a surface the gel is untouched.
+    /// Creates the results of the image `name`, which took `wall_ms`. Without a surface the gel is untouched.
     pub fn new(name: &str, surface: Option<&ReconstructedSurface>, wall_ms: f64) -> Self {
         let figures = |surface: &ReconstructedSurface| SurfaceFigures {
             depth_mm: surface.deepest.map(|depth| 1e3 * depth),

@@ -24,7 +24,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
                 folders[0].display()
             );
         }
-        request.made.extend(its.made);
+        request.provenance.extend(its.provenance);
         journal.extend(other);
     }
     request.shard = (1, 1);
@@ -42,7 +42,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     Ok(None)
 }
 
-/// Returns the wall time of the run in `open_folder`, s, if it ended with exactly these trials.
+/// Returns the wall time of the run in `folder`, s, if it ended with exactly these trials.
 fn finished_wall_time(folder: &Path, journal: &BTreeMap<WorkUnit, JournalEntry>) -> Option<f64> {
     let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
     let summary: Summary = serde_json::from_str(&text).ok()?;

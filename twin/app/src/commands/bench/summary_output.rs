@@ -29,7 +29,7 @@ pub fn shortfall(summary: &Summary) -> Option<String> {
     })
 }
 
-/// True if `open_folder` holds a recording.
+/// True if `folder` holds a recording.
 fn has_recording(folder: &Path) -> bool {
     std::fs::read_dir(folder.join("recordings")).is_ok_and(|mut recordings| recordings.next().is_some())
 }

@@ -36,10 +36,10 @@ pub struct CalibrateArgs {
     /// remounted since.
     #[arg(long = "continue")]
     go_on: bool,
-    /// Individual robot (a file of `ftac twin identify`) whose spools give the expected travels, instead of the nominal
+    /// Individual robot (a file of `ftac sysid identify`) whose spools give the expected travels, instead of the nominal
     /// robot's.
     #[arg(long)]
-    individual: Option<PathBuf>,
+    instance: Option<PathBuf>,
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
@@ -56,7 +56,7 @@ pub struct CalibrateOutput {
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
     let config = args.config.read_without_password()?;
-    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.instance.as_deref(), &args.robot.model()?)?.hand;
     let unfinished = PartialCalibration::beside(&config.calibration);
     let mut servos = match args.go_on {
         true => unfinished.read(&config.servos.ids).context("--continue")?,
@@ -108,7 +108,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     Ok(None)
 }
 
-/// Lists travels that are far from that of `apply_to_hand`, each with the actuator that it would fit.
+/// Lists travels that are far from that of `hand`, each with the actuator that it would fit.
 fn suspicious_travels(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     let design = shaft_travel(hand);
     let names = actuator_names(hand);
@@ -144,7 +144,7 @@ fn check_servos(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Resul
     Ok(())
 }
 
-/// Homes all servos that `check_servos` lacks against their stops.
+/// Homes all servos that `servos` lacks against their stops.
 fn home_all(
     terminal: &Terminal,
     config: &BridgeConfig,

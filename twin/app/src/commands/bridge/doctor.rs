@@ -38,7 +38,7 @@ pub struct DoctorArgs {
     /// Keep the present images as reference, so that exchanged camera plugs are noticed from now on. All cameras must
     /// be in their sockets and nothing may touch the pads.
     #[arg(long)]
-    know_cameras: bool,
+    store_references: bool,
 }
 
 pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
@@ -50,7 +50,7 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
         Ok(()) => {}
         Err(error) => findings.push(SetupFinding::new("servo bus", error, "an open port", false)),
     }
-    check_cameras(config, hand.cameras.len(), args.know_cameras, &mut findings);
+    check_cameras(config, hand.cameras.len(), args.store_references, &mut findings);
     match connect_arm_link(config, &robot, arm.home) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
             Ok(_) => SetupFinding::new("arm", "an answer", "no fault", true),
@@ -110,14 +110,14 @@ fn check_servos(config: &BridgeConfig, hand: &Hand, findings: &mut Vec<SetupFind
         whole += u32::from(hand.read(0.0)?.iter().all(Option::is_some));
     }
     let rate = f64::from(CYCLE_COUNT) / started.elapsed().as_secs_f64();
-    let books = hand.bus.statistics();
-    let ms = |share| books.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
+    let queue = hand.bus.statistics();
+    let ms = |share| queue.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let wanted = config.servos.rate;
     findings.push(SetupFinding::new("reads of all servos a second", format!("{rate:.0}"), wanted, rate >= wanted));
     let complete = format!("{whole} of {CYCLE_COUNT}");
     findings.push(SetupFinding::new("complete reads", complete, "99 % or more", whole * 100 >= CYCLE_COUNT * 99));
     let period = format!("p99 below {:.1}", 1e3 / wanted);
-    let in_time = books.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
+    let in_time = queue.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
     findings.push(SetupFinding::new(
         "round trip p50 / p99, ms",
         format!("{} / {}", ms(0.5), ms(0.99)),
@@ -195,7 +195,7 @@ fn check_cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &
 fn check_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> SetupFinding {
     let what = "every camera shows its own pad";
     match describe_exchanged_cameras(config, link, know) {
-        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --know-cameras", true),
+        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --store-references", true),
         Ok(Some(wrong)) => SetupFinding::new(what, &wrong, "yes", wrong == "yes"),
         Err(error) => SetupFinding::new(what, format!("{error:#}"), "yes", false),
     }

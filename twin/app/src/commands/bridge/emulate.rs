@@ -70,7 +70,7 @@ pub struct EmulateArgs {
     /// Number of the individual robot to emulate: its servos, cables, springs, pads, mount and arm differ from the
     /// drawing by random amounts drawn for this number; 0 is the nominal robot.
     #[arg(long, default_value_t = 0, conflicts_with = "springs")]
-    individual: u64,
+    instance: u64,
     /// File for the individual's true parameters (JSON), for evaluation only.
     #[arg(long, conflicts_with = "springs")]
     truth_out: Option<PathBuf>,
@@ -78,15 +78,15 @@ pub struct EmulateArgs {
     #[arg(long, conflicts_with = "combo")]
     balls: bool,
     /// Emulate six springs instead of the simulated robot, and no arm.
-    #[arg(long, conflicts_with_all = ["combo", "balls", "mount", "eyes", "truth", "live"])]
+    #[arg(long, conflicts_with_all = ["combo", "balls", "mount", "detector", "truth", "live"])]
     springs: bool,
     /// Draw a hidden pose of the arm's base from this seed, away from the nominal one.
     #[arg(long, value_name = "N")]
     mount: Option<u64>,
-    /// Emulate a vision system for `trial --eyes` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
+    /// Emulate a vision system for `trial --detector` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
     /// ten times a second, with errors of 3 mm and 0.02 rad drawn from the seed.
     #[arg(long, value_name = "ADDRESS")]
-    eyes: Option<Address>,
+    detector: Option<Address>,
     /// Record the true scene into this file for the viewer.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -99,7 +99,7 @@ pub struct EmulateArgs {
     /// Only send this line to the emulator that runs in --dir: objects=back, objects=N (a combination), objects=balls,
     /// or a fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
     #[arg(long, value_name = "LINE")]
-    tell: Option<String>,
+    send: Option<String>,
     /// Also write the calibration file, as if the hand had been calibrated.
     #[arg(long)]
     calibrated: bool,
@@ -109,7 +109,7 @@ pub struct EmulateArgs {
     /// slip=ring:3@5 (by 3 mm on its spool), weak=ring:0.6@5 (a servo gives 0.6 of its torque), stick=JOINT@5,
     /// heavy=1:0.3@5 (object 1 weighs 0.3 kg more), snatch=1@5 (object 1 is taken away), push=12@5 (12 N on the palm
     /// for half a second), dim=7:red:0.5@5 (half of the red light of camera 7), blind=PAD:missing@5 or
-    /// blind=PAD:black@5. Faults with a time may also be piped in, one per line without @SECONDS, or sent with --tell,
+    /// blind=PAD:black@5. Faults with a time may also be piped in, one per line without @SECONDS, or sent with --send,
     /// and happen at once; objects=back, objects=N and objects=balls too.
     #[arg(long = "fault")]
     faults: Vec<String>,
@@ -130,10 +130,10 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
-/// JSON output of `--tell`.
+/// JSON output of `--send`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RequestOutput {
-    /// Answer of the running emulator to --tell.
+    /// Answer of the running emulator to --send.
     answer: String,
 }
 
@@ -149,7 +149,7 @@ pub struct EmulatorStartOutput {
     /// Address of the arm, or null.
     arm: Option<String>,
     /// Address of the emulated vision system, or null.
-    eyes: Option<String>,
+    detector: Option<String>,
 }
 
 /// A servo stopped by its bus watchdog.
@@ -166,7 +166,7 @@ struct StoppedArm {
     /// Time at which the arm's watchdog stopped it, ms after the last set-point.
     watchdog_after_ms: u64,
     /// Time at which the arm stood, ms after the last set-point.
-    stands_after_ms: u64,
+    stopped_after_ms: u64,
 }
 
 /// JSON output at the end.
@@ -191,7 +191,7 @@ const NO_PLANT_ERROR: &str =
 const PATIENT_ARM_TIMEOUT_MS: u64 = 1500;
 
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
-    if let Some(line) = &args.tell {
+    if let Some(line) = &args.send {
         return send_request(terminal, &args.dir, line);
     }
     let robot = args.robot.model()?;
@@ -206,9 +206,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let (mut travel, mut usual) = ([SPRING_HAND_TRAVEL; SERVOS], EmulatorSettings::default());
     if !args.springs {
         let wish = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
-        let standing = EmulatedTable::new(&robot, wish, (args.mount, args.individual), terminal.seed)?;
+        let standing = EmulatedTable::new(&robot, wish, (args.mount, args.instance), terminal.seed)?;
         if let Some(path) = &args.truth_out {
-            crate::commands::sysid::write_truth(path, &robot, args.individual)?;
+            crate::commands::sysid::write_truth(path, &robot, args.instance)?;
         }
         let settings = lockstep_settings(&standing.bench().world.cell.robot.hand, terminal.seed);
         (travel, usual) = (settings.travel, settings.devices);
@@ -224,7 +224,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     settings.servos = settings.servos.into_iter().map(|servo| servo.with_firmware(args.firmware)).collect();
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
     std::fs::create_dir_all(&args.dir).with_context(|| display_path(&args.dir))?;
-    let door = TableEndpoint::open(&args.dir.join(REQUEST_SOCKET), args.keys)?;
+    let endpoint = TableEndpoint::open(&args.dir.join(REQUEST_SOCKET), args.keys)?;
     let hand = EmulatedHand::start(plant, settings, &robot)?;
     let camera = start_vision(args, table.as_ref(), terminal.seed)?;
     let arm = match args.springs {
@@ -251,9 +251,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         servos: display_path(hand.servo_port()),
         cameras: display_path(hand.camera_port()),
         arm: arm.as_ref().map(|arm| arm.address().tcp.to_string()),
-        eyes: camera.as_ref().map(|camera| camera.address().to_string()),
+        detector: camera.as_ref().map(|camera| camera.address().to_string()),
     };
-    let EmulatorStartOutput { config, servos, cameras, arm: address, eyes } = &started;
+    let EmulatorStartOutput { config, servos, cameras, arm: address, detector: eyes } = &started;
     let address = address.as_deref().unwrap_or("none");
     let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("eyes on {eyes}\n"));
     let text = format!(
@@ -262,7 +262,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     terminal.print(&started, &text)?;
     let truth = (args.truth.is_some() || args.live).then(|| TruthRecorder::new(args.truth.clone(), args.live));
     let mut running = RunningDevices { robot, hand, arm, table, breakable, truth };
-    run_devices(args, &mut running, mishaps, &door)?;
+    run_devices(args, &mut running, mishaps, &endpoint)?;
     print_stops(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
@@ -271,14 +271,14 @@ fn run_devices(
     args: &EmulateArgs,
     running: &mut RunningDevices,
     mut pending: Vec<(f64, EmulatorFault)>,
-    door: &TableEndpoint,
+    endpoint: &TableEndpoint,
 ) -> Result<()> {
     // Ctrl-C ends the loop, so that a recording is finished.
     let interrupt = Interrupt::catch()?;
     let started = Instant::now();
     while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
         std::thread::sleep(POLL_INTERVAL);
-        for request in door.requests() {
+        for request in endpoint.requests() {
             let outcome = running.execute_request(&request.line);
             request.answer(outcome);
         }
@@ -362,7 +362,8 @@ fn print_stops(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -
     });
     if terminal.json {
         let servo = |(id, _, after)| StoppedServo { id, after_ms: 1e3 * after };
-        let arm = |(watchdog_after_ms, stands_after_ms)| StoppedArm { watchdog_after_ms, stands_after_ms };
+        let arm =
+            |(watchdog_after_ms, stands_after_ms)| StoppedArm { watchdog_after_ms, stopped_after_ms: stands_after_ms };
         let ended = EmulatorEndOutput {
             ticks,
             late_ticks: late,
@@ -382,16 +383,18 @@ fn print_stops(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) -
     Ok(None)
 }
 
-/// Starts the emulated vision system, if `--eyes` asks for one.
+/// Starts the emulated vision system, if `--detector` asks for one.
 fn start_vision(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<EmulatedDetector>> {
-    let (Some(address), Some(table)) = (&args.eyes, table) else { return Ok(None) };
+    let (Some(address), Some(table)) = (&args.detector, table) else { return Ok(None) };
     let settings = EmulatedDetectorSettings { sigma: DETECTOR_SIGMA, seed, period: Some(VISION_PERIOD) };
     let table = table.clone();
     let sight = move || table.placed_objects().0.into_iter().zip(table.plant().lock().truth().objects).collect();
-    EmulatedDetector::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
+    EmulatedDetector::start(address, settings, Box::new(sight))
+        .map(Some)
+        .with_context(|| format!("--detector {address}"))
 }
 
-/// Runs `--tell`: sends `line` to the emulator that runs in `dir` and prints its answer.
+/// Runs `--send`: sends `line` to the emulator that runs in `dir` and prints its answer.
 fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
     let answer = table_endpoint::send_line(&dir.join(REQUEST_SOCKET), line)?;
     let text = format!("{answer}\n");
@@ -399,7 +402,7 @@ fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
     Ok(None)
 }
 
-/// Returns the calibration that homing would find on `apply_to_robot`.
+/// Returns the calibration that homing would find on `robot`.
 fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,

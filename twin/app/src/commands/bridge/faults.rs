@@ -30,7 +30,7 @@ pub struct FaultArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Resume an interrupted fault matrix in its folder.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "mirror", "out", "seed", "robot_model"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "detect_faults", "out", "seed", "robot_model"])]
     resume: Option<PathBuf>,
     /// Number of times that every fault is injected into every phase, each time in another combination.
     #[arg(long, default_value_t = 3)]
@@ -52,7 +52,7 @@ pub struct FaultArgs {
     live: bool,
     /// Run a twin in parallel with each trial; report which detector names the fault, how soon, and its false alarms.
     #[arg(long)]
-    mirror: bool,
+    detect_faults: bool,
 }
 
 /// Runs `ftac bridge faults`.
@@ -80,9 +80,10 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available_threads).max(1) };
-    let MatrixRequest { seed, rounds, kinds, phases, mirror, .. } = request;
+    let MatrixRequest { seed, rounds, kinds, phases, detector: fault_detector, .. } = request;
     let (record, live) = (args.record.clone(), args.live);
-    let matrix = FaultMatrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, with_detector: mirror };
+    let matrix =
+        FaultMatrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, with_detector: fault_detector };
     if !quiet {
         eprintln!("outcomes go into {} as they come", ledger.folder.display());
     }
@@ -123,7 +124,7 @@ fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<MatrixRequest> {
         rounds: args.rounds,
         kinds,
         phases,
-        mirror: args.mirror,
+        detector: args.detect_faults,
     })
 }
 

@@ -34,10 +34,10 @@ pub struct RegisterArgs {
     /// is compared with that pose.
     #[arg(long, value_name = "N", conflicts_with = "config")]
     emulated: Option<u64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the poses of pads on the hand and of the hand on
+    /// Individual robot (a file of `ftac sysid identify`) that gives the poses of pads on the hand and of the hand on
     /// the arm; an emulated robot is this one too.
     #[arg(long)]
-    individual: Option<PathBuf>,
+    instance: Option<PathBuf>,
     /// File for the result; default: registration.toml beside the configuration, or in recordings.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -107,7 +107,7 @@ pub struct RegisterPlanOutput {
 
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let plan = RegistrationPlan::standard()?;
-    let robot = instance_model(args.individual.as_deref(), &args.robot.model()?)?;
+    let robot = instance_model(args.instance.as_deref(), &args.robot.model()?)?;
     let bench = make_scene_bench(&robot, Scenario::benchmark(), 1, terminal.seed, true)?;
     let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
     if args.dry_run {

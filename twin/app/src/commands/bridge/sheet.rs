@@ -74,8 +74,8 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
         None => ("balls".to_owned(), "balls of the registration".to_owned(), ball_objects(&robot, terminal.seed)?),
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
-    let drawing = draw_sheet(&title, &standing);
-    ftac_platform::data::write_atomically(&out, drawing.as_bytes())?;
+    let nominal = draw_sheet(&title, &standing);
+    ftac_platform::data::write_atomically(&out, nominal.as_bytes())?;
     let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
         let [x_m, y_m, z_m] = place.translation.vector.into();
         PlacedObject { object: object.name.clone(), x_m, y_m, z_m, turn_rad: yaw(place) }
@@ -91,8 +91,8 @@ type PosedObjects = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
 fn combination_objects(robot: &RobotModel, combination: usize, seed: u64) -> Result<PosedObjects> {
     let bench = make_bench(robot, Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
-    let Some(plan) = bench.grasp_pairs.plans.get(combination) else {
-        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.grasp_pairs.plans.len() - 1);
+    let Some(plan) = bench.grasp_pairs.pairs.get(combination) else {
+        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.grasp_pairs.pairs.len() - 1);
     };
     let objects = bench.world.models(&plan.objects())?;
     let places = bench.world.object_poses(&objects, &TrialNoise::none());

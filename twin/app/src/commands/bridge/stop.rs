@@ -56,12 +56,12 @@ pub struct StopReport {
     state: Option<String>,
     /// Servos whose torque was not read back as off, each with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
-    unsure: Option<Vec<String>>,
+    torque_unknown: Option<Vec<String>>,
 }
 
 /// Runs `ftac bridge stop`.
 pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
-    let wish = if args.release { RemoteCommand::Release } else { RemoteCommand::Hold };
+    let command = if args.release { RemoteCommand::Release } else { RemoteCommand::Hold };
     let (sockets, looked) = sockets(args);
     if args.release && sockets.len() > 1 {
         let robots = answering(remote::ask_all(&sockets, RemoteCommand::State));
@@ -71,7 +71,7 @@ pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
             bail!("found {count} robots, expected one to let go of: name it by --config or --socket ({listed})");
         }
     }
-    let answers = answering(remote::ask_all(&sockets, wish));
+    let answers = answering(remote::ask_all(&sockets, command));
     if answers.is_empty() {
         return stop_without_bridge(terminal, args, &looked);
     }
@@ -124,7 +124,7 @@ fn stop_without_bridge(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf])
     let state = format!("torque read back as off from {} of {count} servos", count - unsure.len());
     let shortfall = (!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; ")));
     let text = format!("{nobody}; {state}\n");
-    terminal.print(&StopReport { robots: Vec::new(), state: Some(state), unsure: Some(unsure) }, &text)?;
+    terminal.print(&StopReport { robots: Vec::new(), state: Some(state), torque_unknown: Some(unsure) }, &text)?;
     Ok(shortfall)
 }
 
@@ -139,5 +139,5 @@ fn print_answers(terminal: &Terminal, answers: &[SocketAnswer]) -> Result<()> {
     };
     let answered = answers.iter().filter_map(|(_, answer)| answer.as_ref().ok());
     let text: String = answered.map(|RemoteAnswer { text, robot: of }| format!("{of}: {text}\n")).collect();
-    terminal.print(&StopReport { robots: answers.iter().map(row).collect(), state: None, unsure: None }, &text)
+    terminal.print(&StopReport { robots: answers.iter().map(row).collect(), state: None, torque_unknown: None }, &text)
 }

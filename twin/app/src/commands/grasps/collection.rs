@@ -62,7 +62,7 @@ struct CollectionRow {
 pub struct CollectionOutput {
     grasps: usize,
     /// Number of grasps asked for.
-    wanted: usize,
+    requested: usize,
     /// Wall time, s.
     wall_s: f64,
     /// One entry per object.
@@ -144,10 +144,10 @@ fn print_output(terminal: &Terminal, collection: &Collection, wall_s: f64) -> Ou
         diversity: diversity::describe(&entry.grasps),
     };
     let (grasps, wanted) =
-        (collection.grasps().count(), collection.objects.iter().map(|entry| entry.summary.wanted).sum());
+        (collection.grasps().count(), collection.objects.iter().map(|entry| entry.summary.requested).sum());
     let answer = CollectionOutput {
         grasps,
-        wanted,
+        requested: wanted,
         wall_s,
         objects: collection.objects.iter().map(line).collect(),
         all: diversity::describe(collection.grasps()),

@@ -241,7 +241,7 @@ fn fit_to_hand(subject: PreparedObject, args: &SynthesisArgs, opening: &HandOpen
     Ok(subject)
 }
 
-/// Creates the file of `--out` with its header; `image_name` is the hand's.
+/// Creates the file of `--out` with its header; `name` is the hand's.
 fn writer(terminal: &Terminal, args: &GenerateArgs, name: String) -> Result<Option<GraspWriter>> {
     let Some(path) = &args.out else { return Ok(None) };
     let hand = match (&args.hand, &args.pulls) {

@@ -1,4 +1,4 @@
-//! `ftac grasps pick-ups` and `ftac grasps plan`: make the benchmark's repertoire and plans.
+//! `ftac grasps repertoire` and `ftac grasps pairs`: make the benchmark's repertoire and plans.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use crate::options::object_name::object_name;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Arguments of `grasps pick-ups`.
+/// Arguments of `grasps repertoire`.
 #[derive(Debug, Args)]
 pub struct RepertoireArgs {
     #[command(flatten)]
@@ -42,7 +42,7 @@ pub struct RepertoireArgs {
     pub out: PathBuf,
 }
 
-/// Arguments of `grasps plan`.
+/// Arguments of `grasps pairs`.
 #[derive(Debug, Args)]
 pub struct PairsArgs {
     #[command(flatten)]
@@ -55,21 +55,21 @@ pub struct PairsArgs {
     pub repertoire: Option<PathBuf>,
     /// Plan file whose combinations and grasps are kept; only their success rates under errors are rehearsed again.
     #[arg(long, conflicts_with = "combos")]
-    pub of: Option<PathBuf>,
+    pub pairs: Option<PathBuf>,
     /// Keep the success rates of that file too; search a combination's own grasps only where none of the known ones
     /// succeeds.
-    #[arg(long, requires = "of")]
+    #[arg(long, requires = "pairs")]
     pub vary: bool,
     /// Keep that file as it is; plan only the reverse order of objects where no sequence of grasps is sure.
-    #[arg(long, requires = "of", conflicts_with = "vary")]
+    #[arg(long, requires = "pairs", conflicts_with = "vary")]
     pub reverse: bool,
     /// Keep that file as it is; search second grasps and prove them under random circumstances, for combinations with
     /// no proof yet, or with an unsure one that took less effort.
-    #[arg(long, requires = "of", conflicts_with_all = ["vary", "reverse"])]
-    pub prove: bool,
+    #[arg(long, requires = "pairs", conflicts_with_all = ["vary", "reverse"])]
+    pub verify: bool,
     /// Effort of that search: at 1 it takes 3 to 12 minutes of a core per combination; each level above adds as many
     /// proposals again.
-    #[arg(long, requires = "prove", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
+    #[arg(long, requires = "verify", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
     pub effort: u32,
     /// Plan file to write.
     #[arg(long)]
@@ -86,7 +86,7 @@ struct RoleGrasps<'a> {
     grasps: usize,
 }
 
-/// JSON output of `grasps pick-ups`.
+/// JSON output of `grasps repertoire`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RepertoireOutput<'a> {
     /// File of the repertoire.
@@ -95,11 +95,11 @@ pub struct RepertoireOutput<'a> {
     objects: Vec<RoleGrasps<'a>>,
 }
 
-/// JSON output of `grasps plan`.
+/// JSON output of `grasps pairs`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PairsOutput<'a> {
     /// File of the plans.
-    plans: &'a Path,
+    pairs: &'a Path,
     /// Number of combinations.
     combinations: usize,
     /// Number of pairs that failed without noise and were replaced.
@@ -127,7 +127,7 @@ pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
     }
     let mut repertoire = if out.exists() { Repertoire::read_for(&robot, out)? } else { Repertoire::default() };
     repertoire.robot = Repertoire::robot_identity(&robot);
-    repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
+    repertoire.command = format!("ftac grasps repertoire --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = RepertoireEffort { proposals: n, variations: n / 2, ..SEARCH_EFFORT };
     let wanted = RepertoireRequest { names: &names, places: &places, effort };
@@ -173,14 +173,14 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         Some(file) => Repertoire::read_for(&robot, file)?,
         None if !grasp_verification::builtin::fits_robot(&robot)? => {
             bail!(
-                "--repertoire: found none, expected grasps of {} (ftac grasps pick-ups --robot-model FILE)",
+                "--repertoire: found none, expected grasps of {} (ftac grasps repertoire --robot-model FILE)",
                 robot.name
             )
         }
         None => grasp_verification::builtin::repertoire()?,
     };
     let quiet = terminal.quiet || terminal.json;
-    let mut plans = match &args.of {
+    let mut plans = match &args.pairs {
         Some(file) => GraspPairTable::read(file)?,
         None => {
             let board = TactileBoard::unit(&world.cell.robot.hand, 0);
@@ -188,23 +188,23 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
                 grasp_pair::plan_combination(&world, &repertoire, &board, pair)
             })?;
             anyhow::ensure!(
-                plans.plans.len() == args.combos,
+                plans.pairs.len() == args.combos,
                 "--combos: found {}, expected at most {}: no more of the scenario's pairs can be done without noise",
                 args.combos,
-                plans.plans.len()
+                plans.pairs.len()
             );
-            // The success rates take longer than the plans: after an interruption the plans are there for --of.
+            // The success rates take longer than the plans: after an interruption the plans are there for --pairs.
             plans.write(&args.out)?;
             eprintln!(
                 "{} combinations; {} pairs could not be done without noise and were replaced",
-                plans.plans.len(),
+                plans.pairs.len(),
                 plans.rejected.len()
             );
             plans
         }
     };
-    if args.prove {
-        // The file is written after each combination: an interruption loses only those in progress, and `--of` this
+    if args.verify {
+        // The file is written after each combination: an interruption loses only those in progress, and `--pairs` with this
         // file resumes.
         let written = Mutex::new(plans.clone());
         verification::verify_pairs(
@@ -213,10 +213,10 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
             &mut plans,
             verification::VerificationEffort::of_level(args.effort),
             quiet,
-            |proven| {
+            |verified| {
                 let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(pair) = written.plans.iter_mut().find(|pair| pair.objects() == proven.objects()) {
-                    *pair = proven.clone();
+                if let Some(pair) = written.pairs.iter_mut().find(|pair| pair.objects() == verified.objects()) {
+                    *pair = verified.clone();
                 }
                 written.write(&args.out)
             },
@@ -239,10 +239,10 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
     write_pairs(terminal, args, &plans)
 }
 
-/// Writes `grasp_pairs` and prints the result.
+/// Writes `plans` and prints the result.
 fn write_pairs(terminal: &Terminal, args: &PairsArgs, plans: &GraspPairTable) -> Outcome {
     plans.write(&args.out)?;
-    let made = PairsOutput { plans: &args.out, combinations: plans.plans.len(), rejected: plans.rejected.len() };
+    let made = PairsOutput { pairs: &args.out, combinations: plans.pairs.len(), rejected: plans.rejected.len() };
     terminal.print(&made, &format!("{}\n", args.out.display()))?;
     Ok(None)
 }

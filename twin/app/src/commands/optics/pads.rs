@@ -21,10 +21,10 @@ pub struct PadsArgs {
     /// Serial number of a hand whose own pads are written instead of the nominal ones.
     #[arg(long)]
     pub unit: Option<u64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long)]
-    pub individual: Option<PathBuf>,
+    pub instance: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
 }
@@ -41,7 +41,7 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
         bail!("--out {}: found a file; expected a folder", args.out.display());
     }
-    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.instance.as_deref(), &args.robot.model()?)?.hand;
     let mut files = Vec::new();
     for pad in &hand.pads {
         let design = PadOptics::nominal(&hand, pad);

@@ -50,10 +50,10 @@ pub struct RenderArgs {
     /// Radius of the pad's cover across the digit, mm, for a cylindrical pad; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long, conflicts_with = "sensor_file")]
-    pub individual: Option<PathBuf>,
+    pub instance: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
     /// PNG file to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
@@ -108,7 +108,7 @@ fn expect_png(out: &Path) -> Result<()> {
 /// Runs `ftac optics render`.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
-    let hand = instance_model(args.individual.as_deref(), &args.robot.model()?)?.hand;
+    let hand = instance_model(args.instance.as_deref(), &args.robot.model()?)?.hand;
     let (mesh, repair) = Mesh::load(&args.mesh)?;
     if !repair.is_none() {
         eprintln!("{}: {repair}", args.mesh.display());

@@ -1,4 +1,4 @@
-//! `ftac twin evaluate`: identification error over individuals with hidden random parameters.
+//! `ftac sysid evaluate`: identification error over individuals with hidden random parameters.
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use clap::Args;
@@ -25,7 +25,7 @@ const MAX_JOINT_ERROR: f64 = 0.017_453;
 /// Goal for the median error of a fingertip in the frame of the arm's base, m.
 const MAX_FINGERTIP_ERROR: f64 = 1e-3;
 
-/// Arguments of `twin evaluate`.
+/// Arguments of `sysid evaluate`.
 #[derive(Debug, Args)]
 pub struct EvaluateArgs {
     #[command(flatten)]
@@ -47,13 +47,13 @@ struct CoverageShares {
     others: f64,
 }
 
-/// JSON output of `twin evaluate`.
+/// JSON output of `sysid evaluate`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct EvaluateOutput {
     /// Seed of the devices' noise.
     seed: u64,
     /// One entry per individual.
-    individuals: Vec<InstanceRow>,
+    instances: Vec<InstanceRow>,
     /// Coverage over all individuals.
     coverage: CoverageShares,
     /// Median over individuals: nominal, identified.
@@ -68,7 +68,7 @@ pub struct EvaluateOutput {
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct InstanceRow {
     /// Number of the individual.
-    individual: u64,
+    instance: u64,
     /// Coverage of the parameters that the session identified.
     identified: Coverage,
     /// Coverage of the other parameters.
@@ -88,7 +88,7 @@ struct InstanceRow {
     /// Number of postures with the weighed object in the hand.
     held: usize,
     /// RMS residual of the arm torques under the weight, N m: nominal, identified.
-    weight: [f64; 2],
+    payload: [f64; 2],
     /// Reason why the excitation ended before its last step, and the number of steps done, if so; identification then
     /// uses the part played.
     stopped: Option<String>,
@@ -119,7 +119,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     let (joint, tip, reach) = (medians(|row| row.joint), medians(|row| row.tip), medians(|row| row.reach));
     let mut text = format!(
         "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24} {:>26}\n",
-        "individual",
+        "instance",
         "identified",
         "others",
         "joint, deg",
@@ -127,13 +127,13 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         "servo rms, deg",
         "reach, mm",
         "touches of the ball, mm",
-        "weight in postures, mN m"
+        "payload in postures, mN m"
     );
     for row in &rows {
         let pair = |values: [f64; 2], scale: f64| format!("{:.2} -> {:.2}", scale * values[0], scale * values[1]);
         text += &format!(
             "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24} {:>26}\n",
-            row.individual,
+            row.instance,
             format!("{}/{}", row.identified.inside, row.identified.of),
             format!("{}/{}", row.others.inside, row.others.of),
             pair(row.joint, 1f64.to_degrees()),
@@ -141,7 +141,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
             pair(row.servo, 1f64.to_degrees()),
             pair(row.reach, 1e3),
             format!("{}: {}", row.touches, pair(row.ball, 1e3)),
-            format!("{}: {}", row.held, pair(row.weight, 1e3))
+            format!("{}: {}", row.held, pair(row.payload, 1e3))
         );
     }
     text += &format!(
@@ -160,18 +160,18 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     }
     let evaluated = EvaluateOutput {
         seed: terminal.seed,
-        individuals: rows,
+        instances: rows,
         coverage: CoverageShares { identified: identified.share(), others: others.share() },
         joint_rad: joint,
         tip_m: tip,
         reach_m: reach,
     };
     terminal.print(&evaluated, &text)?;
-    let rows = evaluated.individuals;
+    let rows = evaluated.instances;
     // The parameters of one robot are correlated: coverage over few robots shows nothing.
     let few = rows.len() < MIN_SAMPLES;
     let covered = few || (COVERAGE_GOAL[0]..=COVERAGE_GOAL[1]).contains(&identified.share());
-    let stopped = |row: &InstanceRow| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.individual));
+    let stopped = |row: &InstanceRow| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.instance));
     let mut short: Vec<String> = rows.iter().filter_map(stopped).collect();
     if !covered {
         short.push(format!("{:.1} % of parameters in their intervals, expected 90 to 98", 100.0 * identified.share()));
@@ -210,7 +210,7 @@ fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRo
     };
     let stopped = play_script(&mut kept, &drawing.excitation_inputs(&script), 0, heard, |_| true).err();
     let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
-    let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace(nominal, "rounded", &script)])?;
+    let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace(nominal, "direct", &script)])?;
     let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);
     let [identified, others] = coverage(&found, &truth);
     let designed = RobotInstance::nominal(nominal);
@@ -219,7 +219,7 @@ fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRo
     let both = |n: usize| [summaries[0][n], summaries[1][n]];
     let reached = |own| median(&fingertip_distances(&truth, own, nominal, &nominal.arm.home, EVALUATED_JOINT_ANGLE));
     Ok(InstanceRow {
-        individual: number,
+        instance: number,
         identified,
         others,
         joint: both(0),
@@ -229,7 +229,7 @@ fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRo
         touches: kinematics.touches,
         ball: kinematics.residuals,
         held: gains.postures,
-        weight: gains.residuals,
+        payload: gains.residuals,
         stopped,
     })
 }

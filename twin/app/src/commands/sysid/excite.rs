@@ -1,4 +1,4 @@
-//! `ftac twin excite`: a scripted, resumable excitation of any robot backend, recorded as a session.
+//! `ftac sysid excite`: a scripted, resumable excitation of any robot backend, recorded as a session.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ const CHECK_TIMEOUT: Duration = Duration::from_secs(5);
 /// Name of the file with the progress of an excitation.
 const STATE_FILE: &str = "excitation.json";
 
-/// Arguments of `twin excite`.
+/// Arguments of `sysid excite`.
 #[derive(Debug, Args)]
 pub struct ExciteArgs {
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub struct ExciteArgs {
     /// Folder of the sessions; an unfinished excitation in it resumes after its last finished step.
     pub folder: PathBuf,
     /// Robot backend.
-    #[arg(long, value_enum, default_value_t = BackendKind::Rounded)]
+    #[arg(long, value_enum, default_value_t = BackendKind::Direct)]
     pub robot: BackendKind,
     /// Configuration file of the hardware bridge, for --robot hardware.
     #[arg(long)]
@@ -55,7 +55,7 @@ pub struct ExciteArgs {
     pub script: Option<PathBuf>,
     /// Number of the individual that a simulated or emulated robot is; 0 is the nominal robot.
     #[arg(long, default_value_t = 0)]
-    pub individual: u64,
+    pub instance: u64,
     /// File for the individual's true parameters, for evaluation only.
     #[arg(long)]
     pub truth_out: Option<PathBuf>,
@@ -77,7 +77,8 @@ struct ExcitationState {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     robot_model: Option<RobotSources>,
     /// Number of the individual, for a simulated or emulated robot.
-    individual: u64,
+    #[serde(alias = "individual")]
+    instance: u64,
     script: ExcitationScript,
     /// Number of finished steps, from the first on.
     done: usize,
@@ -112,12 +113,12 @@ impl ExcitationState {
     }
 }
 
-/// JSON output of `twin excite`, also of a dry run.
+/// JSON output of `sysid excite`, also of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ExciteOutput {
     /// Folder of the sessions.
     folder: String,
-    /// Robot backend: sim, rounded, emulated or hardware.
+    /// Robot backend: sim, direct, emulated or hardware.
     robot: String,
     /// True if nothing was moved.
     dry_run: bool,
@@ -186,21 +187,21 @@ impl RobotBackend for ExcitationBackend {
 
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     check_backend(args.robot, args.config.as_deref(), &[])?;
-    if args.robot == BackendKind::Hardware && (args.individual != 0 || args.truth_out.is_some()) {
-        bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
+    if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
+        bail!("--instance, --truth-out: --robot is hardware, which is the individual that it is");
     }
-    let drawing = NominalModel::new(args.model.model()?)?;
-    let script = drawing.script(args.script.as_deref())?;
+    let nominal = NominalModel::new(args.model.model()?)?;
+    let script = nominal.script(args.script.as_deref())?;
     let asked = ExcitationState {
         version: 1,
         robot: args.robot.name().to_owned(),
-        robot_model: drawing.robot.sources.clone(),
-        individual: args.individual,
+        robot_model: nominal.robot.sources.clone(),
+        instance: args.instance,
         script,
         done: 0,
         parts: 0,
     };
-    let mut record = match ExcitationState::read(&args.folder, &drawing.robot.hand)? {
+    let mut record = match ExcitationState::read(&args.folder, &nominal.robot.hand)? {
         None => asked,
         Some(begun) => {
             let same = ExcitationState { done: begun.done, parts: begun.parts, ..asked.clone() };
@@ -213,19 +214,19 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
             begun
         }
     };
-    let steps = record.script.steps(&drawing.robot.hand).len();
+    let steps = record.script.steps(&nominal.robot.hand).len();
     if args.dry_run {
-        return print_steps(terminal, args, &drawing.robot.hand, &record, true);
+        return print_steps(terminal, args, &nominal.robot.hand, &record, true);
     }
     if let Some(path) = &args.truth_out {
-        super::write_truth(path, &drawing.robot, args.individual)?;
+        super::write_truth(path, &nominal.robot, args.instance)?;
     }
     if record.done == steps {
         eprintln!("all {steps} steps are done");
-        return print_steps(terminal, args, &drawing.robot.hand, &record, false);
+        return print_steps(terminal, args, &nominal.robot.hand, &record, false);
     }
     std::fs::create_dir_all(&args.folder).with_context(|| args.folder.display().to_string())?;
-    let (body, about) = open_backend(terminal, args, &drawing, &record.script)?;
+    let (body, about) = open_backend(terminal, args, &nominal, &record.script)?;
     record.parts += 1;
     record.write(&args.folder)?;
     let session = SessionHeader {
@@ -233,13 +234,13 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         program: format!("ftac {}", env!("CARGO_PKG_VERSION")),
         seed: terminal.seed,
         tick_length: body.tick_length(),
-        task: serde_json::to_vec(&IdentificationTask::new(&drawing.robot.hand, &record.script, record.done))?,
+        task: serde_json::to_vec(&IdentificationTask::new(&nominal.robot.hand, &record.script, record.done))?,
         ..about
     };
     let interrupt = Interrupt::catch()?;
     let path = args.folder.join(format!("part_{}.mcap", record.parts));
     let mut recorder = SessionRecorder::new(ImageFilter::new(body), SessionWriter::create(&path, &session)?);
-    let played = excite(terminal, args, &drawing, &mut record, (&mut recorder, &interrupt));
+    let played = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
     if let ExcitationBackend::Hardware(robot) = body.into_robot() {
         robot.release()?;
@@ -253,19 +254,19 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
         return Ok(Some(format!("{why} after {} of {steps} steps; the same command goes on from there", record.done)));
     }
     finished?;
-    print_steps(terminal, args, &drawing.robot.hand, &record, false)
+    print_steps(terminal, args, &nominal.robot.hand, &record, false)
 }
 
 /// Plays the remaining steps. Returns the reason if it stopped before the end.
 fn excite(
     terminal: &Terminal,
     args: &ExciteArgs,
-    drawing: &NominalModel,
+    nominal: &NominalModel,
     record: &mut ExcitationState,
     (recorder, interrupt): (&mut SessionRecorder<ImageFilter<ExcitationBackend>>, &Interrupt),
 ) -> Result<Option<String>> {
     let bar = terminal.progress();
-    bar.set_length(record.script.steps(&drawing.robot.hand).len() as u64);
+    bar.set_length(record.script.steps(&nominal.robot.hand).len() as u64);
     bar.set_position(record.done as u64);
     let (script, first) = (record.script.clone(), record.done);
     let heard = |progress: ExcitationProgress| {
@@ -295,7 +296,7 @@ fn excite(
             if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().robot().stopped() };
         stopped.is_none()
     };
-    let played = play_script(recorder, &drawing.excitation_inputs(&script), first, heard, goes_on);
+    let played = play_script(recorder, &nominal.excitation_inputs(&script), first, heard, goes_on);
     bar.finish_and_clear();
     Ok(if played? { None } else { Some(stopped.unwrap_or_default()) })
 }
@@ -304,21 +305,21 @@ fn excite(
 fn open_backend(
     terminal: &Terminal,
     args: &ExciteArgs,
-    drawing: &NominalModel,
+    nominal: &NominalModel,
     script: &ExcitationScript,
 ) -> Result<(ExcitationBackend, SessionHeader)> {
     if args.robot == BackendKind::Hardware {
         let path = args.config.as_deref().context("--config")?;
-        return connect_hardware(path, args.yes, script, &drawing.robot);
+        return connect_hardware(path, args.yes, script, &nominal.robot);
     }
-    check_supported(&drawing.robot)?;
-    let individual = RobotInstance::sample(&drawing.robot, args.individual);
-    let model = &drawing.robot;
-    let robot = drawing.simulated_robot(args.individual, terminal.seed, script)?;
+    check_supported(&nominal.robot)?;
+    let individual = RobotInstance::sample(&nominal.robot, args.instance);
+    let model = &nominal.robot;
+    let robot = nominal.simulated_robot(args.instance, terminal.seed, script)?;
     let settings = lockstep_settings(&individual.apply_to_hand(&model.hand), terminal.seed);
     let about = SessionHeader::default();
     Ok(match args.robot {
-        BackendKind::Rounded => {
+        BackendKind::Direct => {
             let robot = DirectRobot::start(Box::new(SharedPlant::new(robot)), settings, model)?;
             (ExcitationBackend::Direct(Box::new(robot)), about)
         }
@@ -372,7 +373,7 @@ fn describe_objects(script: &ExcitationScript) -> Vec<String> {
             2e3 * ball.radius
         )
     });
-    let weight = script.weight.as_ref().map(|weight| {
+    let weight = script.payload.as_ref().map(|weight| {
         let [x, y] = weight.place;
         format!(
             "Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again; \
@@ -405,7 +406,7 @@ fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Exc
         );
     } else {
         text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));
-        text += &format!("next: ftac twin identify {}\n", args.folder.display());
+        text += &format!("next: ftac sysid identify {}\n", args.folder.display());
     }
     let excited = ExciteOutput {
         folder: args.folder.display().to_string(),

@@ -1,4 +1,4 @@
-//! `ftac twin identify`: identifies parameters from sessions of an excitation; writes `individual.toml` and a page about it.
+//! `ftac sysid identify`: identifies parameters from sessions of an excitation; writes `instance.toml` and a page about it.
 
 use std::path::PathBuf;
 
@@ -21,16 +21,16 @@ use crate::terminal::{Outcome, Terminal};
 /// Threshold for the RMS residual of a servo angle, rad: a servo above it does not fit the drawing.
 const MAX_RESIDUAL: f64 = 0.0175;
 
-/// Arguments of `twin identify`.
+/// Arguments of `sysid identify`.
 #[derive(Debug, Args)]
 pub struct IdentifyArgs {
     #[command(flatten)]
     pub model: RobotArgs,
-    /// Sessions of `ftac twin excite`, or folders of them.
+    /// Sessions of `ftac sysid excite`, or folders of them.
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
     /// File for the parameters.
-    #[arg(long, default_value = "individual.toml")]
+    #[arg(long, default_value = "instance.toml")]
     pub out: PathBuf,
     /// File for the photometric calibration of the robot's own pads, if the sessions press pads on a ball; default:
     /// beside --out, with the ending pads.json.
@@ -41,7 +41,7 @@ pub struct IdentifyArgs {
     pub report: Option<PathBuf>,
 }
 
-/// JSON output of `twin identify`.
+/// JSON output of `sysid identify`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct IdentifyOutput<'a> {
     /// Number of touches of the ball that push every link onto its stop.
@@ -49,14 +49,14 @@ pub struct IdentifyOutput<'a> {
     /// RMS distance of the touches from one ball, m: nominal, identified; null without touches.
     touches_rms_m: Option<[f64; 2]>,
     /// Number of postures with a weighed object in the hand.
-    weighed_postures: usize,
+    payload_postures: usize,
     /// RMS difference between the arm's torques and those of the weight, N m: nominal, identified; null if nothing was
     /// weighed.
-    weight_rms_nm: Option<[f64; 2]>,
+    payload_rms_nm: Option<[f64; 2]>,
     /// File with the calibration of the robot's own pads; null if there is none.
     pads: Option<String>,
     /// File with the parameters.
-    individual: String,
+    instance: String,
     /// Page about the parameters.
     page: String,
     /// Sessions used for the identification.
@@ -68,34 +68,34 @@ pub struct IdentifyOutput<'a> {
 }
 
 pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
-    let drawing = NominalModel::new(args.model.model()?)?;
+    let nominal = NominalModel::new(args.model.model()?)?;
     let mut traces = Vec::new();
     for path in session_files(&args.sessions)? {
-        let trace = Trace::read(&path, &drawing.robot)?;
+        let trace = Trace::read(&path, &nominal.robot)?;
         if !trace.is_complete {
             eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
         }
         traces.push(trace);
     }
-    let found = identify(&drawing.robot, drawing.losses, &drawing.pads, &traces)?;
+    let found = identify(&nominal.robot, nominal.losses, &nominal.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
-    let text = found.robot.to_toml(&drawing.robot, &program)?;
+    let text = found.robot.to_toml(&nominal.robot, &program)?;
     ftac_platform::data::write_atomically(&args.out, text.as_bytes())?;
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
-    let (actuators, parameters) = result_rows(&drawing, &found);
+    let (actuators, parameters) = result_rows(&nominal, &found);
     ftac_platform::data::write_atomically(
         &page,
         report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes(),
     )?;
-    let (pads, told) = write_pad_calibration(args, calibrate_pads(&drawing.robot.hand, &drawing.pads, &traces))?;
+    let (pads, told) = write_pad_calibration(args, calibrate_pads(&nominal.robot.hand, &nominal.pads, &traces))?;
     let kinematics = &found.kinematics;
     let identified = IdentifyOutput {
         touches: kinematics.touches,
         touches_rms_m: (kinematics.touches > 0).then_some(kinematics.residuals),
-        weighed_postures: found.gains.postures,
-        weight_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
+        payload_postures: found.gains.postures,
+        payload_rms_nm: (found.gains.postures > 0).then_some(found.gains.residuals),
         pads: pads.map(|path| path.display().to_string()),
-        individual: args.out.display().to_string(),
+        instance: args.out.display().to_string(),
         page: page.display().to_string(),
         sessions: &found.robot.sessions,
         actuators: &actuators,
@@ -164,7 +164,7 @@ fn session_files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
         }
         let mut own = sessions_in(path)?;
         if own.is_empty() {
-            bail!("{}: sessions: found none, expected part_1.mcap of `ftac twin excite`", path.display());
+            bail!("{}: sessions: found none, expected part_1.mcap of `ftac sysid excite`", path.display());
         }
         files.append(&mut own);
     }
@@ -172,8 +172,8 @@ fn session_files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns the result as rows for pages and terminal: actuators and parameters.
-fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
-    let names = drawing.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+fn result_rows(nominal: &NominalModel, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
+    let names = nominal.robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
     let actuators = names
         .zip(&found.fits)
         .map(|(actuator, fit)| ActuatorRow {
@@ -182,7 +182,7 @@ fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorR
             samples: fit.samples,
             residual_before: fit.residuals[0],
             residual_after: fit.residuals[1],
-            alike: fit.correlation_length,
+            correlation_length: fit.correlation_length,
             delay: fit.delay,
         })
         .collect();
@@ -196,7 +196,7 @@ fn result_rows(drawing: &NominalModel, found: &Identification) -> (Vec<ActuatorR
             unit: parameter.quantity.unit().to_owned(),
             deviation: estimate.deviation,
             sigma: estimate.sigma,
-            spread: parameter.prior.sigma,
+            prior_sigma: parameter.prior.sigma,
             identified: estimate.identified,
         })
         .collect();

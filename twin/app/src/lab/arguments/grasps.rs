@@ -21,7 +21,7 @@ pub enum GraspsLabCommand {
     Landscape(LandscapeArgs),
 }
 
-/// Value of --plans that stands for the built-in plans.
+/// Value of --pairs that stands for the built-in plans.
 pub const BUILT_IN_PLANS: &str = "built-in";
 
 /// Source of the grasps.
@@ -91,7 +91,7 @@ pub struct ClassifyArgs {
         default_missing_value = BUILT_IN_PLANS,
         conflicts_with_all = ["paths", "explain", "labels", "out", "like_people"]
     )]
-    pub plans: Option<PathBuf>,
+    pub pairs: Option<PathBuf>,
 }
 
 /// Arguments of `grasps annotate`.

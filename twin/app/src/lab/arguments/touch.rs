@@ -97,10 +97,10 @@ pub struct EvalArgs {
     /// Pixel size of those images on the gel, mm.
     #[arg(long, requires = "real")]
     pub pixel_mm: Option<f64>,
-    /// Individual robot (a file of `ftac twin identify`) that gives hand, cables, servos and arm, for simulation and
+    /// Individual robot (a file of `ftac sysid identify`) that gives hand, cables, servos and arm, for simulation and
     /// perception; its pads use the nominal calibration. Grasps kept by --grasps are those of another robot.
     #[arg(long, conflicts_with = "grasps")]
-    pub individual: Option<PathBuf>,
+    pub instance: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
     /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the

@@ -63,7 +63,7 @@ pub struct PickPlan {
     pub volume: f64,
 }
 
-/// Plan with the largest expected volume for a hand whose digits `holding_digits` are occupied, with at most `most` picks.
+/// Plan with the largest expected volume for a hand whose digits `holding` are occupied, with at most `most` picks.
 pub fn plan_picks(pickups: &[PickSkill], ready: &[ReachableObject], holding: &[Digit], most: usize) -> PickPlan {
     if most == 0 {
         return PickPlan::default();
@@ -92,9 +92,10 @@ fn best_picks(pickups: &[PickSkill], thing: &ReachableObject, holding: &[Digit])
         if pickup.grasp.digits.iter().any(|digit| holding.contains(digit)) {
             continue;
         }
-        let proven = pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
+        let verified =
+            pickup.beside.len() == holding.len() && pickup.beside.iter().all(|digit| holding.contains(digit));
         let score = pickup.grasp.score
-            * if proven { 1.0 } else { score::UNVERIFIED_PICK_FACTOR }
+            * if verified { 1.0 } else { score::UNVERIFIED_PICK_FACTOR }
             * score::FAILURE_FACTOR.powi(failures);
         if score < score::MIN_PICK_SCORE {
             continue;
@@ -145,7 +146,7 @@ pub fn explain_replan(
     Some(format!("{} as planned {because}", names[was.object]))
 }
 
-/// Digits out of `pulled_digits`, which close on one object, that hold it. A finger holds if its pads feel something, if a
+/// Digits out of `pulled`, which close on one object, that hold it. A finger holds if its pads feel something, if a
 /// blind pad may hide a contact, or if its cable shows that something blocks it: fingers often hold with their sides,
 /// which bear no pads. The thumb closes against fingers, so only they can tell that it holds something. Alone it holds
 /// nothing.
@@ -190,7 +191,7 @@ mod tests {
             thumb_delay: 0.0,
             held: None,
             held_joints: None,
-            held_spread: None,
+            held_sigmas: None,
             score,
         };
         PickSkill { diameter: 0.04, beside: beside.to_vec(), keeps: digits.to_vec(), grasp }

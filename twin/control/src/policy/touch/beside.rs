@@ -95,7 +95,7 @@ impl TouchPolicy<'_> {
             target_sigma: tracked
                 .touch_posterior
                 .as_ref()
-                .map_or(uncertainty.arm.hypot(uncertainty.eyes), AimPosterior::sigma),
+                .map_or(uncertainty.arm.hypot(uncertainty.detector), AimPosterior::sigma),
             all_rollouts: collect_rollouts(&candidates),
             aim_posterior: tracked.touch_posterior.as_ref().unwrap_or(&self.aim_posterior),
             detections: tracked.detections,
@@ -118,14 +118,14 @@ impl TouchPolicy<'_> {
         decision: &Decision,
     ) -> Result<PolicyStep, PolicyError> {
         let Assessment { held, risk, score: utility, .. } = decision.chosen;
-        let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
+        let probabilities = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
         let present = executor.target(0).grasp.id;
         let otherwise = self.best_alternative_score(present).filter(|worth| *worth > SWITCH_GAIN * utility);
         if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
-            self.trace.record(format!("declined: {odds}"));
+            self.trace.record(format!("declined: {probabilities}"));
             return Ok(PolicyStep::Decline);
         }
-        self.trace.record(format!("{odds}: the first object is put down and taken otherwise"));
+        self.trace.record(format!("{probabilities}: the first object is put down and taken otherwise"));
         self.trace.retries += 1;
         self.objects[0].count_failure(present);
         self.lay_down(executor)

@@ -26,14 +26,14 @@ pub(in crate::policy) fn candidates(
     planned: &Grasp,
 ) -> Vec<GraspCandidate> {
     let uncertainty = knowledge.uncertainty.with_detector_sigma(knowledge.first_detection_sigmas[1]);
-    let belief = touch_posterior().filter(|_| should_palpate(knowledge, senses, uncertainty.aim_sigma(1)));
-    let belief = belief.unwrap_or_else(|| AimPosterior::new(&uncertainty));
+    let posterior = touch_posterior().filter(|_| should_palpate(knowledge, senses, uncertainty.aim_sigma(1)));
+    let posterior = posterior.unwrap_or_else(|| AimPosterior::new(&uncertainty));
     // A trial of one object asks only for that object, whatever its grasp leaves free.
     let alone = knowledge.objects.len() == 1;
-    let as_planned = if alone { 1.0 } else { best_candidate_score(&knowledge.second_candidates, &belief) };
+    let as_planned = if alone { 1.0 } else { best_candidate_score(&knowledge.second_candidates, &posterior) };
     // Rehearsals after a first grasp say more about it than the repertoire, which may lack it.
     let tried = knowledge.alternative_firsts.iter().map(|other| {
-        let score = other.first.score * best_candidate_score(&other.second_candidates, &belief) / SWITCH_GAIN;
+        let score = other.first.score * best_candidate_score(&other.second_candidates, &posterior) / SWITCH_GAIN;
         GraspCandidate::new(other.first.clone(), score)
     });
     let unknown = if alone { as_planned } else { score::NO_ROLLOUT_FACTOR * as_planned };
@@ -60,9 +60,9 @@ impl TouchPolicy<'_> {
     /// Worth of the best first grasp with rehearsed second grasps, except the `present` one.
     pub(super) fn best_alternative_score(&self, present: u32) -> Option<f64> {
         let planned = self.first[0].grasp.id;
-        let rehearsed =
+        let rollouts =
             |id: u32| id == planned || self.knowledge.alternative_firsts.iter().any(|other| other.first.id == id);
-        let others = self.first.iter().filter(|first| first.grasp.id != present && rehearsed(first.grasp.id));
+        let others = self.first.iter().filter(|first| first.grasp.id != present && rollouts(first.grasp.id));
         let score = |first: &GraspCandidate| first.score * self.objects[0].failure_factor(first.grasp.id);
         others.map(score).max_by(f64::total_cmp)
     }

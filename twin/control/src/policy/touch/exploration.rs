@@ -87,8 +87,8 @@ impl TouchPolicy<'_> {
             (_, None) => return Ok(None),
         };
         let seen = &executor.target(object).detected;
-        let ways = executor.feasible_palpations(object, &self.knowledge.objects[object].shape);
-        Ok(clearest_palpation(hand, &held, (&self.solids[object], seen), ways)?)
+        let paths = executor.feasible_palpations(object, &self.knowledge.objects[object].shape);
+        Ok(clearest_palpation(hand, &held, (&self.solids[object], seen), paths)?)
     }
 
     /// Standard deviation of the hand's position relative to an object that only the eyes have located, each axis, m.
@@ -138,7 +138,7 @@ impl TouchPolicy<'_> {
         (tracked.touch_posterior, tracked.detections) = (AimPosterior::from_touch(&covariance), 1);
     }
 
-    /// Percept of the touched `object` from its estimate `detection_from_touch` in the hand and its percept `seen`, and the covariance
+    /// Percept of the touched `object` from its estimate `found` in the hand and its percept `seen`, and the covariance
     /// of its position, m2; world frame.
     fn detection_from_touch(
         &mut self,
@@ -163,12 +163,12 @@ impl TouchPolicy<'_> {
     }
 }
 
-/// Worth of the best of the `candidates` while the object is only seen, with the error of `aim_posterior`, and once it has
+/// Worth of the best of the `candidates` while the object is only seen, with the error of `posterior`, and once it has
 /// been touched. `None` if nothing was rehearsed.
-fn scores_before_after_touch(candidates: &[GraspCandidate], belief: &AimPosterior) -> Option<[f64; 2]> {
+fn scores_before_after_touch(candidates: &[GraspCandidate], posterior: &AimPosterior) -> Option<[f64; 2]> {
     candidates.iter().any(|candidate| !candidate.rollouts.is_empty()).then_some(())?;
     let touched = touch_posterior()?;
-    Some([belief, &touched].map(|belief| best_candidate_score(candidates, belief)))
+    Some([posterior, &touched].map(|posterior| best_candidate_score(candidates, posterior)))
 }
 
 /// An empty hand with the digits closed that take the first object.
@@ -208,14 +208,14 @@ mod tests {
     /// for one that needs a precise aim.
     #[test]
     fn a_touch_pays_where_the_aim_decides() {
-        let belief = AimPosterior::new(&Uncertainty { arm: 0.004, eyes: 0.006, eyes_lasting: 0.5 });
+        let posterior = AimPosterior::new(&Uncertainty { arm: 0.004, detector: 0.006, detector_persistent_share: 0.5 });
         let gain = |reach: f64| {
-            let [seen, touched] = scores_before_after_touch(&[candidate(reach)], &belief).expect("rehearsed");
+            let [seen, touched] = scores_before_after_touch(&[candidate(reach)], &posterior).expect("rehearsed");
             touched - seen
         };
         assert!(gain(0.1) < MIN_TOUCH_GAIN && gain(0.0) < MIN_TOUCH_GAIN, "{} {}", gain(0.1), gain(0.0));
         assert!(gain(0.008) > MIN_TOUCH_GAIN, "{}", gain(0.008));
         let unknown = GraspCandidate { rollouts: Arc::default(), ..candidate(0.0) };
-        assert_eq!(scores_before_after_touch(&[unknown], &belief), None);
+        assert_eq!(scores_before_after_touch(&[unknown], &posterior), None);
     }
 }

@@ -189,7 +189,7 @@ impl<'a> Race<'a> {
         self.try_kept(kept, plan).map(Some)
     }
 
-    /// Returns the hold of the first object under draw `link_number`, or `None` if it is not held.
+    /// Returns the hold of the first object under draw `number`, or `None` if it is not held.
     pub fn hold(&self, errors: ErrorMagnitude, number: usize) -> Result<Option<RolloutSnapshot>> {
         hold_first(
             self.world,
@@ -207,7 +207,7 @@ impl<'a> Race<'a> {
         Ok(HoldStatistics::from_poses(&poses.collect::<Result<Vec<_>>>()?, &object.symmetry))
     }
 
-    /// Returns the known grasps and the proposals next to the object held in `hold_first`.
+    /// Returns the known grasps and the proposals next to the object held in `hold`.
     fn entrants(&mut self, plan: &GraspPair, hold: &RolloutSnapshot) -> Result<Vec<Entrant>> {
         let hand = &self.world.cell.robot.hand;
         let digits = digit_sets(hand, 2).swap_remove(1);
@@ -255,10 +255,10 @@ impl<'a> Race<'a> {
             poses.push(pose);
             let HeldExtent(extent) = HeldExtent::from_shape(&object.shape, &pose);
             holds.push(Some(extent.map(|reach| (reach * 1e5).round() / 1e2)));
-            for (grasp, proven) in kept.iter().zip(&mut grasps) {
-                proven.near.push(outcome_letter(try_second(&hold, grasp)?));
+            for (grasp, verified) in kept.iter().zip(&mut grasps) {
+                verified.near.push(outcome_letter(try_second(&hold, grasp)?));
                 if let Some(error) = wide.get(number) {
-                    proven.wide.push(outcome_letter(try_second(&hold, &misaimed(grasp, error, 1))?));
+                    verified.wide.push(outcome_letter(try_second(&hold, &misaimed(grasp, error, 1))?));
                 }
             }
         }

@@ -21,7 +21,7 @@ const OPENING_STEPS: usize = 10;
 /// Angles (rad) between the retreat and the palm's own direction, and the number of directions at each.
 const RETREAT_TILTS: [(f64, usize); 3] = [(0.0, 1), (std::f64::consts::FRAC_PI_4, 8), (std::f64::consts::FRAC_PI_2, 8)];
 
-/// True if a free path leads to the object at `start` (`root_from_object`) with the joints at `open_angles` (rad or m).
+/// True if a free path leads to the object at `start` (`root_from_object`) with the joints at `open` (rad or m).
 pub fn reachable(
     hand: &GraspingHand,
     subject: &PreparedObject,

@@ -49,7 +49,7 @@ struct Actuator {
     /// Number of joints that it moves.
     joints: usize,
     /// Largest tension, N.
-    most_tension_n: Option<f64>,
+    max_tension_n: Option<f64>,
 }
 
 /// Output for a hand.
@@ -125,7 +125,7 @@ fn inspection_output<'a>(hand: &'a HandMechanism, notes: &'a [String]) -> Inspec
     let actuators = hand.actuators.iter().map(|pull| Actuator {
         name: pull.name.clone(),
         joints: pull.levers.len(),
-        most_tension_n: pull.max_tension.as_ref().map(|(most, _)| *most),
+        max_tension_n: pull.max_tension.as_ref().map(|(most, _)| *most),
     });
     InspectionOutput {
         hand: &hand.name,

@@ -72,7 +72,7 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
 fn classify_types(_: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<PartResult> {
     let grasps = args.grasps.clone();
     let args =
-        ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out), like_people: None, plans: None };
+        ClassifyArgs { grasps, explain: None, labels: Vec::new(), out: Some(out), like_people: None, pairs: None };
     classify::make(&args).map(part_result)
 }
 

@@ -23,7 +23,7 @@ use super::source::GraspSource;
 
 /// Runs `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
-    if let Some(file) = &args.plans {
+    if let Some(file) = &args.pairs {
         return terminal.print_result(pick_ups::make(terminal, file)?);
     }
     match &args.explain {
@@ -75,7 +75,8 @@ fn write_selection(classification: &Classification, file: &Path) -> Result<Strin
         let own = chosen.iter().filter(|grasp| grasps[**grasp].object == number);
         let own: Vec<HeldGrasp> = own.map(|grasp| grasps[*grasp].grasp.clone()).collect();
         let chains = own.iter().map(|grasp| grasp.chain + 1).max().unwrap_or(0);
-        let summary = SearchSummary { object: object.clone(), wanted: own.len(), kept: own.len(), chains, short: None };
+        let summary =
+            SearchSummary { object: object.clone(), requested: own.len(), kept: own.len(), chains, short: None };
         ObjectGrasps { summary, grasps: own }
     });
     let header = CollectionHeader { version: VERSION, command: "ftac grasps classify --like-people".into(), seed: 0 };

@@ -1,4 +1,4 @@
-//! `ftac grasps classify --plans`: types of the benchmark's pick-ups, by the position of their object in the
+//! `ftac grasps classify --pairs`: types of the benchmark's pick-ups, by the position of their object in the
 //! combination.
 
 use std::collections::BTreeMap;

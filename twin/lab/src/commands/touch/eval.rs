@@ -34,7 +34,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
             scenario.combination_count()
         );
     }
-    let own = instance_model(args.individual.as_deref(), &args.robot.model()?)?;
+    let own = instance_model(args.instance.as_deref(), &args.robot.model()?)?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| evaluate_real_presses(&source, &networks).map(|rows| (source, rows))).transpose()?;
@@ -44,12 +44,12 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let played = SimulatedGrasps { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);
-    let eyes = CameraUnit::new(&bench.world.cell.robot.hand, HAND_UNIT, &OpticsChange::NONE)?
+    let detector = CameraUnit::new(&bench.world.cell.robot.hand, HAND_UNIT, &OpticsChange::NONE)?
         .with_drift(bench.world.scenario.effects.pads, terminal.seed);
-    let felt = evaluate_poses(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
+    let felt = evaluate_poses(&bench, &detector, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();
     if let Some(folder) = &args.out {
-        let objects = pictures::write(&bench, &eyes, &grasps, folder)?;
+        let objects = pictures::write(&bench, &detector, &grasps, folder)?;
         if !quiet {
             eprintln!("{}: recordings and sheets of {objects} objects; see one with `ftac view`", folder.display());
         }

@@ -41,7 +41,7 @@ impl FreePostureTable {
         }
     }
 
-    /// Returns the largest penetration of the skin into `dumbbell_prop` at `palm_from_prop`, m, with the links at `links`; 0 if
+    /// Returns the largest penetration of the skin into `prop` at `palm_from_prop`, m, with the links at `links`; 0 if
     /// there is none.
     pub fn penetration(&self, links: &[Isometry3<f64>], prop: &Prop, palm_from_prop: &Isometry3<f64>) -> f64 {
         let depth = |from_palm: &Isometry3<f64>, points: &[Point3<f64>]| {
@@ -52,7 +52,7 @@ impl FreePostureTable {
         of_links.fold(depth(&from_palm, &self.palm), f64::max)
     }
 
-    /// Interpolates the joint angles (rad) at cable `tensions` (N), with the opposition joint at `draw_opposition` (rad).
+    /// Interpolates the joint angles (rad) at cable `tensions` (N), with the opposition joint at `opposition` (rad).
     pub fn posture(&self, hand: &Hand, tensions: &[f64], opposition: f64) -> HandVector {
         let mut angles = hand.open_angles();
         for (path, tension) in hand.transmission.cables.iter().zip(tensions) {

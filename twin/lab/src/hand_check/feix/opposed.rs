@@ -287,7 +287,7 @@ mod tests {
     use super::super::types;
     use super::*;
 
-    /// Returns skin points of a thumb on one side and of fingers on the other, at `pose_difference` along y, all on the surface
+    /// Returns skin points of a thumb on one side and of fingers on the other, at `apart` along y, all on the surface
     /// of an object of this half size.
     fn around(centre: &Vector3<f64>, half: f64, apart: &[f64]) -> Vec<SkinPoint> {
         let x = Vector3::x();

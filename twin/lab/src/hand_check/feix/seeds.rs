@@ -28,7 +28,7 @@ pub struct TypeOverSeeds {
 }
 
 /// Runs the search for types (all if `numbers` is empty) with `seeds` seeds from `first` on. Returns the summaries, and
-/// the results of the first seed. `is_finished` is called after each type of each seed.
+/// the results of the first seed. `done` is called after each type of each seed.
 pub fn over_seeds(
     hand: &Arc<Hand>,
     (first, seeds): (u64, u64),

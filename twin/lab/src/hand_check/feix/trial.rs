@@ -74,7 +74,7 @@ impl AttemptResult {
     }
 }
 
-/// Makes the attempt. Returns `None` if its cost is above `max_grasps`, as early as this is known.
+/// Makes the attempt. Returns `None` if its cost is above `enough`, as early as this is known.
 pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &GraspAttempt, enough: f64) -> Option<AttemptResult> {
     let mut stand = HandTestStand::new(hand.clone(), EngineSettings::default());
     stand.run(&tension_goals(hand, &attempt.before, attempt.opposition), THUMB_TURN_TIME);

@@ -35,7 +35,7 @@ struct Poses {
     /// Shares of the grasps: truth in the 95 % region, large errors, and their causes.
     causes: Causes,
     /// Errors of the plan's prior.
-    plan: ErrorPercentiles,
+    prior: ErrorPercentiles,
     /// Errors of the estimate from servos and felt points alone.
     points_only: ErrorPercentiles,
 }
@@ -119,7 +119,7 @@ fn poses(felt: &[PoseEvaluation], pick: &dyn Fn(&PoseEvaluation) -> bool) -> Pos
     Poses {
         touch: error_percentiles(felt, PoseSource::Touch, pick),
         causes: causes(felt, pick),
-        plan: error_percentiles(felt, PoseSource::Plan, pick),
+        prior: error_percentiles(felt, PoseSource::Prior, pick),
         points_only: error_percentiles(felt, PoseSource::Points, pick),
     }
 }

@@ -11,7 +11,7 @@ use crate::touch::poses::{
     Causes, ErrorPercentiles, LARGE_ERROR, PoseEvaluation, PoseSource, SymmetryClass, causes, error_percentiles,
 };
 
-const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSource::Touch];
+const SOURCES: [PoseSource; 3] = [PoseSource::Prior, PoseSource::Points, PoseSource::Touch];
 
 /// Formats all results.
 pub fn to_text(found: &TouchEvaluation) -> String {

@@ -60,15 +60,15 @@ pub struct EmulatedTable {
 }
 
 impl EmulatedTable {
-    /// Builds the table and robot `individual` (0 is the nominal robot), with the objects of `command`. If seed `mount` is
+    /// Builds the table and robot `instance` (0 is the nominal robot), with the objects of `wish`. If seed `mount` is
     /// given, the base stands at a hidden pose drawn from it.
     pub fn new(
         robot: &RobotModel,
         wish: TableCommand,
-        (mount, individual): (Option<u64>, u64),
+        (mount, instance): (Option<u64>, u64),
         seed: u64,
     ) -> Result<Self> {
-        let mut bench = make_instance_bench(individual, robot, Scenario::benchmark(), COMBINATION_COUNT, seed, true)?;
+        let mut bench = make_instance_bench(instance, robot, Scenario::benchmark(), COMBINATION_COUNT, seed, true)?;
         let plan = RegistrationPlan::standard()?;
         if let Some(seed) = mount {
             bench.world.true_world_from_base = hidden_mount(&plan, seed);
@@ -98,7 +98,7 @@ impl EmulatedTable {
         &self.bench
     }
 
-    /// Carries out `command` at once, whatever the robot does, and describes the objects now on the table.
+    /// Carries out `wish` at once, whatever the robot does, and describes the objects now on the table.
     pub fn place_objects(&self, wish: TableCommand) -> Result<String> {
         let mut standing = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
         if wish == TableCommand::ResetObjects || wish == standing.command {
@@ -130,8 +130,8 @@ impl EmulatedTable {
         let TableCommand::Combination(combination) = wish else {
             return Ok(Registrar::new(world, &self.registration_plan, &self.bench.repertoire)?.placements());
         };
-        let Some(plan) = self.bench.grasp_pairs.plans.get(combination) else {
-            bail!("combination: found {combination}, expected 0 to {}", self.bench.grasp_pairs.plans.len() - 1);
+        let Some(plan) = self.bench.grasp_pairs.pairs.get(combination) else {
+            bail!("combination: found {combination}, expected 0 to {}", self.bench.grasp_pairs.pairs.len() - 1);
         };
         let objects = world.models(&plan.objects())?;
         let places = world.object_poses(&objects, &TrialNoise::none());

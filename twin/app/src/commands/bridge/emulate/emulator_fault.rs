@@ -28,7 +28,7 @@ pub fn parse_immediate(line: &str, hand: &Hand) -> Result<Vec<EmulatorFault>> {
     Ok(now.into_iter().map(|(_, mishap)| mishap).collect())
 }
 
-/// Parses faults of a robot with `apply_to_hand`. Returns the faults that the caller applies, each with its time, s, and those
+/// Parses faults of a robot with `hand`. Returns the faults that the caller applies, each with its time, s, and those
 /// that the emulated servos and cameras apply by themselves.
 pub fn parse_faults(texts: &[String], hand: &Hand) -> Result<(Vec<(f64, EmulatorFault)>, Faults)> {
     let (mut mishaps, mut rest) = (Vec::new(), Vec::new());

@@ -129,11 +129,11 @@ mod tests {
     fn a_client_that_says_nothing_does_not_block_others() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("emulator");
-        let door = TableEndpoint::open(&path, false).expect("open");
+        let endpoint = TableEndpoint::open(&path, false).expect("open");
         let _silent = UnixStream::connect(&path).expect("connects");
         let asked = std::thread::spawn(move || send_line(&path, "objects=back"));
         let request = loop {
-            if let Some(request) = door.requests.try_iter().find(|request| request.client.is_some()) {
+            if let Some(request) = endpoint.requests.try_iter().find(|request| request.client.is_some()) {
                 break request;
             }
         };
@@ -148,7 +148,7 @@ mod tests {
         assert!(
             send_line(&path, "objects=back").expect_err("nobody").to_string().contains("expected a running emulator")
         );
-        let door = TableEndpoint::open(&path, false).expect("open");
+        let endpoint = TableEndpoint::open(&path, false).expect("open");
         assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
         assert!(
             TableEndpoint::open(&path, false).err().expect("taken").to_string().contains("runs in this folder already")
@@ -157,7 +157,7 @@ mod tests {
         let asked = std::thread::spawn(move || [send_line(&there, "objects=back"), send_line(&there, "nonsense")]);
         for _ in 0..2 {
             let request = loop {
-                let mut asked = door.requests.try_iter().filter(|request| request.client.is_some());
+                let mut asked = endpoint.requests.try_iter().filter(|request| request.client.is_some());
                 if let Some(request) = asked.next() {
                     break request;
                 }
@@ -168,7 +168,7 @@ mod tests {
         let [good, bad] = asked.join().expect("no panic");
         assert_eq!(good.expect("answered"), "done");
         assert_eq!(bad.expect_err("refused").to_string(), "not understood");
-        drop(door);
+        drop(endpoint);
         assert!(!path.exists());
     }
 }

@@ -17,7 +17,7 @@ pub struct TruthRecorder {
 }
 
 impl TruthRecorder {
-    /// Records into `process_file`, and streams to a viewer if `answering`.
+    /// Records into `file`, and streams to a viewer if `live`.
     pub fn new(file: Option<PathBuf>, live: bool) -> Self {
         Self { file, live, open: None, count: 0 }
     }
