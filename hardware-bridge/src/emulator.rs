@@ -32,6 +32,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use camera_board::{BoardSettings, CameraBoard};
+use dynamixel_bus::protocol2::Decoder;
 use faults::{FaultEvent, Faults};
 use hand_model::robot::{Plant, RobotCommand, ServoGoal, ServoState, TactileFrame};
 use hand_model::{ActuatorVector, RobotModel};
@@ -45,7 +46,6 @@ use servo_chain::{LineAnswer, ServoChain};
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
 use crate::lock::lock;
-use crate::protocol2::Decoder;
 use crate::supported_robot::SERVOS;
 
 /// Longest wait of a device thread for bytes before it checks whether to end.

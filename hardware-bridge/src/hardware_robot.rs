@@ -12,6 +12,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
 use ftac_platform::data::DataError;
 use hand_model::RobotModel;
 use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, Tick};
@@ -33,7 +34,6 @@ use crate::safety::limits::{SafeGoal, SafetyLimits};
 use crate::safety::set_points::TICK;
 use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
-use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{CycleOrder, CycleReport, CycleShared, DryLines, ServoCycle, SharedState, send_order};
 use crate::setup;
 use crate::supported_robot::SERVOS;

@@ -7,10 +7,12 @@
 
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::protocol2::ReplyError;
+use dynamixel_bus::register::Register;
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::xc330;
+
 use crate::calibration::ServoCalibration;
-use crate::protocol2::ReplyError;
-use crate::servo_bus::{BusError, ServoBus};
-use crate::xc330;
 
 /// Time after which a servo's clock wraps around, s.
 const SERVO_CLOCK_PERIOD: f64 = 32.768;
@@ -246,7 +248,7 @@ fn read_timed_position(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingE
         answer = answer.or_else(|_| bus.read_block(id, first, last - first));
     }
     let block = answer?.data;
-    let read = |register: xc330::Register| {
+    let read = |register: Register| {
         register.read_from(&block, first).ok_or(HomingError::Bus(BusError::Reply(ReplyError::Missing(id))))
     };
     Ok((read(xc330::REALTIME_TICK)?, read(xc330::PRESENT_POSITION)?))

@@ -5,11 +5,12 @@
 
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::xc330;
+
 use crate::calibration::{ServoCalibration, turn_offset};
 use crate::config::BridgeConfig;
-use crate::servo_bus::{BusError, ServoBus};
 use crate::setup::{self, SetupFinding};
-use crate::xc330;
 
 /// Longest wait for a servo that restarts; about a third of a second is usual.
 const REBOOT_TIMEOUT: Duration = Duration::from_secs(3);

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::xc330;
 use hand_model::RobotModel;
 use hand_model::robot::{Plant, Readings, RobotBackend, RobotCommand, RobotError, Tick};
 use kinova_kortex::KortexError;
@@ -24,6 +25,7 @@ use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use crate::hand_bus::servo_tap;
 use crate::hardware_robot::{ConnectError, newest_readings, open_hand, sent_command, servo_cycle};
 use crate::lock::lock;
 use crate::safety::state::SupervisorState;
@@ -32,7 +34,6 @@ use crate::servo_cycle::{CycleReport, ServoCycle};
 use crate::supported_robot::SERVOS;
 use crate::supported_robot::check_supported;
 use crate::tactile_link::TactileLink;
-use crate::xc330;
 
 /// Longest wait for bytes on the wire; generous, for busy machines.
 const WIRE_TIMEOUT: Duration = Duration::from_secs(20);
@@ -104,7 +105,7 @@ impl LockstepRobot {
         let mut hand = open_hand(&config, &calibration, robot)?;
         let cameras = Cameras::open(&config, robot.hand.cameras.len(), &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
-            hand.bus.tap(LinkTap::new("servos", packets.clone()));
+            hand.bus.tap(servo_tap(LinkTap::new("servos", packets.clone())));
             if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
                 tactile.tap(LinkTap::new("cameras", packets.clone()));
             }
@@ -306,7 +307,7 @@ pub(super) fn emulated_calibration(
 ) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware: 46,
         homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
         travel: travel[n],

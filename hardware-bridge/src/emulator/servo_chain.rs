@@ -4,6 +4,10 @@
 //! after all servos before it, so a missing servo silences those after it. A refused read ends a fast answer early.
 //! (Both are interpretations.) Clear, factory reset and control table backup are refused with error 2.
 
+use dynamixel_bus::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
+use dynamixel_bus::servo_bus::timing::LineTiming;
+use dynamixel_bus::x_series::hardware_error;
+use dynamixel_bus::xc330;
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,9 +15,6 @@ use rand_chacha::ChaCha8Rng;
 use super::faults::{ANSWER_DELAY, FaultEvent, FaultProbabilities, Faults};
 use super::servo::EmulatedServo;
 use crate::calibration::HandCalibration;
-use crate::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
-use crate::servo_bus::timing::LineTiming;
-use crate::xc330::{self, hardware_error};
 
 /// An answer on the line.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,10 @@
 //! Indirect addressing: a data area whose bytes are aliases of bytes elsewhere in the control table.
 
+use dynamixel_bus::protocol2::ServoError;
+use dynamixel_bus::register::Register;
+use dynamixel_bus::xc330::{self, Indirect};
+
 use super::EmulatedServo;
-use crate::protocol2::ServoError;
-use crate::xc330::{self, Indirect, Register};
 
 /// First address that may be pointed at: the first in RAM.
 const MIN_TARGET_ADDRESS: u16 = xc330::TORQUE_ENABLE.address;

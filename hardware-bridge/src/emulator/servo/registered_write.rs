@@ -1,8 +1,9 @@
 //! Registered writes, which wait for an action instruction.
 
+use dynamixel_bus::protocol2::ServoError;
+use dynamixel_bus::xc330;
+
 use super::EmulatedServo;
-use crate::protocol2::ServoError;
-use crate::xc330;
 
 impl EmulatedServo {
     /// Registers a write for [`EmulatedServo::execute_registered`], in place of an earlier one. A write that would be

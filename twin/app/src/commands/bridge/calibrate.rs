@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::x_series::hardware_error;
+use dynamixel_bus::xc330;
 use hand_model::Hand;
 use hardware_bridge::calibration::{HandCalibration, PartialCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::homing::{HomingSettings, find_stops, write_offsets};
 use hardware_bridge::reboot::error_status;
-use hardware_bridge::servo_bus::ServoBus;
-use hardware_bridge::xc330::{self, hardware_error};
 use progress::interrupt::Interrupt;
 use robot_backends::operator::operator_agrees;
 use robot_backends::wire_emulation::shaft_travel;
@@ -129,8 +130,8 @@ fn suspicious_travels(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
 fn check_servos(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
-        if found != xc330::XC330_MODEL {
-            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::XC330_MODEL);
+        if found != xc330::MODEL.number {
+            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::MODEL.number);
         }
         let error = error_status(bus, *id).with_context(|| name.clone())?;
         if error != 0 {
@@ -178,7 +179,7 @@ mod tests {
         let calibrated = |travels: [f64; 6]| -> Vec<ServoCalibration> {
             let servo = |(n, travel)| ServoCalibration {
                 id: n as u8 + 1,
-                model: xc330::XC330_MODEL,
+                model: xc330::MODEL.number,
                 firmware: 46,
                 homing_offset: 0,
                 travel,

@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
 use clap::Args;
+use dynamixel_bus::servo_bus::latency_timer::{self, LatencyTimer};
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
 use hand_model::{Hand, RobotModel};
 use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
@@ -14,8 +16,6 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::reference_pictures::ReferencePictures;
 use hardware_bridge::remote::socket_paths::{self, SocketFolder};
-use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
-use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, SetupFinding};
 use robot_backends::arm_link::connect_arm_link;
 

@@ -5,6 +5,7 @@ mod emulator_fault;
 mod table_endpoint;
 mod truth_recorder;
 
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
@@ -26,7 +27,6 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::supported_robot::check_supported;
-use hardware_bridge::xc330;
 use kinova_kortex::Credentials;
 use kinova_kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 use kinova_kortex::joints::JOINTS;
@@ -406,7 +406,7 @@ fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
 fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware,
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],

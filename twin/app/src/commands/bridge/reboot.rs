@@ -2,11 +2,11 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::x_series::hardware_error;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
-use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::setup::SetupFinding;
-use hardware_bridge::xc330::hardware_error;
 use robot_backends::operator::operator_agrees;
 use schemars::JsonSchema;
 use serde::Serialize;

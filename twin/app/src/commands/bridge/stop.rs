@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::remote::{self, RemoteAnswer, RemoteCommand, RemoteError, socket_paths};
-use hardware_bridge::servo_bus::ServoBus;
 use schemars::JsonSchema;
 use serde::Serialize;
 
