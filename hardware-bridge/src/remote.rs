@@ -34,11 +34,11 @@ impl RemoteCommand {
         [(Self::Hold, "hold"), (Self::Release, "release"), (Self::State, "state")];
 
     fn keyword(self) -> &'static str {
-        Self::KEYWORDS.iter().find(|(wish, _)| *wish == self).map_or("", |(_, word)| word)
+        Self::KEYWORDS.iter().find(|(command, _)| *command == self).map_or("", |(_, word)| word)
     }
 
     fn from_keyword(word: &str) -> Option<Self> {
-        Self::KEYWORDS.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
+        Self::KEYWORDS.iter().find(|(_, known)| *known == word).map(|(command, _)| *command)
     }
 
     /// Returns the time-out of an answer: a release is answered only when the torque has been read back.
@@ -86,8 +86,8 @@ pub struct RemoteAnswer {
 }
 
 /// Sends a request to the bridge that listens at `path`; returns its answer.
-pub fn ask(path: &Path, wish: RemoteCommand) -> Result<RemoteAnswer, RemoteError> {
-    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(no_bridge_error(path)), |(_, answer)| answer)
+pub fn ask(path: &Path, command: RemoteCommand) -> Result<RemoteAnswer, RemoteError> {
+    ask_all(&[path.to_owned()], command).pop().map_or_else(|| Err(no_bridge_error(path)), |(_, answer)| answer)
 }
 
 /// Sends a request to several bridges at the same time: one that does not answer does not delay the others.
@@ -119,10 +119,10 @@ fn no_bridge_error(path: &Path) -> RemoteError {
 }
 
 /// Sends the request, and reads to the end of the answer, until `deadline`.
-fn exchange(path: &Path, wish: RemoteCommand, deadline: Instant) -> io::Result<String> {
+fn exchange(path: &Path, command: RemoteCommand, deadline: Instant) -> io::Result<String> {
     let mut stream = UnixStream::connect(path)?;
-    stream.set_write_timeout(Some(wish.timeout()))?;
-    writeln!(stream, "{}", wish.keyword())?;
+    stream.set_write_timeout(Some(command.timeout()))?;
+    writeln!(stream, "{}", command.keyword())?;
     let mut answer = Vec::new();
     let mut piece = [0; 512];
     loop {

@@ -26,11 +26,11 @@ pub struct DetectorModel {
 
 impl DetectorModel {
     /// Draws the persistent error of a trial from `rng`, which later detections use as well.
-    pub fn draw(eyes: DetectorErrors, perception: &PerceptionNoise, mut rng: ChaCha8Rng) -> Self {
+    pub fn draw(detector: DetectorErrors, perception: &PerceptionNoise, mut rng: ChaCha8Rng) -> Self {
         let sigmas = Vector3::new(perception.xy_sigma, perception.xy_sigma, perception.z_sigma);
         let offset = sigmas.map(|sigma| truncated_gaussian(&mut rng) * sigma);
         let yaw = truncated_gaussian(&mut rng) * perception.yaw_sigma;
-        Self { errors: eyes, persistent: ObjectNoise { offset, yaw, ..ObjectNoise::default() }, rng }
+        Self { errors: detector, persistent: ObjectNoise { offset, yaw, ..ObjectNoise::default() }, rng }
     }
 
     /// Returns the scenario's parameters of the detector.

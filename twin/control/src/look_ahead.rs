@@ -134,11 +134,11 @@ fn displaced(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     )
 }
 
-/// `world_from_object` of the object detected at `percept`, displaced by `off` (m) and rotated about the vertical by
+/// `world_from_object` of the object detected at `detected`, displaced by `off` (m) and rotated about the vertical by
 /// `turn` (rad).
-fn displaced_target(percept: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
+fn displaced_target(detected: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-    Isometry3::from_parts(Translation3::from(percept.position.coords + off), turn * percept.rotation)
+    Isometry3::from_parts(Translation3::from(detected.position.coords + off), turn * detected.rotation)
 }
 
 /// Outcomes of the rollouts of a grasp.
@@ -192,11 +192,11 @@ mod tests {
     }
 
     fn some_draws(held: &Matrix6<f64>, aim: &Matrix3<f64>) -> Vec<StateSample> {
-        let belief = AimPosterior::from_touch(aim).expect("positive definite");
+        let posterior = AimPosterior::from_touch(aim).expect("positive definite");
         draw_samples(&UnknownState {
             held: (Isometry3::translation(0.01, 0.05, -0.03), held),
             target: percept(),
-            aim_posterior: &belief,
+            aim_posterior: &posterior,
             detections: 1,
         })
     }
@@ -231,19 +231,20 @@ mod tests {
     }
 
     /// Offsets (m) of the target from its detected position in the samples.
-    fn offs(belief: &AimPosterior) -> Vec<Vector3<f64>> {
+    fn offs(posterior: &AimPosterior) -> Vec<Vector3<f64>> {
         let held = (Isometry3::identity(), &Matrix6::zeros());
-        let all = draw_samples(&UnknownState { held, target: percept(), aim_posterior: belief, detections: 1 });
+        let all = draw_samples(&UnknownState { held, target: percept(), aim_posterior: posterior, detections: 1 });
         all.iter().map(|draw| draw.target.translation.vector - percept().position.coords).collect()
     }
 
     /// If the hand goes too far along x, the target appears too far back.
     #[test]
     fn an_error_of_the_aim_is_a_target_on_the_other_side() {
-        let mut belief =
+        let mut posterior =
             AimPosterior::from_touch(&(Matrix3::identity() * 0.003_f64.powi(2))).expect("positive definite");
-        let mean = |belief: &AimPosterior| offs(belief).iter().sum::<Vector3<f64>>() / (2 * ANTITHETIC_PAIRS) as f64;
-        assert!(mean(&belief).norm() < 0.003, "{}", mean(&belief));
+        let mean =
+            |posterior: &AimPosterior| offs(posterior).iter().sum::<Vector3<f64>>() / (2 * ANTITHETIC_PAIRS) as f64;
+        assert!(mean(&posterior).norm() < 0.003, "{}", mean(&posterior));
         // Failures at every positive error make a positive error likely.
         let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
         let rehearsed: Arc<[Rollout]> = (-20..=20)
@@ -252,8 +253,8 @@ mod tests {
             .collect();
         let aimed =
             AimedGrasp { rollouts: rehearsed.clone(), all_rollouts: rehearsed, heading: 0.0, aim: Vector3::zeros() };
-        (0..6).for_each(|_| belief.update_after_failure(&aimed, 1));
-        assert!(mean(&belief).x < -0.001, "{}", mean(&belief));
+        (0..6).for_each(|_| posterior.update_after_failure(&aimed, 1));
+        assert!(mean(&posterior).x < -0.001, "{}", mean(&posterior));
     }
 
     #[test]

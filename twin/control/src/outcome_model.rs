@@ -162,7 +162,7 @@ impl AimPosterior {
         let own = aimed.rollouts.iter().map(|rehearsed| counted(rehearsed, 1.0 - OTHER_GRASPS_WEIGHT));
         let all = aimed.all_rollouts.iter().map(|rehearsed| counted(rehearsed, OTHER_GRASPS_WEIGHT));
         let rehearsals: Vec<_> = own.chain(all).collect();
-        let mut odds = [[OutcomeProbabilities { held: 0.0, contact: 0.0 }; AIM_GRID_SIZE]; AIM_GRID_SIZE];
+        let mut probabilities = [[OutcomeProbabilities { held: 0.0, contact: 0.0 }; AIM_GRID_SIZE]; AIM_GRID_SIZE];
         for (value, weight) in self.samples.iter().zip(&self.weights) {
             // Sums over rollouts that held, made a contact and missed.
             let mut sums = [[[0.0; AIM_GRID_SIZE]; AIM_GRID_SIZE]; 3];
@@ -179,16 +179,16 @@ impl AimPosterior {
                     line.iter_mut().zip(y).for_each(|(sum, y)| *sum += middle * x * y);
                 }
             }
-            for (x, line) in odds.iter_mut().enumerate() {
-                for (y, odds) in line.iter_mut().enumerate() {
+            for (x, line) in probabilities.iter_mut().enumerate() {
+                for (y, probabilities) in line.iter_mut().enumerate() {
                     let [held, contact, missed] = sums.map(|sum| sum[x][y]);
                     let share = weight / (DEFAULT_OUTCOME_WEIGHT + held + contact + missed);
-                    odds.held += share * held;
-                    odds.contact += share * (0.5 * DEFAULT_OUTCOME_WEIGHT + contact);
+                    probabilities.held += share * held;
+                    probabilities.contact += share * (0.5 * DEFAULT_OUTCOME_WEIGHT + contact);
                 }
             }
         }
-        odds
+        probabilities
     }
 
     /// Updates the posterior after a try that did not hold the object.

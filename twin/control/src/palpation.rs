@@ -144,21 +144,21 @@ fn middle_of_pads(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
 /// object. `first` is the held object, if there is one.
 pub fn estimate_touched_pose(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     object: &KnownObject,
     prior: &PosePrior,
     first: Option<ExpectedObject>,
 ) -> Result<Option<PoseEstimate>, TouchError> {
     let (pipeline, shape) = (senses.pipeline(), object as &dyn KnownShape);
-    let mut touches = senses.perceive(look)?.touches;
+    let mut touches = senses.perceive(snapshot)?.touches;
     let objects: Vec<ExpectedObject> = first.into_iter().chain([ExpectedObject { shape, prior: *prior }]).collect();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &objects)?;
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &objects)?;
     let fingers = palpating_fingers(pipeline.hand());
     touches.retain(|touch| is_pad_on_digits(pipeline.hand(), touch.pad, &fingers));
     if touches.iter().all(|touch| touch.object_patches().next().is_none()) {
         return Ok(None);
     }
-    let found = pipeline.estimate_pose(&touches, look.readings, prior, shape)?;
+    let found = pipeline.estimate_pose(&touches, snapshot.readings, prior, shape)?;
     let off = found.palm_from_object.translation.vector - prior.palm_from_object.translation.vector;
     Ok((off.norm() < GATE_SIGMAS * prior.sigma_translation).then_some(found))
 }

@@ -260,16 +260,16 @@ pub fn pose_in_hand(grasp: &Grasp, detected: &DetectedObject) -> Isometry3<f64> 
 /// Interprets a tactile snapshot of the hand with `object` as the first object.
 pub fn estimate_hold(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     object: &KnownObject,
     expected: &ExpectedHolds,
 ) -> Result<ObjectEstimate, TouchError> {
     let pipeline = senses.pipeline();
-    let PadPerception { mut touches, faults } = senses.perceive(look)?;
+    let PadPerception { mut touches, faults } = senses.perceive(snapshot)?;
     let prior = expected.prior();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &[ExpectedObject { shape: object, prior }])?;
-    let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
-    let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &[ExpectedObject { shape: object, prior }])?;
+    let estimate = pipeline.estimate_pose(&touches, snapshot.readings, &prior, object)?;
+    let (servos, q, sigma) = (snapshot.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
     let (limits, objects) = (senses.hold_limits(), &expected.objects[..]);
     let signs = HoldEvidence { limits, touches: &touches, servos, q, objects, on_first: &[], sigma };
     let grip = HoldState::from_evidence(pipeline.hand(), &signs);
@@ -281,7 +281,7 @@ pub fn estimate_hold(
 /// `palm_from_object`.
 pub fn estimate_each_hold(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     (PadPerception { mut touches, faults }, grip): (PadPerception, HoldState),
     objects: &[(usize, &KnownObject, &[Digit], Isometry3<f64>)],
 ) -> Result<Vec<ObjectEstimate>, TouchError> {
@@ -290,8 +290,8 @@ pub fn estimate_each_hold(
         .iter()
         .map(|(_, shape, _, place)| ExpectedObject { shape: *shape as &dyn KnownShape, prior: default_prior(*place) })
         .collect();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &in_hand)?;
-    let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, look.readings, &pipeline.pose)?));
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &in_hand)?;
+    let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, snapshot.readings, &pipeline.pose)?));
     // Each patch belongs to the nearest object. A digit keeps its patches for the object it holds, unless they lie on
     // another one.
     let owner = |pad: usize, patch: &ContactPatch| {
@@ -307,7 +307,7 @@ pub fn estimate_each_hold(
         own.retain(|touch| {
             on_palm(touch.pad) || is_pad_on_digits(hand, touch.pad, digits) || !touch.patches.is_empty()
         });
-        let estimate = pipeline.estimate_pose(&own, look.readings, &in_hand[n].prior, *shape)?;
+        let estimate = pipeline.estimate_pose(&own, snapshot.readings, &in_hand[n].prior, *shape)?;
         let faults = if n == 0 { faults.clone() } else { Vec::new() };
         felt.push(ObjectEstimate { object: *object, touches: own, faults, estimate, prior: *place, hold_state: grip });
     }
@@ -338,18 +338,18 @@ pub fn default_prior(palm_from_object: Isometry3<f64>) -> PosePrior {
 /// first.
 pub fn detect_hold_state(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     expected: &ExpectedHolds,
     objects: &[ExpectedObject],
 ) -> Result<HoldState, TouchError> {
-    let PadPerception { mut touches, .. } = senses.perceive(look)?;
-    senses.pipeline().mark_self_contacts(&mut touches, look.readings, objects)?;
+    let PadPerception { mut touches, .. } = senses.perceive(snapshot)?;
+    senses.pipeline().mark_self_contacts(&mut touches, snapshot.readings, objects)?;
     let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
-    let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
+    let q = loaded_posture(hand, &touches, snapshot.readings, &pipeline.pose)?;
     let free: Vec<Digit> = expected.objects.iter().skip(1).flat_map(|object| object.digits.iter().copied()).collect();
     let on_first =
         objects.first().map_or(Vec::new(), |first| pads_on_object(hand, &q, first, &free, senses.hold_limits().near));
-    let (servos, sigma) = (look.readings.servos, excursion_sigma(pipeline));
+    let (servos, sigma) = (snapshot.readings.servos, excursion_sigma(pipeline));
     let (limits, objects) = (senses.hold_limits(), &expected.objects[..]);
     let signs = HoldEvidence { limits, touches: &touches, servos, q: &q, objects, on_first: &on_first, sigma };
     Ok(HoldState::from_evidence(hand, &signs))

@@ -224,7 +224,7 @@ impl<'a> AimedCandidate<'a> {
 fn candidate_probabilities(
     candidate: &GraspCandidate,
     aimed: &AimedGrasp,
-    (posterior, looks): (&AimPosterior, u32),
+    (posterior, detections): (&AimPosterior, u32),
 ) -> OutcomeProbabilities {
     if candidate.rollouts.is_empty() {
         return OutcomeProbabilities {
@@ -232,7 +232,7 @@ fn candidate_probabilities(
             contact: DEFAULT_CONTACT_PROBABILITY,
         };
     }
-    let odds = posterior.probabilities(aimed, looks);
+    let odds = posterior.probabilities(aimed, detections);
     OutcomeProbabilities { held: odds.held * candidate.failure_factor, ..odds }
 }
 
@@ -244,18 +244,18 @@ pub fn collect_rollouts(candidates: &[GraspCandidate]) -> Arc<[Rollout]> {
 /// Score of the best of `candidates` at an object whose position has the error of `posterior`.
 pub fn best_candidate_score(candidates: &[GraspCandidate], posterior: &AimPosterior) -> f64 {
     let all = collect_rollouts(candidates);
-    let worth = |candidate: &GraspCandidate| {
+    let score = |candidate: &GraspCandidate| {
         let (rehearsed, all) = (candidate.rollouts.clone(), all.clone());
         let aimed =
             AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
         outcome_score(&candidate_probabilities(candidate, &aimed, (posterior, 1)))
     };
-    candidates.iter().map(worth).fold(0.0, f64::max)
+    candidates.iter().map(score).fold(0.0, f64::max)
 }
 
 /// Score of a try with these outcome probabilities.
-fn outcome_score(odds: &OutcomeProbabilities) -> f64 {
-    odds.held + MISS_SCORE * (1.0 - odds.held - odds.contact)
+fn outcome_score(probabilities: &OutcomeProbabilities) -> f64 {
+    probabilities.held + MISS_SCORE * (1.0 - probabilities.held - probabilities.contact)
 }
 
 /// A candidate whose motion was checked.
@@ -274,9 +274,9 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     let Some(planned) = candidates.first() else { return Ok(None) };
     let scene = ClearanceScene::new(situation);
     let aiming = AimedCandidate::with_aim(situation, planned, Vector3::zeros());
-    let (assessment, passage) = aiming.assess(situation.executor, &scene)?;
+    let (assessment, clearance) = aiming.assess(situation.executor, &scene)?;
     let mut plan =
-        CheckedCandidate { index: 0, aimed: aiming, assessment, swept_clearance: passage, rollout_counts: None };
+        CheckedCandidate { index: 0, aimed: aiming, assessment, swept_clearance: clearance, rollout_counts: None };
     let mut options: Vec<AimedCandidate> =
         candidates.iter().map(|candidate| AimedCandidate::with_best_aim(situation, candidate)).collect();
     options.sort_by(|a, b| outcome_score(&b.probabilities).total_cmp(&outcome_score(&a.probabilities)));
@@ -336,14 +336,14 @@ fn best_by_probability<'a>(
         if outcome_score(&aiming.probabilities) <= least {
             break;
         }
-        let (assessment, passage) = aiming.assess(executor, scene)?;
+        let (assessment, clearance) = aiming.assess(executor, scene)?;
         scored[n + 1] = aiming.record(Some(&assessment), false);
         if assessment.score > least {
             best = Some(CheckedCandidate {
                 index: n + 1,
                 aimed: aiming,
                 assessment,
-                swept_clearance: passage,
+                swept_clearance: clearance,
                 rollout_counts: None,
             });
         }

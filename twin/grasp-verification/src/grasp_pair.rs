@@ -305,8 +305,9 @@ impl GraspPair {
 }
 
 /// True if the grasp was tried under errors.
-fn was_tested(outcomes: &[GraspOutcomes], proof: &Option<Verification>, id: u32) -> bool {
-    let verified = proof.iter().flat_map(|proof| &proof.grasps).any(|verified| verified.grasp == id);
+fn was_tested(outcomes: &[GraspOutcomes], verification: &Option<Verification>, id: u32) -> bool {
+    let verified =
+        verification.iter().flat_map(|verification| &verification.grasps).any(|verified| verified.grasp == id);
     verified || outcomes.iter().any(|outcomes| outcomes.grasp == id)
 }
 
@@ -314,18 +315,18 @@ fn was_tested(outcomes: &[GraspOutcomes], proof: &Option<Verification>, id: u32)
 /// because they start from a single hold. They are then left out.
 fn grasp_candidate(
     grasp: Grasp,
-    worth: f64,
+    score: f64,
     outcomes: &[GraspOutcomes],
-    proof: &Option<Verification>,
+    verification: &Option<Verification>,
 ) -> Result<GraspCandidate> {
-    let rehearsed = match proof {
-        Some(proof) => proof.rollouts(&grasp)?,
+    let rehearsed = match verification {
+        Some(verification) => verification.rollouts(&grasp)?,
         None => {
             let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == grasp.id);
             outcomes.map(|outcomes| outcomes.rollouts(&grasp)).transpose()?
         }
     };
-    Ok(GraspCandidate { rollouts: rehearsed.unwrap_or_default().into(), ..GraspCandidate::new(grasp, worth) })
+    Ok(GraspCandidate { rollouts: rehearsed.unwrap_or_default().into(), ..GraspCandidate::new(grasp, score) })
 }
 
 /// Plans combinations of `scenario`, drawn by `seed`, until there are `count` grasp pairs or all combinations have been
@@ -473,8 +474,8 @@ fn plan_pair(
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.for_digits(one, &sets[0]) {
         let grasps = [first, *any];
-        let rehearsal = FirstGraspRollout::ideal(world, &grasps);
-        let Some((hold, _)) = roll_out_first(world, &rehearsal, board)? else { continue };
+        let rollout = FirstGraspRollout::ideal(world, &grasps);
+        let Some((hold, _)) = roll_out_first(world, &rollout, board)? else { continue };
         let works = |second: &Grasp| {
             let (collided, outcome) = roll_out_last(&hold, second)?;
             Ok(outcome.held && !collided)

@@ -226,8 +226,8 @@ impl RepertoireSearch<'_> {
 
     fn roll_out_first(&self, grasps: &[&Grasp], noise: &TrialNoise) -> Result<Option<(RolloutSnapshot, HoldOutcome)>> {
         let protocol = self.world.rollout_protocol();
-        let rehearsal = FirstGraspRollout { protocol, start: StartPosture::Near, grasps, noise };
-        roll_out_first(self.world, &rehearsal, &self.board)
+        let rollout = FirstGraspRollout { protocol, start: StartPosture::Near, grasps, noise };
+        roll_out_first(self.world, &rollout, &self.board)
     }
 
     /// Returns a grasp of the object that stands by. It is never closed.

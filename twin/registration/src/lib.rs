@@ -222,8 +222,8 @@ impl<'a> Registrar<'a> {
         heading: f64,
         round: usize,
     ) -> Result<Option<(Point3<f64>, nalgebra::Matrix3<f64>)>> {
-        let percept = self.detected_ball(expected, heading);
-        executor.update_detection(0, percept);
+        let detected = self.detected_ball(expected, heading);
+        executor.update_detection(0, detected);
         let touching = executor.feasible_palpations(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
         let hand = executor.motion().hand().clone();
@@ -236,7 +236,7 @@ impl<'a> Registrar<'a> {
         // By the encoders, not as commanded.
         let palm = kinematics.palm_pose(&executor.motion().arm().position);
         let prior = PosePrior {
-            palm_from_object: palm.inverse() * percept.pose(),
+            palm_from_object: palm.inverse() * detected.pose(),
             sigma_translation: self.position_sigma(round),
             sigma_rotation: BALL_ROTATION_SIGMA,
         };

@@ -141,8 +141,8 @@ impl WireEmulationFactory {
 
     /// Adds a vision system that reports object poses.
     #[must_use]
-    pub fn with_vision(self, eyes: Option<VisionSetup>) -> Self {
-        Self { vision: eyes, ..self }
+    pub fn with_vision(self, detector: Option<VisionSetup>) -> Self {
+        Self { vision: detector, ..self }
     }
 }
 

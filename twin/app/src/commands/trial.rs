@@ -211,7 +211,7 @@ fn failure(record: &TrialRecord) -> Option<String> {
 fn print_detected_faults(named: &[DetectedFault]) {
     match named {
         [] => println!("fault detection: no fault detected"),
-        named => named.iter().for_each(|divergence| println!("fault detection: {divergence}")),
+        named => named.iter().for_each(|fault| println!("fault detection: {fault}")),
     }
 }
 

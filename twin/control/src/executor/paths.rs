@@ -21,26 +21,26 @@ impl Executor {
         RISE_CANDIDATES.iter().map(|rise| self.motion.start_stops(self.rise() + rise))
     }
 
-    /// Path by way of `stops` that takes an object detected at `percept` with `grasp`, in two parts: to the approach
+    /// Path by way of `stops` that takes an object detected at `detected` with `grasp`, in two parts: to the approach
     /// pose, and from there to the pose at which the digits close.
     pub fn path_to(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<[PosePath; 2], MotionError> {
-        Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
+        Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, detected)?)
     }
 
-    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `percept`;
+    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `detected`;
     /// see [`crate::motion::MotionExecutor::feasible_approach`].
     pub fn feasible_approach(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Option<PosePath> {
-        self.motion.feasible_approach(&self.protocol.limits, grasp, percept, stops)
+        self.motion.feasible_approach(&self.protocol.limits, grasp, detected, stops)
     }
 
     /// Rise of the palm before any other motion, m: fingers that touch an object must leave it upwards.

@@ -152,8 +152,8 @@ impl<'a> PickSequence<'a> {
         detector: &mut dyn ObjectDetector,
     ) -> Result<PolicyStep, PolicyError> {
         let next = if self.picks < self.task.max_picks { self.next_pick(detector)? } else { None };
-        if let Some((pick, percept)) = next {
-            self.take(executor, pick, &percept)?;
+        if let Some((pick, detected)) = next {
+            self.take(executor, pick, &detected)?;
             return Ok(PolicyStep::Continue);
         }
         if self.picked.is_empty() {
@@ -181,11 +181,11 @@ impl<'a> PickSequence<'a> {
                 .extend(detector.detect(object)?.map(|seen| (object, DetectedObject::from_ball_pose(&seen.pose))));
         }
         let of =
-            |object: usize| detected_objects.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
+            |object: usize| detected_objects.iter().find(|(other, _)| *other == object).map(|(_, detected)| *detected);
         if self.mode != PickMode::Blind || self.picked.is_empty() {
             let holding = self.holding_digits();
             let ready: Vec<ReachableObject> =
-                detected_objects.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
+                detected_objects.iter().map(|(object, detected)| self.ready(*object, detected)).collect();
             let now = plan_picks(self.task.skills, &ready, &holding, most);
             self.record_plan(&now, &holding);
             self.planned = now.picks;
@@ -194,7 +194,7 @@ impl<'a> PickSequence<'a> {
             return Ok(None);
         }
         let pick = self.planned.remove(0);
-        Ok(of(pick.object).map(|percept| (pick, percept)))
+        Ok(of(pick.object).map(|detected| (pick, detected)))
     }
 
     fn holding_digits(&self) -> Vec<Digit> {
@@ -202,10 +202,10 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Pickups for `object` at its detected pose that a rotation about the vertical brings within the arm's reach.
-    fn ready(&self, object: usize, percept: &DetectedObject) -> ReachableObject {
+    fn ready(&self, object: usize, detected: &DetectedObject) -> ReachableObject {
         let failed = |pickup: usize| self.failures.iter().filter(|failed| **failed == (object, pickup)).count() as i32;
         let item = &self.task.items[object];
-        let pickups = item.skills.iter().filter(|pickup| self.yaw_within_reach(**pickup, percept).is_some());
+        let pickups = item.skills.iter().filter(|pickup| self.yaw_within_reach(**pickup, detected).is_some());
         ReachableObject {
             object,
             volume: item.volume,
@@ -214,11 +214,11 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Smallest yaw (rad) that brings the grasp of a pickup within the arm's reach.
-    fn yaw_within_reach(&self, pickup: usize, percept: &DetectedObject) -> Option<f64> {
+    fn yaw_within_reach(&self, pickup: usize, detected: &DetectedObject) -> Option<f64> {
         let grasp = &self.task.skills[pickup].grasp;
         YAW_CANDIDATES
             .into_iter()
-            .find(|turn| self.task.cell.reaches(&grasp.palm_pose(&percept.position, percept.yaw + turn)))
+            .find(|turn| self.task.cell.reaches(&grasp.palm_pose(&detected.position, detected.yaw + turn)))
     }
 
     fn names(&self) -> Vec<String> {

@@ -146,18 +146,23 @@ fn roll_out(
     least: f64,
 ) -> Result<(), StrategyError> {
     let Some(going) = approaching_executor(executor, one)? else { return Ok(()) };
-    let odds = OutcomeProbabilities { held: one.assessment.held, contact: one.assessment.risk };
+    let probabilities = OutcomeProbabilities { held: one.assessment.held, contact: one.assessment.risk };
     let mut foreseen = RolloutCounts::default();
     for (draws, left) in
         [(0..ANTITHETIC_PAIRS, 2 * ANTITHETIC_PAIRS), (ANTITHETIC_PAIRS..2 * ANTITHETIC_PAIRS, ANTITHETIC_PAIRS)]
     {
-        if outcome_score(&foreseen.if_all_held(left as u32).posterior(&odds)) <= least {
+        if outcome_score(&foreseen.if_all_held(left as u32).posterior(&probabilities)) <= least {
             break;
         }
         foreseen.add_outcomes(&twin.roll_out(&going, draws)?);
     }
-    let odds = foreseen.posterior(&odds);
-    one.assessment = Assessment { held: odds.held, risk: odds.contact, score: outcome_score(&odds), ..one.assessment };
+    let probabilities = foreseen.posterior(&probabilities);
+    one.assessment = Assessment {
+        held: probabilities.held,
+        risk: probabilities.contact,
+        score: outcome_score(&probabilities),
+        ..one.assessment
+    };
     one.rollout_counts = (foreseen.rollouts > 0).then_some(foreseen);
     Ok(())
 }

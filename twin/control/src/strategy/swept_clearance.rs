@@ -47,28 +47,28 @@ pub(super) struct ClearanceScene<'a> {
 impl<'a> ClearanceScene<'a> {
     pub(super) fn new(situation: &DecisionContext<'a>) -> Self {
         let (hand, held) = (situation.hand, situation.held);
-        let rehearsed = situation.rollout_hold.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
+        let rollouts = situation.rollout_hold.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
         let moving = held_solids(hand, held, (&held.pose, &held.joints));
         let whole = [&moving[..], &free_solids(hand, held)].concat();
         Self {
             object: transformed(held.solids, &held.pose),
             moving,
             whole_hand: whole,
-            rollout_solids: rehearsed,
+            rollout_solids: rollouts,
             target: situation.target,
             sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
 
-    /// Path to the approach pose of `grasp` that keeps the whole hand clear of the target at `percept`: the first one
+    /// Path to the approach pose of `grasp` that keeps the whole hand clear of the target at `detected`: the first one
     /// that does so, else the one with the largest clearance. Returned with its smallest distance, m.
     fn clear_via_poses(
         &self,
         executor: &Executor,
         grasp: &Grasp,
-        (percept, beside): (&DetectedObject, &DetectedObject),
+        (detected, beside): (&DetectedObject, &DetectedObject),
     ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
-        let fixed = transformed(self.target, &percept.pose());
+        let fixed = transformed(self.target, &detected.pose());
         let best = first_clear_option(executor.approach_paths(), NO_CONTACT_SIGMAS * self.sigma, |stops| {
             clearance_after(stops, &self.whole_hand, &fixed, |stops| {
                 let [way, _] = executor.path_to(stops, grasp, beside)?;
@@ -78,20 +78,20 @@ impl<'a> ClearanceScene<'a> {
         Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
     }
 
-    /// Smallest distance (m) of `moving` from the target at `percept` while `path` is followed and `grasp` closes, and
+    /// Smallest distance (m) of `moving` from the target at `detected` while `path` is followed and `grasp` closes, and
     /// the palm pose there.
     fn clearance(
         &self,
         moving: &[Solid],
         path: &PosePath,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<(f64, Isometry3<f64>), StrategyError> {
-        let fixed = transformed(self.target, &percept.pose());
+        let fixed = transformed(self.target, &detected.pose());
         let along = clearance_along(path, moving, &fixed, 2000)?;
         let (mut clearance, mut palm) =
             along.map_or((f64::INFINITY, path.end()), |found| (found.min_distance, path.sample(found.time).0));
-        let before = path.end().inverse() * percept.pose();
+        let before = path.end().inverse() * detected.pose();
         if let Some(after) = grasp.held {
             for stage in 1..=CLOSING_STAGES {
                 let part = stage as f64 / CLOSING_STAGES as f64;
@@ -108,10 +108,10 @@ impl<'a> ClearanceScene<'a> {
         Ok((clearance, palm))
     }
 
-    /// Distance (m) of the held object alone from the target at `percept` when the palm has arrived at the end of
+    /// Distance (m) of the held object alone from the target at `detected` when the palm has arrived at the end of
     /// `path`.
-    fn separation(&self, path: &PosePath, percept: &DetectedObject) -> Result<f64, StrategyError> {
-        let found = clearance_at(&path.end(), &self.object, &transformed(self.target, &percept.pose()))?;
+    fn separation(&self, path: &PosePath, detected: &DetectedObject) -> Result<f64, StrategyError> {
+        let found = clearance_at(&path.end(), &self.object, &transformed(self.target, &detected.pose()))?;
         Ok(found.map_or(f64::INFINITY, |found| found.min_distance))
     }
 

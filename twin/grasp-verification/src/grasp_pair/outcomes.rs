@@ -215,8 +215,8 @@ impl<'a> RolloutContext<'a> {
     pub(super) fn hold_first(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<RolloutSnapshot>> {
         let Some(any) = any else { return Ok(None) };
         let grasps = [first, any];
-        let rehearsal = FirstGraspRollout::ideal(self.world, &grasps);
-        Ok(roll_out_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
+        let rollout = FirstGraspRollout::ideal(self.world, &grasps);
+        Ok(roll_out_first(self.world, &rollout, self.board)?.map(|(hold, _)| hold))
     }
 
     /// Tries `grasps` under the first errors of either kind, and the `best` of them under all.

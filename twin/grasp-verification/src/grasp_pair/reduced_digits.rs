@@ -130,8 +130,8 @@ fn verify_firsts(
     let mut verified = Vec::new();
     for first in firsts {
         let grasps = [*first, bystander];
-        let rehearsal = FirstGraspRollout::ideal(world, &grasps);
-        if let Some((_, held)) = roll_out_first(world, &rehearsal, board)? {
+        let rollout = FirstGraspRollout::ideal(world, &grasps);
+        if let Some((_, held)) = roll_out_first(world, &rollout, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
             verified.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
         }

@@ -29,8 +29,8 @@ pub(super) fn plan_triple(
     let (Some(any_second), Some(any_third)) = (seconds.first(), thirds.first()) else { return Ok(None) };
     for first in firsts {
         let standing = [first, *any_second, *any_third];
-        let rehearsal = FirstGraspRollout::ideal(world, &standing);
-        let Some((one, _)) = roll_out_first(world, &rehearsal, board)? else { continue };
+        let rollout = FirstGraspRollout::ideal(world, &standing);
+        let Some((one, _)) = roll_out_first(world, &rollout, board)? else { continue };
         for second in &seconds {
             let Some(two) = roll_out_next(&one, 1, second)? else { continue };
             if let Some(worth) = ranked(&thirds, |third| {

@@ -110,11 +110,11 @@ impl Climb<'_> {
                 let Some((parent, _)) = from.get(n % from.len().max(1)) else { break };
                 let varied = vary(parent, number, &mut rng);
                 number += 1;
-                parents.extend(self.select(varied, worst)?.filter(|(_, worth)| *worth > worst));
+                parents.extend(self.select(varied, worst)?.filter(|(_, score)| *score > worst));
             }
             rank(&mut parents);
         }
-        let better = parents.into_iter().filter(|(grasp, worth)| grasp.id >= FIRST_NUMBER && *worth > standard);
+        let better = parents.into_iter().filter(|(grasp, score)| grasp.id >= FIRST_NUMBER && *score > standard);
         Ok(better.map(|(grasp, _)| grasp).take(VARIATIONS_KEPT).collect())
     }
 

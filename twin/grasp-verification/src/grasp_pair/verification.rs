@@ -422,14 +422,14 @@ mod tests {
     #[test]
     fn letters_stand_for_circumstances() {
         let holds = vec![None, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some([0.0; 6])];
-        let proof = Verification {
+        let verification = Verification {
             effort: 1,
             holds,
             hold: None,
             grasps: vec![VerifiedGrasp { grasp: 7, near: "hc".into(), wide: "m".into() }],
         };
-        assert_eq!(proof.rollouts(&grasp(8)).expect("letters"), None);
-        let tried = proof.rollouts(&grasp(7)).expect("letters").expect("verified");
+        assert_eq!(verification.rollouts(&grasp(8)).expect("letters"), None);
+        let tried = verification.rollouts(&grasp(7)).expect("letters").expect("verified");
         let outcomes: Vec<TryOutcome> = tried.iter().map(|one| one.outcome).collect();
         assert_eq!(outcomes, [TryOutcome::Held, TryOutcome::Contact, TryOutcome::Missed]);
         let errors =
@@ -437,6 +437,9 @@ mod tests {
         let wide = aim_error(&wide_errors(2)[1], 0.0);
         assert_eq!(tried.iter().map(|one| one.error).collect::<Vec<_>>(), [errors[0], errors[1], errors[0] + wide]);
         assert_eq!(tried[0].hold.map(|hold| hold.0[2]), Some(0.003));
-        assert!((proof.first_holds() - 2.0 / 3.0).abs() < 1e-12 && (proof.best_share() - 1.0 / 3.0).abs() < 1e-12);
+        assert!(
+            (verification.first_holds() - 2.0 / 3.0).abs() < 1e-12
+                && (verification.best_share() - 1.0 / 3.0).abs() < 1e-12
+        );
     }
 }

@@ -310,7 +310,7 @@ struct RunningDevices {
 impl RunningDevices {
     /// Carries out the request in `line` at once, and returns the outcome in words.
     fn execute_request(&mut self, line: &str) -> Result<String> {
-        let Some(wish) = line.strip_prefix("objects=") else {
+        let Some(command) = line.strip_prefix("objects=") else {
             let mishaps = emulator_fault::parse_immediate(line, &self.robot.hand)?;
             if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, EmulatorFault::Plant(_))) {
                 bail!(NO_PLANT_ERROR);
@@ -318,9 +318,9 @@ impl RunningDevices {
             mishaps.into_iter().for_each(|mishap| self.apply_fault(mishap));
             return Ok("done".to_owned());
         };
-        let wish = wish.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
+        let command = command.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
         match &self.table {
-            Some(table) => table.place_objects(wish),
+            Some(table) => table.place_objects(command),
             None => bail!("objects: found --springs, expected the simulated robot"),
         }
     }

@@ -98,13 +98,13 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     if args.count == 0 || args.from == 0 {
         bail!("--from, --count: found {}, {}, expected at least 1", args.from, args.count);
     }
-    let drawing = NominalModel::new(args.model.model()?)?;
+    let nominal = NominalModel::new(args.model.model()?)?;
     let bar = terminal.progress();
     bar.set_length(args.count);
     let rows: Result<Vec<InstanceRow>> = (args.from..args.from + args.count)
         .into_par_iter()
         .map(|number| {
-            let row = evaluate(&drawing, number, terminal.seed).with_context(|| format!("instance {number}"))?;
+            let row = evaluate(&nominal, number, terminal.seed).with_context(|| format!("instance {number}"))?;
             bar.inc(1);
             Ok(row)
         })

@@ -125,9 +125,9 @@ impl EmulatedTable {
         (standing.names.clone(), standing.version)
     }
 
-    fn placements(&self, wish: TableCommand) -> Result<Vec<ObjectPlacement>> {
+    fn placements(&self, command: TableCommand) -> Result<Vec<ObjectPlacement>> {
         let world = &self.bench.world;
-        let TableCommand::Combination(combination) = wish else {
+        let TableCommand::Combination(combination) = command else {
             return Ok(Registrar::new(world, &self.registration_plan, &self.bench.repertoire)?.placements());
         };
         let Some(plan) = self.bench.grasp_pairs.pairs.get(combination) else {
