@@ -1,16 +1,16 @@
 //! Other people's clients on our emulated servos, and other people's encoders against ours.
 
-use dynamixel_bus::protocol2::{Instruction, Packet, ServoError, Status};
-use dynamixel_bus::xc330;
-use hardware_bridge::driven::SERVOS;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
+use dynamixel_bus::protocol2::{Instruction, Packet, ServoError, Status};
+use dynamixel_bus::xc330;
 use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::supported_robot::SERVOS;
 use proptest::prelude::*;
 use rustypot::DynamixelProtocolHandler;
 use serial2::SerialPort;
