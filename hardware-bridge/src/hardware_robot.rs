@@ -235,7 +235,7 @@ fn stop_sockets(
     let of = format!("{}, process {}", file.display(), std::process::id());
     let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
     let fulfil: Arc<RequestHandler> =
-        Arc::new(move |wish| requests::execute_request(&shared, &clock, wish, release_time));
+        Arc::new(move |request| requests::execute_request(&shared, &clock, request, release_time));
     let mut doors =
         vec![RemoteEndpoint::open(&socket_paths::socket_path(&folder.path, file), folder.group, &of, fulfil.clone())?];
     if let Some(own) = &config.stop_socket {

@@ -74,13 +74,15 @@ pub enum HomingError {
         longest: f64,
     },
     /// The shaft kept moving slowly until the time limit.
-    #[error("servo {id}: still moves on {direction} after {patience} s: is the cable off the spool, or does it slip?")]
+    #[error(
+        "servo {id}: still moves on {direction} after {time_limit} s: is the cable off the spool, or does it slip?"
+    )]
     StopTimeout {
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
         /// Time limit, s.
-        patience: f64,
+        time_limit: f64,
     },
     /// The stops are too close to each other or too far apart.
     #[error("servo {id}: found a travel of {found:.2} rad, expected 0.5 to 5.0: is the cable caught, or slack?")]
@@ -233,7 +235,7 @@ fn seek(
         }
         let stuck = began.elapsed().as_secs_f64() > 10.0 * settings.timeout;
         if elapsed > settings.timeout || stuck {
-            return Err(HomingError::StopTimeout { id, direction, patience: settings.timeout });
+            return Err(HomingError::StopTimeout { id, direction, time_limit: settings.timeout });
         }
     }
 }

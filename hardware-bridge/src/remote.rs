@@ -91,13 +91,13 @@ pub fn ask(path: &Path, command: RemoteCommand) -> Result<RemoteAnswer, RemoteEr
 }
 
 /// Sends a request to several bridges at the same time: one that does not answer does not delay the others.
-pub fn ask_all(paths: &[PathBuf], wish: RemoteCommand) -> Vec<(PathBuf, Result<RemoteAnswer, RemoteError>)> {
-    let deadline = Instant::now() + wish.timeout();
+pub fn ask_all(paths: &[PathBuf], command: RemoteCommand) -> Vec<(PathBuf, Result<RemoteAnswer, RemoteError>)> {
+    let deadline = Instant::now() + command.timeout();
     let asked = paths.iter().map(|path| {
         let (sender, answer) = mpsc::channel();
         let there = path.clone();
         // Connecting blocks if the server does not accept; this thread is then left behind.
-        std::thread::spawn(move || sender.send(exchange(&there, wish, deadline)));
+        std::thread::spawn(move || sender.send(exchange(&there, command, deadline)));
         (path, answer)
     });
     let asked: Vec<_> = asked.collect();

@@ -95,7 +95,7 @@ mod tests {
 
     struct DetectorFixture {
         levels: NoiseLevels,
-        eyes: DetectorErrors,
+        errors: DetectorErrors,
         library: ObjectSet,
     }
 
@@ -103,7 +103,7 @@ mod tests {
         fn new() -> Self {
             let scenario = Scenario::benchmark();
             let library = ObjectSet::standard().with_fallen();
-            Self { levels: scenario.noise, eyes: scenario.effects.detector.unwrap(), library }
+            Self { levels: scenario.noise, errors: scenario.effects.detector.unwrap(), library }
         }
 
         /// Returns the errors of three detections in one trial: the first ones of both objects, and a later one of the
@@ -112,7 +112,7 @@ mod tests {
             let object = self.library.get(name).unwrap();
             let mut rng = trial_rng(3, 0, trial);
             let mut sight =
-                DetectorModel::draw(self.eyes, &self.levels.perception, Effect::Detector.draw_rng(3, 0, trial));
+                DetectorModel::draw(self.errors, &self.levels.perception, Effect::Detector.draw_rng(3, 0, trial));
             let [first, second, _] = TrialNoise::draw(&self.levels, 2, &mut rng).objects;
             let later = TrialNoise::draw(&self.levels, 2, &mut rng).objects[0];
             [first, second, later].map(|fresh| sight.draw_error(&fresh, object, &self.library, &object.rest))
@@ -142,14 +142,14 @@ mod tests {
             let spreads = [0, 1, 2].map(|look| looks.mean(|seen| part(&seen[look]).powi(2)) / variance);
             assert!(spreads.iter().all(|spread| (spread - 1.0).abs() < 0.08), "{spreads:?}");
             let together = [(0, 1), (0, 2)].map(|(a, b)| looks.mean(|seen| part(&seen[a]) * part(&seen[b])) / variance);
-            assert!(together.iter().all(|share| (share - looks.eyes.lasting).abs() < 0.06), "{together:?}");
+            assert!(together.iter().all(|share| (share - looks.errors.lasting).abs() < 0.06), "{together:?}");
         }
     }
 
     #[test]
     fn tilt_is_new_at_each_look() {
         let looks = DetectorFixture::new();
-        let variance = TRUNCATED_VARIANCE * looks.eyes.tilt_sigma.powi(2);
+        let variance = TRUNCATED_VARIANCE * looks.errors.tilt_sigma.powi(2);
         for axis in 0..2 {
             let spread = looks.mean(|seen| seen[2].tilt[axis].powi(2)) / variance;
             let together = looks.mean(|seen| seen[0].tilt[axis] * seen[2].tilt[axis]) / variance;
@@ -182,8 +182,8 @@ mod tests {
     fn now_and_then_the_wrong_way_to_lie_is_seen() {
         let looks = DetectorFixture::new();
         let share = looks.mean(|seen| f64::from(u8::from(seen[0].mistaken.is_some())));
-        assert!((share - looks.eyes.mistaken).abs() < 0.005, "{share}");
-        let sure = DetectorFixture { eyes: DetectorErrors { mistaken: 1.0, ..looks.eyes }, ..looks };
+        assert!((share - looks.errors.mistaken).abs() < 0.005, "{share}");
+        let sure = DetectorFixture { errors: DetectorErrors { mistaken: 1.0, ..looks.errors }, ..looks };
         let (can, fallen) = (sure.library.get("can_50").unwrap(), sure.library.get("can_50_fallen").unwrap());
         for trial in 0..50 {
             let seen = sure.trial("can_50", trial)[0].mistaken.unwrap();

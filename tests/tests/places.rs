@@ -23,7 +23,7 @@ fn register(mount: &str, file: &Path) -> Value {
 /// with its own vision, a trial on the emulated robot runs to its end, and its session replays to the bit without
 /// either.
 #[test]
-fn a_registered_robot_with_eyes_plays_and_replays() {
+fn a_registered_robot_with_a_detector_runs_and_replays() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("registration.toml");
     let found = register("5", &file);

@@ -236,10 +236,10 @@ impl fmt::Display for SupervisorState {
 
 /// A transition that the present state does not allow.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("cannot {wish} while {state}")]
+#[error("cannot {transition} while {state}")]
 pub struct TransitionRefused {
     /// Requested transition.
-    pub wish: &'static str,
+    pub transition: &'static str,
     /// State at the time of the request.
     pub state: String,
 }

@@ -319,11 +319,11 @@ impl Supervisor {
     fn transition(
         &mut self,
         to: SupervisorState,
-        wish: &'static str,
+        transition: &'static str,
         from: impl Fn(&SupervisorState) -> bool,
     ) -> Result<(), TransitionRefused> {
         if !from(&self.state) {
-            return Err(TransitionRefused { wish, state: self.state.to_string() });
+            return Err(TransitionRefused { transition, state: self.state.to_string() });
         }
         self.state = to;
         Ok(())

@@ -85,7 +85,7 @@ fn the_table_lies_under_every_place_within_reach() {
 
 /// Robot instances differ in encoders and mount by as much as the arms of the benchmark's trials.
 #[test]
-fn individuals_and_trials_have_the_same_arms() {
+fn instances_and_trials_have_the_same_arms() {
     use plant::prior::{Quantity, parameters};
     let arm = Scenario::benchmark().effects.arm.unwrap();
     let all = parameters(&hand_model::RobotModel::ftac_gen3());

@@ -24,19 +24,19 @@ const FIRST_FALLBACK_ID: u32 = 1000;
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
 /// Finds grasps with `digits` for `object`, detected at `detected`, which lies in a pose that none of its own grasps
-/// fits. Candidates in `rehearsed` have rollouts with the held object.
+/// fits. Candidates in `rollouts` have rollouts with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, detected): (&ObjectModel, &DetectedObject),
     digits: &[Digit],
-    rehearsed: &[GraspCandidate],
+    rollouts: &[GraspCandidate],
 ) -> Vec<GraspCandidate> {
     let mut candidates = Vec::new();
     for model in objects.fallen_of(object) {
         let Some(yaw) = model.resting_yaw(&detected.rotation) else { continue };
         for grasp in repertoire.for_digits(&model.name, digits) {
             let same = |known: &&GraspCandidate| known.grasp.object == model.name && known.grasp.id == grasp.id;
-            let known = rehearsed.iter().filter(|known| known.grasp.digits == digits).find(same);
+            let known = rollouts.iter().filter(|known| known.grasp.digits == digits).find(same);
             let outcomes = known.map(|known| known.rollouts.clone()).unwrap_or_default();
             candidates.push((grasp.clone(), yaw + grasp.yaw, score::NO_ROLLOUT_FACTOR, outcomes));
         }
@@ -147,16 +147,16 @@ pub(crate) mod tests {
 
     /// Rollouts of a fallen object's own grasps come with them. A grasp with another number has none.
     #[test]
-    fn rehearsals_of_fallen_things_are_known() {
+    fn rollouts_of_fallen_things_are_known() {
         let set = ObjectSet::standard().with_fallen();
         let (can, lying_can) = (set.get("can_50").unwrap(), set.get("can_50_fallen").unwrap());
         let own = |id: u32| Grasp { object: lying_can.name.clone(), ..grasp("", id) };
         let mut repertoire = Repertoire::default();
         repertoire.grasps.insert(lying_can.name.clone(), vec![own(4), own(5)]);
         let outcome = Rollout::new(Vector3::zeros(), TryOutcome::Missed);
-        let rehearsed = [GraspCandidate { rollouts: [outcome].into(), ..GraspCandidate::new(own(5), 1.0) }];
+        let rollouts = [GraspCandidate { rollouts: [outcome].into(), ..GraspCandidate::new(own(5), 1.0) }];
         let seen = DetectedObject { rotation: lying_can.rest, ..lying(lying_can.rest) };
-        let found = fallback_grasps((&set, &repertoire), (can, &seen), &PINCH, &rehearsed);
+        let found = fallback_grasps((&set, &repertoire), (can, &seen), &PINCH, &rollouts);
         let known: Vec<usize> = found.iter().map(|candidate| candidate.rollouts.len()).collect();
         assert_eq!(known, [0, 1]);
     }

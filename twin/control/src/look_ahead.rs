@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use crate::outcome_model::{AimedGrasp, Rollout};
 
-    fn percept() -> DetectedObject {
+    fn detected() -> DetectedObject {
         DetectedObject { position: Point3::new(0.6, 0.1, 0.03), rotation: UnitQuaternion::identity(), yaw: 0.0 }
     }
 
@@ -195,7 +195,7 @@ mod tests {
         let posterior = AimPosterior::from_touch(aim).expect("positive definite");
         draw_samples(&UnknownState {
             held: (Isometry3::translation(0.01, 0.05, -0.03), held),
-            target: percept(),
+            target: detected(),
             aim_posterior: &posterior,
             detections: 1,
         })
@@ -206,7 +206,7 @@ mod tests {
     fn without_doubt_all_draws_are_the_estimate() {
         for draw in some_draws(&Matrix6::zeros(), &(Matrix3::identity() * 1e-16)) {
             assert!((draw.held.translation.vector - Vector3::new(0.01, 0.05, -0.03)).norm() < 1e-12);
-            assert!((draw.target.translation.vector - percept().position.coords).norm() < 1e-6);
+            assert!((draw.target.translation.vector - detected().position.coords).norm() < 1e-6);
         }
     }
 
@@ -233,8 +233,8 @@ mod tests {
     /// Offsets (m) of the target from its detected position in the samples.
     fn offs(posterior: &AimPosterior) -> Vec<Vector3<f64>> {
         let held = (Isometry3::identity(), &Matrix6::zeros());
-        let all = draw_samples(&UnknownState { held, target: percept(), aim_posterior: posterior, detections: 1 });
-        all.iter().map(|draw| draw.target.translation.vector - percept().position.coords).collect()
+        let all = draw_samples(&UnknownState { held, target: detected(), aim_posterior: posterior, detections: 1 });
+        all.iter().map(|draw| draw.target.translation.vector - detected().position.coords).collect()
     }
 
     /// If the hand goes too far along x, the target appears too far back.
@@ -247,18 +247,18 @@ mod tests {
         assert!(mean(&posterior).norm() < 0.003, "{}", mean(&posterior));
         // Failures at every positive error make a positive error likely.
         let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
-        let rehearsed: Arc<[Rollout]> = (-20..=20)
+        let rollouts: Arc<[Rollout]> = (-20..=20)
             .map(|n| 0.001 * f64::from(n))
             .map(|x| Rollout::new(Vector3::new(x, 0.0, 0.0), outcome(x)))
             .collect();
         let aimed =
-            AimedGrasp { rollouts: rehearsed.clone(), all_rollouts: rehearsed, heading: 0.0, aim: Vector3::zeros() };
+            AimedGrasp { rollouts: rollouts.clone(), all_rollouts: rollouts, heading: 0.0, aim: Vector3::zeros() };
         (0..6).for_each(|_| posterior.update_after_failure(&aimed, 1));
         assert!(mean(&posterior).x < -0.001, "{}", mean(&posterior));
     }
 
     #[test]
-    fn outcomes_count_beside_the_odds() {
+    fn outcomes_count_beside_the_prediction() {
         let probabilities = OutcomeProbabilities { held: 0.8, contact: 0.1 };
         assert_eq!(RolloutCounts::default().posterior(&probabilities), probabilities);
         let mut foreseen = RolloutCounts::default();

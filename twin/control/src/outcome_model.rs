@@ -155,18 +155,18 @@ impl AimPosterior {
         let inverse = 1.0 / (width * width);
         let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
         let turn = Rotation2::new(aimed.heading);
-        let counted = |rehearsed: &Rollout, share| {
-            let level = turn * rehearsed.error.xy();
-            (Vector3::new(level.x, level.y, rehearsed.error.z) - aimed.aim, share * rehearsed.weight, rehearsed.outcome)
+        let counted = |rollout: &Rollout, share| {
+            let level = turn * rollout.error.xy();
+            (Vector3::new(level.x, level.y, rollout.error.z) - aimed.aim, share * rollout.weight, rollout.outcome)
         };
-        let own = aimed.rollouts.iter().map(|rehearsed| counted(rehearsed, 1.0 - OTHER_GRASPS_WEIGHT));
-        let all = aimed.all_rollouts.iter().map(|rehearsed| counted(rehearsed, OTHER_GRASPS_WEIGHT));
-        let rehearsals: Vec<_> = own.chain(all).collect();
+        let own = aimed.rollouts.iter().map(|rollout| counted(rollout, 1.0 - OTHER_GRASPS_WEIGHT));
+        let all = aimed.all_rollouts.iter().map(|rollout| counted(rollout, OTHER_GRASPS_WEIGHT));
+        let rollouts: Vec<_> = own.chain(all).collect();
         let mut probabilities = [[OutcomeProbabilities { held: 0.0, contact: 0.0 }; AIM_GRID_SIZE]; AIM_GRID_SIZE];
         for (value, weight) in self.samples.iter().zip(&self.weights) {
             // Sums over rollouts that held, made a contact and missed.
             let mut sums = [[[0.0; AIM_GRID_SIZE]; AIM_GRID_SIZE]; 3];
-            for (error, share, outcome) in &rehearsals {
+            for (error, share, outcome) in &rollouts {
                 let off = error - value;
                 let middle = share * (-0.5 * off.norm_squared() * inverse).exp();
                 let [x, y] = [off.x, off.y].map(|off| kernel_on_grid(off * AIM_STEP * inverse, fall));
@@ -237,10 +237,10 @@ impl AimPosterior {
         let level = Rotation2::new(-aimed.heading) * Vector2::new(off.x, off.y);
         let off = Vector3::new(level.x, level.y, off.z);
         let (mut held, mut contact, mut sum) = (0.0, 0.5 * DEFAULT_OUTCOME_WEIGHT, DEFAULT_OUTCOME_WEIGHT);
-        for (rehearsals, share) in
+        for (rollouts, share) in
             [(&aimed.rollouts, 1.0 - OTHER_GRASPS_WEIGHT), (&aimed.all_rollouts, OTHER_GRASPS_WEIGHT)]
         {
-            for Rollout { error, outcome, weight, .. } in rehearsals.iter() {
+            for Rollout { error, outcome, weight, .. } in rollouts.iter() {
                 let near = share * weight * (-0.5 * (error - off).norm_squared() / (width * width)).exp();
                 sum += near;
                 match outcome {
@@ -331,7 +331,7 @@ mod tests {
 
     /// The outcome probabilities are integrals of the normal distribution: contact left of the wall, hold right of it.
     #[test]
-    fn odds_are_integrals() {
+    fn probabilities_are_integrals() {
         let posterior = AimPosterior::new(&UNCERTAINTY);
         let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.detector);
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
@@ -346,7 +346,7 @@ mod tests {
 
     /// The grid of aims has the same outcome probabilities as each aim alone, near rollouts and far from all of them.
     #[test]
-    fn odds_around_are_those_of_each_aim() {
+    fn probabilities_around_are_those_of_each_aim() {
         let mut posterior = AimPosterior::new(&UNCERTAINTY);
         posterior.update_after_failure(&aimed(0.002), 1);
         for (at, heading, detections) in
@@ -368,7 +368,7 @@ mod tests {
 
     /// Far from all rollouts, the probability of a hold is low.
     #[test]
-    fn far_from_all_rehearsals_nothing_is_promised() {
+    fn far_from_all_rollouts_nothing_is_promised() {
         let odds = AimPosterior::new(&UNCERTAINTY).probabilities(&aimed(0.1), 1);
         assert!(odds.held < 1e-6 && (odds.contact - 0.5).abs() < 1e-6, "{odds:?}");
     }
@@ -403,18 +403,14 @@ mod tests {
     /// A contact is likely if the felt hold is similar to the holds after which the grasp made contact, and unlikely
     /// otherwise.
     #[test]
-    fn odds_depend_on_the_felt_hold() {
+    fn probabilities_depend_on_the_felt_hold() {
         let (low, high) = (HeldExtent([0.0; 6]), HeldExtent([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]));
         let after = |hold, outcome| [Rollout { hold: Some(hold), ..Rollout::new(Vector3::zeros(), outcome) }; 10];
         let tried = [after(low, TryOutcome::Contact), after(high, TryOutcome::Held)].concat();
         let odds = |felt: &HeldExtent| {
-            let rehearsed: Arc<[Rollout]> = tried.iter().map(|one| one.reweighted_for_hold(felt)).collect();
-            let aimed = AimedGrasp {
-                all_rollouts: rehearsed.clone(),
-                rollouts: rehearsed,
-                heading: 0.0,
-                aim: Vector3::zeros(),
-            };
+            let rollout: Arc<[Rollout]> = tried.iter().map(|one| one.reweighted_for_hold(felt)).collect();
+            let aimed =
+                AimedGrasp { all_rollouts: rollout.clone(), rollouts: rollout, heading: 0.0, aim: Vector3::zeros() };
             AimPosterior::from_touch(&Matrix3::from_diagonal_element(1e-6)).expect("positive").probabilities(&aimed, 1)
         };
         assert!(odds(&low).contact > 0.7 && odds(&high).held > 0.7, "{:?} {:?}", odds(&low), odds(&high));

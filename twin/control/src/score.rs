@@ -52,7 +52,7 @@ impl GraspCandidate {
     #[must_use]
     pub fn reweighted_for_hold(&self, felt: &HeldExtent) -> Self {
         Self {
-            rollouts: self.rollouts.iter().map(|rehearsed| rehearsed.reweighted_for_hold(felt)).collect(),
+            rollouts: self.rollouts.iter().map(|rollout| rollout.reweighted_for_hold(felt)).collect(),
             ..self.clone()
         }
     }

@@ -151,8 +151,8 @@ impl<'a> AimedCandidate<'a> {
     /// `candidate` with its aim at the offset `aim` (m) from the detected position.
     fn with_aim(situation: &DecisionContext, candidate: &'a GraspCandidate, aim: Vector3<f64>) -> Self {
         let heading = candidate.grasp.yaw + situation.executor.target(1).detected.yaw;
-        let (rehearsed, all) = (candidate.rollouts.clone(), situation.all_rollouts.clone());
-        let aimed = AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading, aim };
+        let (rollouts, all) = (candidate.rollouts.clone(), situation.all_rollouts.clone());
+        let aimed = AimedGrasp { rollouts: rollouts, all_rollouts: all, heading, aim };
         let odds = candidate_probabilities(candidate, &aimed, (situation.aim_posterior, situation.detections));
         Self { candidate, aimed, probabilities: odds }
     }
@@ -245,9 +245,9 @@ pub fn collect_rollouts(candidates: &[GraspCandidate]) -> Arc<[Rollout]> {
 pub fn best_candidate_score(candidates: &[GraspCandidate], posterior: &AimPosterior) -> f64 {
     let all = collect_rollouts(candidates);
     let score = |candidate: &GraspCandidate| {
-        let (rehearsed, all) = (candidate.rollouts.clone(), all.clone());
+        let (rollouts, all) = (candidate.rollouts.clone(), all.clone());
         let aimed =
-            AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
+            AimedGrasp { rollouts: rollouts, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
         outcome_score(&candidate_probabilities(candidate, &aimed, (posterior, 1)))
     };
     candidates.iter().map(score).fold(0.0, f64::max)

@@ -319,14 +319,14 @@ fn grasp_candidate(
     outcomes: &[GraspOutcomes],
     verification: &Option<Verification>,
 ) -> Result<GraspCandidate> {
-    let rehearsed = match verification {
+    let rollouts = match verification {
         Some(verification) => verification.rollouts(&grasp)?,
         None => {
             let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == grasp.id);
             outcomes.map(|outcomes| outcomes.rollouts(&grasp)).transpose()?
         }
     };
-    Ok(GraspCandidate { rollouts: rehearsed.unwrap_or_default().into(), ..GraspCandidate::new(grasp, score) })
+    Ok(GraspCandidate { rollouts: rollouts.unwrap_or_default().into(), ..GraspCandidate::new(grasp, score) })
 }
 
 /// Plans combinations of `scenario`, drawn by `seed`, until there are `count` grasp pairs or all combinations have been

@@ -288,7 +288,7 @@ mod tests {
     /// The lines of a system that keeps sending while the operator waits are read. Its socket is never full, and the
     /// next detection has the newest measurement.
     #[test]
-    fn an_operator_who_takes_long_finds_the_eyes_open() {
+    fn an_operator_who_takes_long_finds_the_detector_connected() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address: Address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
         let (sender, sent) = std::sync::mpsc::channel();
@@ -349,7 +349,7 @@ mod tests {
 
     /// Text from the network that would clear a terminal is shown in escaped form.
     #[test]
-    fn escape_sequences_from_the_eyes_are_told_in_words() {
+    fn escape_sequences_from_the_detector_are_printed_in_words() {
         let address = system(&[r#"{"object": "\u001b[2Jpear", "time": TIME, "hidden": true}"#, "\u{1b}]0;owned\u{7}"]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         let error = link.detect("pear", || false).expect_err("nothing usable").to_string();

@@ -73,8 +73,8 @@ impl WindingTree {
     fn node(&self, range: std::ops::Range<usize>) -> Node {
         let own = &self.triangles[range.clone()];
         let total: f64 = own.iter().map(|triangle| area(triangle).norm()).sum();
-        let weighed: Vector3<f64> = own.iter().map(|triangle| middle(triangle) * area(triangle).norm()).sum();
-        let center = Point3::from(weighed / total.max(f64::MIN_POSITIVE));
+        let weighted: Vector3<f64> = own.iter().map(|triangle| middle(triangle) * area(triangle).norm()).sum();
+        let center = Point3::from(weighted / total.max(f64::MIN_POSITIVE));
         let radius = own.iter().flatten().map(|corner| (corner - center).norm()).fold(0.0, f64::max);
         Node { center, radius, dipole: own.iter().map(area).sum(), range, children: None }
     }

@@ -130,13 +130,13 @@ impl<'a> ClearanceScene<'a> {
         let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
         // Rollouts after many holds include the obstacles of each of them.
-        let verified = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
+        let verified = candidate.rollouts.iter().any(|rollout| rollout.hold.is_some());
         let contact = if verified || taking > NO_CONTACT_SIGMAS * self.sigma {
             0.0
         } else {
             let known = match &self.rollout_solids {
-                Some(rehearsed) if !candidate.rollouts.is_empty() => {
-                    risk(self.clearance(rehearsed, &last, grasp, &percept)?.0)
+                Some(rollout) if !candidate.rollouts.is_empty() => {
+                    risk(self.clearance(rollout, &last, grasp, &percept)?.0)
                 }
                 _ => 0.0,
             };

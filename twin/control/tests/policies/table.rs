@@ -113,7 +113,7 @@ impl Table {
         Isometry3::from_parts(at, object.rest)
     }
 
-    pub fn percept(&self, index: usize) -> DetectedObject {
+    pub fn detected(&self, index: usize) -> DetectedObject {
         DetectedObject::from_pose(&self.objects[index], &self.place(index))
     }
 
@@ -137,7 +137,7 @@ impl Table {
     pub fn waiting(&self) -> Executor {
         let first = self.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp").clone();
         let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
-        self.with_list(grasps.map(|(n, grasp)| GraspTarget { grasp, detected: self.percept(n) }).collect())
+        self.with_list(grasps.map(|(n, grasp)| GraspTarget { grasp, detected: self.detected(n) }).collect())
     }
 
     /// An executor with any list of objects.

@@ -14,11 +14,11 @@ use world::Sensing;
 use crate::table::*;
 
 /// Second grasps with the given outcome in all rollouts, whatever the error of the aim.
-fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
+fn with_outcome(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
-    let rehearsed: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome)).collect();
-    table.second().into_iter().map(|candidate| GraspCandidate { rollouts: rehearsed.clone(), ..candidate }).collect()
+    let with_outcome: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome)).collect();
+    table.second().into_iter().map(|candidate| GraspCandidate { rollouts: with_outcome.clone(), ..candidate }).collect()
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
@@ -34,9 +34,9 @@ fn with_contacts_after_the_plan(
     let mut grasps = table.repertoire.for_digits(FIRST, SIDE);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
     let others =
-        others.map(|outcome| GraspSequence { first: other.clone(), second_candidates: rehearsed(&table, outcome) });
+        others.map(|outcome| GraspSequence { first: other.clone(), second_candidates: with_outcome(&table, outcome) });
     let knowledge = Knowledge {
-        second_candidates: rehearsed(&table, TryOutcome::Contact),
+        second_candidates: with_outcome(&table, TryOutcome::Contact),
         alternative_firsts: others.into_iter().collect(),
         recovery,
         ..table.knowledge()

@@ -339,7 +339,7 @@ mod tests {
         assert!(landscape.energy(&a) < landscape.energy(&start));
         assert!((landscape.distance(&a, &b) - landscape.distance(&b, &a)).abs() < 1e-9);
         assert_eq!(landscape.distance(&a, &a), 0.0);
-        let settings = AttractionSettings { pull: 20.0, temperature: 0.1, near: 0.8, patience: 300, chains: 2 };
+        let settings = AttractionSettings { pull: 20.0, temperature: 0.1, near: 0.8, max_idle_steps: 300, chains: 2 };
         let found = lowest_barrier(&landscape, &a, &b, &settings, 3, [0, 0]);
         let barrier = found.expect("a hard pull arrives");
         assert!(barrier >= landscape.energy(&a).max(landscape.energy(&b)));

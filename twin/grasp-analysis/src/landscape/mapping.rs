@@ -251,7 +251,7 @@ mod tests {
 
     fn plan(pull: f64) -> MappingParameters {
         MappingParameters {
-            attraction: AttractionSettings { pull, temperature: 0.03, near: 0.1, patience: 150, chains: 4 },
+            attraction: AttractionSettings { pull, temperature: 0.03, near: 0.1, max_idle_steps: 150, chains: 4 },
             doublings: 4,
             neighbors: 3,
             seed: 7,

@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn threshold_is_near_the_steepest_slope() {
         let wells = MultiWell::uneven();
-        let settings = AttractionSettings { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
+        let settings = AttractionSettings { pull: 8.0, temperature: 0.005, near: 0.1, max_idle_steps: 300, chains: 1 };
         let found = threshold(&wells, [&[-1.0, -1.0], &[1.0, -1.0]], &settings, 20, 1, 0).expect("8 suffices");
         let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
         let (up, down) = (-100..=100)

@@ -17,10 +17,10 @@ pub(super) fn rollout_step(
     board: &TactileBoard,
     plan: &mut GraspPair,
 ) -> Result<()> {
-    let rehearsals = RolloutContext::new(world, board);
+    let context = RolloutContext::new(world, board);
     match number {
-        0 => rehearsals.roll_out_pair(repertoire, plan)?,
-        1 => plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?,
+        0 => context.roll_out_pair(repertoire, plan)?,
+        1 => plan.alternative_firsts = context.alternatives(repertoire, plan)?,
         _ => variations::search_pair_variations(world, repertoire, board, plan)?,
     }
     Ok(())

@@ -118,8 +118,8 @@ pub fn roll_out_pairs(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let rehearsals = RolloutContext::new(world, &board);
-    plans.for_each_pair("pairs tried", quiet, |plan| rehearsals.roll_out_pair(repertoire, plan))
+    let context = RolloutContext::new(world, &board);
+    plans.for_each_pair("pairs tried", quiet, |plan| context.roll_out_pair(repertoire, plan))
 }
 
 /// Tries second grasps after other first grasps, for those of the pairs `plans` without a second grasp that scores
@@ -131,9 +131,9 @@ pub fn roll_out_alternatives(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let rehearsals = RolloutContext::new(world, &board);
+    let context = RolloutContext::new(world, &board);
     plans.for_each_pair("pairs tried", quiet, |plan| {
-        plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?;
+        plan.alternative_firsts = context.alternatives(repertoire, plan)?;
         Ok(())
     })
 }

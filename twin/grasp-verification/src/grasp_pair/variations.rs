@@ -65,8 +65,8 @@ pub fn search_pair_variations(
     let Some(grasp) = repertoire.for_digits(&plan.first, &sets[0]).find(|grasp| grasp.id == first) else {
         return Ok(());
     };
-    let rehearsals = RolloutContext::new(world, board);
-    let Some(hold) = rehearsals.hold_first(grasp, seconds.first().copied())? else { return Ok(()) };
+    let context = RolloutContext::new(world, board);
+    let Some(hold) = context.hold_first(grasp, seconds.first().copied())? else { return Ok(()) };
     let tried = outcomes.iter().filter(|outcomes| outcomes.near.len() >= NARROW_DRAWS);
     let parents: Vec<(Grasp, f64)> = tried
         .filter_map(|outcomes| {
@@ -77,7 +77,7 @@ pub fn search_pair_variations(
     let kept =
         Climb { hold: &hold, errors: narrow_errors(2 * NARROW_DRAWS).split_off(NARROW_DRAWS) }.run(parents, plan)?;
     let grasps: Vec<&Grasp> = kept.iter().collect();
-    let found = rehearsals.outcomes(&hold, &grasps, grasps.len())?;
+    let found = context.outcomes(&hold, &grasps, grasps.len())?;
     match plan.alternative_firsts.iter_mut().find(|other| other.first_grasp == first && first != plan.first_grasp) {
         Some(other) => other.outcomes.extend(found),
         None => plan.outcomes.extend(found),

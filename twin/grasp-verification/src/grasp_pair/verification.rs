@@ -385,7 +385,7 @@ mod tests {
     /// letter for each draw that has a hold. Grasps that were found belong to the pair and have the pose in which they
     /// hold the object.
     #[test]
-    fn a_plan_is_proven() {
+    fn a_pair_is_verified() {
         let world = SimulatedWorld::new(&hand_model::RobotModel::ftac_gen3(), scenarios::Scenario::benchmark())
             .expect("the world");
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");

@@ -31,10 +31,10 @@ pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String
     let Some(seconds) = seconds else { return format!("{planned} in physics") };
     let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
     // Level n makes n times the proposals of the first level.
-    let proofs: f64 = (1..=effort).map(|level| VERIFICATION_ROLLOUTS * f64::from(level)).sum();
+    let verification: f64 = (1..=effort).map(|level| VERIFICATION_ROLLOUTS * f64::from(level)).sum();
     format!(
         "{planned} in physics, a rollout of which takes {seconds:.2} s on this machine: at most {}",
-        format_time(rounds * (PAIR_ROLLOUTS + proofs) * seconds)
+        format_time(rounds * (PAIR_ROLLOUTS + verification) * seconds)
     )
 }
 

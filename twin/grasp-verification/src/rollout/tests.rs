@@ -71,7 +71,7 @@ fn shifts_are_exact() {
 
 /// The errors under which grasps are verified are the same in every run, whatever their number.
 #[test]
-fn proving_errors_are_fixed() {
+fn verification_errors_are_fixed() {
     let (few, many) = (verification_errors(3), verification_errors(9));
     assert_eq!(few[..], many[..3]);
     assert!(many.windows(2).all(|pair| pair[0] != pair[1]));

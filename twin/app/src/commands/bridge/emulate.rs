@@ -205,8 +205,8 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         (None, Box::new(SpringHand::new([SPRING_HAND_TRAVEL; SERVOS], robot.hand.cameras.len())));
     let (mut travel, mut usual) = ([SPRING_HAND_TRAVEL; SERVOS], EmulatorSettings::default());
     if !args.springs {
-        let wish = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
-        let standing = EmulatedTable::new(&robot, wish, (args.mount, args.instance), terminal.seed)?;
+        let objects = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
+        let standing = EmulatedTable::new(&robot, objects, (args.mount, args.instance), terminal.seed)?;
         if let Some(path) = &args.truth_out {
             crate::commands::sysid::write_truth(path, &robot, args.instance)?;
         }

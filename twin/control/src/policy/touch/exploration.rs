@@ -201,8 +201,8 @@ mod tests {
             true => TryOutcome::Held,
             false => TryOutcome::Contact,
         };
-        let rehearsed: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome(&error))).collect();
-        GraspCandidate { rollouts: rehearsed, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
+        let rollouts: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome(&error))).collect();
+        GraspCandidate { rollouts: rollouts, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
     }
 
     /// A touch does not pay for a grasp that holds wherever the object may be, nor for one that never holds. It pays
