@@ -54,7 +54,7 @@ fn bar(x: f64, y: f64, half_x: f64, half_y: f64) -> bool {
     1e3 * x.abs() < half_x && 1e3 * y.abs() < half_y
 }
 
-/// Computes the coordinate (mm) along the direction at `transpose_rows` (fraction of a full turn).
+/// Computes the coordinate (mm) along the direction at `turn` (fraction of a full turn).
 fn side(x: f64, y: f64, turn: f64) -> f64 {
     let (sin, cos) = (TAU * turn).sin_cos();
     1e3 * (cos * x + sin * y)

@@ -94,7 +94,7 @@ pub(crate) fn names(lamps: usize) -> Vec<String> {
     names
 }
 
-/// Returns initial parameters: `lamps` lamps on a ring, rotated by the fraction `transpose_rows` of their spacing.
+/// Returns initial parameters: `lamps` lamps on a ring, rotated by the fraction `turn` of their spacing.
 pub(crate) fn start(pixel: f64, lamps: usize, turn: f64) -> Vec<f64> {
     let angle = |k: usize| (k as f64 + turn) / lamps as f64 * std::f64::consts::TAU;
     start_towards(pixel, &(0..lamps).map(angle).collect::<Vec<f64>>())
@@ -169,7 +169,7 @@ pub(crate) fn elastomer(p: &[f64]) -> Elastomer {
     Elastomer { kernels: (0..KERNEL_COUNT).map(|i| p[KERNEL] * p[KERNEL_RATIO].powi(i)).collect(), coating: p[COATING] }
 }
 
-/// Builds the sensor model of the parameters, with `noise_seed` grey levels of read-out noise.
+/// Builds the sensor model of the parameters, with `noise` grey levels of read-out noise.
 pub(crate) fn model(p: &[f64], near_field: bool, noise: f64) -> SensorModel {
     let lamps = (0..(p.len() - FIRST_LAMP) / PARAMETERS_PER_LAMP).map(|k| lamp(p, k, near_field)).collect();
     SensorModel {

@@ -37,12 +37,12 @@ pub(crate) struct FitSamples {
     pub(crate) touched: Vec<PixelSample>,
     /// Pixels of the background; `press` and `value` are unused.
     pub(crate) flat: Vec<PixelSample>,
-    /// Values of each image of a single lamp at the `flat_sensor` pixels, grey levels from 0 to 1.
+    /// Values of each image of a single lamp at the `flat` pixels, grey levels from 0 to 1.
     pub(crate) single_lamp_values: Vec<Vec<[f64; 3]>>,
 }
 
 impl FitSamples {
-    /// Samples about `per_press` pixels from a square of `reach` visible radii around each press, and `flat_sensor` pixels of
+    /// Samples about `per_press` pixels from a square of `reach` visible radii around each press, and `flat` pixels of
     /// the background.
     pub(crate) fn draw(
         folder: &PressFolder,
