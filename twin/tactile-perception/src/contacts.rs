@@ -61,6 +61,7 @@ pub struct ContactPatch {
     pub force: f64,
     /// Largest indentation, m.
     pub peak: f64,
+    /// Points on the object in the inner part of the contact, on an even grid.
     pub points: Vec<SurfacePoint>,
     /// True if another part of the hand presses here, and no object: see [`crate::self_contact`].
     pub self_contact: bool,
@@ -137,7 +138,7 @@ pub fn find_contacts(
     patches
 }
 
-/// Finds and marks with `mark` the pixels connected to `initial_normal` above `level`.
+/// Finds and marks with `mark` the pixels connected to `start` above `level`.
 fn flood_fill(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32) -> Vec<usize> {
     let mut found = vec![start];
     label[start] = mark;
@@ -251,7 +252,7 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
 }
 
 /// Points of the pad's surface (pad frame) on an even grid of `nx` by `ny` over the camera's view where nothing
-/// presses; all of them if `height_map` is `None`. The object cannot be at these points.
+/// presses; all of them if `height` is `None`. The object cannot be at these points.
 pub fn contact_free_points(
     pad: &Pad,
     camera: &PadCamera,

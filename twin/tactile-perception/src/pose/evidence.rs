@@ -57,8 +57,14 @@ pub(super) struct LinkPatch {
 }
 
 impl LinkPatch {
-    /// A patch of a pad at `normalised_position` on its link; `sigma` (m) is the least standard deviation of its heights.
-    pub fn new(link: Option<usize>, pressed: usize, place: &Isometry3<f64>, patch: &ContactPatch, sigma: f64) -> Self {
+    /// A patch of a pad at `place` on its link; `sigma` (m) is the least standard deviation of its heights.
+    pub(crate) fn new(
+        link: Option<usize>,
+        pressed: usize,
+        place: &Isometry3<f64>,
+        patch: &ContactPatch,
+        sigma: f64,
+    ) -> Self {
         let point = |p: &SurfacePoint| place * p.point;
         let points = evenly_spaced(&patch.points, MAX_POINTS);
         let normals = evenly_spaced(&patch.points, MAX_NORMALS);
@@ -85,8 +91,8 @@ pub(super) struct SelfContact {
 }
 
 impl SelfContact {
-    /// A patch of a pad at `normalised_position` on its link.
-    pub fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &ContactPatch) -> Self {
+    /// A patch of a pad at `place` on its link.
+    pub(crate) fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &ContactPatch) -> Self {
         Self { link, centroid: place * patch.centroid, force: place * (patch.normal * patch.force) }
     }
 }
@@ -107,8 +113,8 @@ pub(super) struct PressedPad {
 }
 
 impl PressedPad {
-    /// The pad at `normalised_position` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
-    pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
+    /// The pad at `place` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
+    pub(crate) fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
         let sigma = |patch: &&ContactPatch| height_sigma(patch, options.sigma_height);
         let best = touch.object_patches().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
         let deepest =
@@ -131,8 +137,8 @@ pub(super) struct ContactFreeSpot {
 }
 
 impl ContactFreeSpot {
-    /// The spots of a pad at `normalised_position` on its link, from all of its free points (pad frame).
-    pub fn of_pad(
+    /// The spots of a pad at `place` on its link, from all of its free points (pad frame).
+    pub(crate) fn of_pad(
         link: Option<usize>,
         pressed: Option<usize>,
         place: &Isometry3<f64>,
