@@ -29,7 +29,7 @@ use crate::reflectance::Reflectance;
 /// assert_eq!(SensorModel::from_toml(&unit.to_toml()?)?, unit);
 ///
 /// // Red lamps are at +x: gel that faces them is redder.
-/// let [level, facing] = [0.0, -0.3].map(|slope| design.grey(&Point3::origin(), [slope, 0.0]));
+/// let [level, facing] = [0.0, 0.3].map(|slope| design.grey(&Point3::origin(), [slope, 0.0]));
 /// assert!(facing[0] > level[0] && facing[1] < level[1]);
 /// # Ok::<(), tactile_optics::OpticsError>(())
 /// ```
