@@ -1,5 +1,8 @@
-//! A serial arm: frames, limits, inertias, control gains and collision radii, from a parameter file like
-//! `data/gen3.toml` (Kinova Gen3), or from a URDF and a file with what a URDF lacks ([`urdf_name`]).
+//! A serial arm: frames, limits, inertias, control gains and collision radii.
+//!
+//! It is read from a parameter file such as `data/gen3.toml` (Kinova Gen3), or from a URDF and a parameter file with
+//! what a URDF lacks, such as `data/robots/panda.toml` (Franka Panda): accelerations, gains of the position control,
+//! collision radii and a home posture.
 
 use std::path::Path;
 
@@ -124,9 +127,19 @@ pub struct WristCapsule {
     pub radius: f64,
 }
 
-/// The arm; its root is `arm_base`.
+/// The arm; its root is `arm_base`. Every joint turns about the z axis of its own frame.
+///
+/// ```
+/// use hand_model::Arm;
+///
+/// let arm = Arm::gen3();
+/// let base_from_tool = arm.tool_pose(&arm.home);
+/// println!("{} joints, tool at {:.3?} m", arm.joints(), base_from_tool.translation.vector.as_slice());
+/// assert_eq!(arm.joints(), arm.effort_limits.len());
+/// ```
 #[derive(Debug, Clone)]
 pub struct Arm {
+    /// Name of the arm, as in its parameter file.
     pub name: String,
     /// Serial chain of the joints.
     pub tree: Tree,
@@ -172,16 +185,16 @@ impl Arm {
     /// Returns the name of the URDF that a parameter file refers to for frames, limits and masses.
     ///
     /// # Errors
-    /// [`TaxonomyError`] for a text that is not TOML.
+    /// [`DataError`] for a text that is not TOML.
     pub fn urdf_name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
         urdf::name(text, path)
     }
 
-    /// Builds an arm from the text of a parameter file and that of the [URDF it names](Self::urdf); `path` is used in
+    /// Builds an arm from the text of a parameter file and that of the [URDF it names](Self::urdf_name); `path` is used in
     /// errors.
     ///
     /// # Errors
-    /// [`TaxonomyError`] with the field at fault.
+    /// [`DataError`] with the field at fault.
     pub fn parse(text: &str, path: &Path, urdf: Option<(&str, &Path)>) -> Result<Self, DataError> {
         let file = match urdf {
             Some((urdf, its_path)) => urdf::merge_with_urdf((text, path), (urdf.as_bytes(), its_path))?,

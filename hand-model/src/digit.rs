@@ -4,6 +4,14 @@
 use serde::{Deserialize, Serialize};
 
 /// A digit. The discriminant is also the index of its actuator.
+///
+/// ```
+/// use hand_model::{Digit, Hand};
+///
+/// let hand = Hand::ftac();
+/// let tip = hand.links(Digit::Index).last().expect("the hand has an index finger");
+/// assert_eq!(hand.tree.joints[*tip].name, "index_3");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Digit {

@@ -1,4 +1,14 @@
 //! Static loads on the arm's joints from the weight of arm and hand and from forces on its links.
+//!
+//! ```
+//! use hand_model::RobotModel;
+//! use hand_model::gravity::gravity_torques;
+//!
+//! let robot = RobotModel::ftac_gen3();
+//! let torques = gravity_torques(&robot, &robot.arm.home);
+//! // The vertical joint at the base bears no weight, the shoulder bears most of it.
+//! assert!(torques[0].abs() < 1e-6 && torques[1].abs() > 10.0);
+//! ```
 
 use nalgebra::{Isometry3, Point3, SMatrix, SVector, Vector3};
 
@@ -51,7 +61,7 @@ fn per_joint(joints: usize, torque: impl Fn(usize) -> f64) -> ArmTorques {
     ArmTorques::from_fn(|joint, _| if joint < joints { torque(joint) } else { 0.0 })
 }
 
-/// Arm and hand as point masses, for loops that need the torques of gravity and acceleration in every cycle.
+/// Arm and open hand as point masses, for loops that need the torques of gravity and acceleration in every cycle.
 #[derive(Debug, Clone)]
 pub struct GravityModel {
     arm: Arm,

@@ -1,4 +1,9 @@
-//! The hand built from its parameters: kinematic tree, covers, pads, cameras, transmission.
+//! A hand built from its parameter file: kinematic tree, covers, pads, cameras, transmission.
+//!
+//! Each digit is closed by one actuator through one cable; a thumb may have a second actuator for its opposition. Hands
+//! with motors in the joints are described by the same model: a constant moment arm and a spring for each joint, as in
+//! `data/robots/allegro.toml`. Parallel grippers have two digits with a sliding joint each, as in
+//! `data/robots/franka_hand.toml`.
 
 mod cover;
 mod jaws;
@@ -46,6 +51,25 @@ pub struct MassProperties {
     pub inertia: Matrix3<f64>,
 }
 
+/// A hand from a parameter file.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use hand_model::{Digit, Hand};
+///
+/// // An Allegro Hand with camera fingertips; for your own hand, read the text from your file.
+/// # const TEXT: &str = include_str!("../data/robots/allegro.toml");
+/// let hand = Hand::parse(TEXT, Path::new("allegro.toml"))?;
+/// println!("{} joints, {} digits, {} pads", hand.tree.len(), hand.digits().len(), hand.pads.len());
+///
+/// // Poses in the palm frame, m.
+/// let palm_from_link = hand.tree.forward(&hand.open_angles());
+/// let palm_from_pad = hand.pad_poses(&palm_from_link);
+/// let index = hand.find_pad("index_distal").expect("a pad of this name");
+/// println!("pad of the index finger at {:.3?}", palm_from_pad[index].translation.vector.as_slice());
+/// # Ok::<(), hand_model::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Hand {
     /// The parameters from which the hand was built.
@@ -64,11 +88,13 @@ pub struct Hand {
     pub masses: Vec<MassProperties>,
     /// The arm's tool frame in the palm frame.
     pub palm_from_flange: Isometry3<f64>,
+    /// Pads, in the order of the parameter file.
     pub pads: Vec<Pad>,
+    /// Cameras, pad by pad.
     pub cameras: Vec<PadCamera>,
     /// Cables, springs and opposition drive.
     pub transmission: Transmission,
-    /// Servos of the actuators: identical in the nominal hand, each with its own deviations in an individual.
+    /// Servos of the actuators: identical in the nominal hand, each with its own deviations in a plant instance.
     pub servos: Vec<Servo>,
     /// The digits' cables with their spools.
     pub cables: Vec<Cable>,
@@ -84,6 +110,9 @@ impl Hand {
     }
 
     /// Builds a hand from the text of a parameter file; `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`DataError`] with the field at fault.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         Ok(Self::build(HandParameters::parse(text, path)?))
     }

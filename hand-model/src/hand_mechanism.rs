@@ -1,6 +1,7 @@
 //! A hand as physics and grasp synthesis see it: collision shapes, joints and actuators.
 //!
-//! [`HandMechanism::from_hand`] builds it from a [`Hand`], [`crate::urdf_hand`] from any URDF.
+//! [`HandMechanism::from_hand`] builds it from a [`Hand`], [`HandMechanism::read`] from any URDF and an actuation file
+//! ([`crate::urdf_hand`]).
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -17,6 +18,7 @@ const EFFORT_TOLERANCE: f64 = 1e-9;
 /// An actuator's cable.
 #[derive(Debug, Clone)]
 pub struct CableActuator {
+    /// Name of the actuator, as in the hand's file.
     pub name: String,
     /// The joints on which the cable acts, with their levers.
     pub levers: Vec<(usize, Lever)>,
@@ -28,6 +30,7 @@ pub struct CableActuator {
 /// Servo that turns the thumb's opposition joint.
 #[derive(Debug, Clone, Copy)]
 pub struct OppositionServo {
+    /// Index of the opposition joint.
     pub joint: usize,
     /// Largest torque, N m.
     pub max_torque: f64,
@@ -121,8 +124,21 @@ pub struct PalmDescription {
 }
 
 /// Joints, links and actuators of a hand.
+///
+/// ```
+/// use hand_model::Hand;
+/// use hand_model::hand_mechanism::HandMechanism;
+///
+/// let mechanism = HandMechanism::from_hand(&Hand::ftac(), "ftac");
+/// // Efforts (N m) on the joints of the open hand if each of the five cables is pulled by 2 N.
+/// let open = mechanism.rest_coordinates();
+/// let efforts = mechanism.torques(&open, &[2.0; 5]);
+/// let index = mechanism.tree.find("index_1").expect("a joint of this name");
+/// assert!(efforts[index] > 0.01);
+/// ```
 #[derive(Debug, Clone)]
 pub struct HandMechanism {
+    /// Name of the hand.
     pub name: String,
     /// Name of the root link.
     pub root: String,
@@ -153,6 +169,7 @@ pub struct HandMechanism {
     /// True if digits interact through contact alone: neither a joint nor a link couples them, and the palm's solid
     /// collides with their first links.
     pub independent_digits: bool,
+    /// Links of the palm and its direction.
     pub palm: PalmDescription,
     /// Joints held at a fixed coordinate (rad or m); the tree does not contain them.
     pub held_joints: Vec<(String, f64)>,

@@ -39,6 +39,7 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent joint; `None` for the root link.
     pub parent: Option<usize>,
+    /// Motion of the joint.
     pub kind: JointKind,
     /// `parent_from_joint` at coordinate zero.
     pub origin: Isometry3<f64>,
@@ -61,6 +62,29 @@ impl Joint {
 }
 
 /// A kinematic tree; see the module documentation.
+///
+/// ```
+/// use hand_model::kinematics::{Joint, JointKind, Tree};
+/// use hand_model::nalgebra::{Isometry3, Point3, Vector3};
+///
+/// // A finger with two joints about z, 40 mm apart.
+/// let joint = |name: &str, parent, x| Joint {
+///     name: name.to_owned(),
+///     parent,
+///     kind: JointKind::Turn,
+///     origin: Isometry3::translation(x, 0.0, 0.0),
+///     axis: Vector3::z_axis(),
+///     lower: 0.0,
+///     upper: 1.57,
+/// };
+/// let finger = Tree { joints: vec![joint("proximal", None, 0.0), joint("distal", Some(0), 0.04)] };
+///
+/// let (distal, tip) = (1, Point3::new(0.03, 0.0, 0.0));
+/// let poses = finger.forward(&[0.0, 0.0]);
+/// assert!(((poses[distal] * tip).x - 0.07).abs() < 1e-12);
+/// // Rotation of the first joint moves the tip along y, by 70 mm per radian.
+/// assert!((finger.jacobian(&poses, distal, &tip)[(1, 0)] - 0.07).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Tree {
     /// Joints, parents first.

@@ -1,18 +1,70 @@
-//! The robot model: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
-//! [`robot::RobotBackend`] interface through which every controller drives every body.
+//! Models of robot hands and arms, and the interface between controllers and robots.
 //!
-//! The modules in reading order: [`robot_model`] reads a robot file, which names a hand and an arm. [`parameters`]
-//! reads the file with all numbers of the hand (`data/ftac_hand.toml`), and [`hand`] turns it into a
-//! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]. [`arm`] does the same for the Gen3. [`urdf_name`]
-//! writes both as URDF and reads any URDF back. [`hand_mechanism`] is the view of a hand that physics and grasp
-//! synthesis use; it is built from a parameter file, or by [`urdf_hand`] from a URDF. [`statics`] computes the postures
-//! at which the digits come to rest, and [`gravity`] the static loads on the arm's joints. [`robot`] defines what a body
-//! measures and which commands it takes.
+//! The crate answers the questions that perception, grasp synthesis, simulation and control ask about a hand: poses of
+//! links and tactile pads, moment arms, joint torques of the actuators, postures at rest, static loads on the arm. A
+//! hand is data: a parameter file, or a URDF and an actuation file. The F-TAC Hand on a Kinova Gen3 is built in.
 //!
-//! # Frames
-//! Right-handed, SI. `palm_description`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
-//! phalanx to the tip, y out of its palmar side, z the joint axis; a positive angle flexes. `pad/<name>`: origin in the
-//! centre of the sensing surface, y along the digit, z out of the surface. A pose `a_from_b` maps coordinates in b to a.
+//! # Example
+//! ```
+//! use hand_model::statics::free_equilibrium;
+//! use hand_model::{Digit, RobotModel};
+//!
+//! // `RobotModel::read(Path::new("robot.toml"))` reads a robot of your own.
+//! let robot = RobotModel::ftac_gen3();
+//! let hand = &robot.hand;
+//!
+//! // The index finger closes under a cable tension of 4 N.
+//! let mut tensions = hand.slack_tensions();
+//! tensions[Digit::Index.index()] = 4.0;
+//! let angles = free_equilibrium(hand, &tensions, 0.0);
+//!
+//! // Its fingertip pad, in the palm frame and in the base frame of the arm at home.
+//! let palm_from_link = hand.tree.forward(&angles);
+//! let pad = hand.find_pad("index_distal").expect("a pad of this name");
+//! let palm_from_pad = hand.pad_poses(&palm_from_link)[pad];
+//! let base_from_palm = robot.arm.tool_pose(&robot.arm.home) * hand.palm_from_flange.inverse();
+//! println!("{:.3?} m", (base_from_palm * palm_from_pad).translation.vector.as_slice());
+//! ```
+//!
+//! # Modules
+//! Models, from the whole to its parts:
+//! - [`robot_model`]: a robot file, which names an arm and a hand. [`arm`]: a serial arm. [`hand`]: a hand from its
+//!   parameter file ([`parameters`]), with its [`digit`]s, its [`transmission`] and its [`pads`].
+//! - [`hand_mechanism`]: the view of a hand that physics and grasp synthesis use: collision shapes, joints, actuators. It is
+//!   built from a [`Hand`], or by [`urdf_hand`] from a URDF and an actuation file.
+//! - [`kinematics`]: the tree of joints under all of them. [`urdf`]: writing and reading of URDF.
+//!
+//! Computations: [`statics`]: postures at which the digits come to rest, free or against an obstacle. [`gravity`]: static
+//! loads on the arm's joints.
+//!
+//! Interface: [`robot`]: what a robot measures and which commands it takes ([`robot::RobotBackend`]).
+//!
+//! # Two views of a hand
+//! | | [`Hand`] | [`hand_mechanism::HandMechanism`] |
+//! |---|---|---|
+//! | source | parameter file | parameter file, or URDF and actuation file |
+//! | joints | at most [`MAX_HAND_JOINTS`](hand::MAX_HAND_JOINTS) | any number |
+//! | actuators | one for each of at most five digits, and the thumb's opposition | any number, each pulling any joints |
+//! | shapes | a rounded box for each link | any number of primitives and convex hulls |
+//! | tactile pads and cameras | yes | no |
+//! | drives an arm and a [`robot::RobotBackend`] | yes, as part of a [`RobotModel`] | no |
+//!
+//! # Frames and units
+//! Right-handed; SI units throughout: m, rad, kg, N, N m, s. `palm`: y towards the fingertips, x towards the thumb side,
+//! -z out of the palm. Link frames of a [`Hand`]: x along the phalanx to the tip, y out of its palmar side, z the joint
+//! axis; a positive angle flexes. `pad/<name>`: origin in the centre of the sensing surface, y along the digit, z out of
+//! the surface. A pose `a_from_b` maps coordinates in b to a.
+//!
+//! # Limitations
+//! A [`Hand`] has at most five digits, each closed by one actuator, so a hand with a motor in each joint is
+//! approximated: the motors of a digit pull together, and joints that move sideways are held. Cables cross at most
+//! [`MAX_SPANS`](transmission::MAX_SPANS) joints. An arm has at most [`MAX_ARM_JOINTS`](arm::MAX_ARM_JOINTS) joints, all of
+//! them revolute. Tactile images have one size, [`IMAGE_SIZE`](pads::IMAGE_SIZE) pixels a side. There is no dynamics: couple a
+//! [`HandMechanism`](hand_mechanism::HandMechanism) to a physics engine.
+//!
+//! Only Unix systems.
+
+#![deny(missing_docs, unreachable_pub)]
 
 pub mod arm;
 pub mod digit;
@@ -34,5 +86,17 @@ pub use digit::{Digit, Phalanx};
 pub use hand::{ActuatorVector, DigitVector, Hand, HandVector};
 pub use robot_model::{RobotModel, RobotSources};
 
+/// Error of reading a file of a robot, with file, field, value and expectation.
+pub use ftac_platform::DataError;
+/// Restricts the files that a robot file may name.
+pub use ftac_platform::file_access::FileAccess;
+/// Vectors, points and poses of this crate's interface.
+pub use nalgebra;
+
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = 9.81;
+
+/// Compiles and runs the examples of the package's page.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

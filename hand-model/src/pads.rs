@@ -1,8 +1,11 @@
-//! The 17 tactile pads: poses, sizes, and the part of each that each of the 18 cameras sees.
+//! Tactile pads: poses, sizes, and the rectangle of each that a camera sees.
+//!
+//! The F-TAC Hand has 17 pads and 18 cameras; another hand has as many as its parameter file lists. Images of all cameras
+//! are rectified to squares of [`IMAGE_SIZE`] pixels, whatever the size of the rectangle.
 
 use nalgebra::{Isometry3, Point3};
 
-/// One tactile pad. Frame: origin in the centre of the surface, x across, y along the digit, z out of the surface.
+/// A tactile pad. Frame: origin in the centre of the surface, x across, y along the digit, z out of the surface.
 #[derive(Debug, Clone)]
 pub struct Pad {
     /// Name, `<digit>_<phalanx>` or `palm_<side>`.
@@ -24,6 +27,18 @@ pub struct Pad {
 }
 
 /// The rectangle of a pad that one camera sees. Its images are rectified to 240 x 240 pixels.
+///
+/// ```
+/// use hand_model::Hand;
+///
+/// let hand = Hand::ftac();
+/// let camera = &hand.cameras[0];
+/// let pad = &hand.pads[camera.pad];
+/// // A pixel, as a point on the undeformed surface in the pad's frame, m.
+/// let (x, y) = camera.pixel_center(120, 60);
+/// let z = pad.surface_height(x, y);
+/// assert!(x.abs() <= 0.5 * pad.w && y.abs() <= 0.5 * pad.h && z <= 0.0);
+/// ```
 #[derive(Debug, Clone)]
 pub struct PadCamera {
     /// Name, `<pad>` or `<pad>_<n>`.

@@ -1,4 +1,7 @@
-//! The parameter file of the hand: all its numbers, as TOML, and checks with helpful errors.
+//! The parameter file of a hand: all its numbers, as TOML, with checks that name file and field.
+//!
+//! `data/ftac_hand.toml`, `data/robots/allegro.toml` and `data/robots/franka_hand.toml` are complete files with comments:
+//! a hand driven by cables, one with motors in its joints, and a parallel gripper. All values are in SI units.
 
 mod checks;
 mod grasps;
@@ -15,26 +18,55 @@ use ftac_platform::data::{DataError, parse_toml};
 pub use self::grasps::{GraspRanges, Grasps, ThumbRanges};
 pub use self::hold_detection::{HoldLimits, PalpationParameters};
 
-/// The content of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file, which documents
-/// them.
+/// The content of a hand's parameter file such as `ftac_hand.toml`. Field names are those of the file.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use hand_model::parameters::HandParameters;
+///
+/// # const TEXT: &str = include_str!("../data/robots/franka_hand.toml");
+/// let gripper = HandParameters::parse(TEXT, Path::new("franka_hand.toml"))?;
+/// assert!(gripper.joint.iter().all(|joint| joint.slide));
+///
+/// // A fault is reported with file, field, value and expectation.
+/// let error = HandParameters::parse(&TEXT.replacen("mass = 0.05", "mass = 0.0", 1), Path::new("mine.toml"));
+/// let message = error.expect_err("a link without mass").to_string();
+/// assert_eq!(message, "mine.toml: joint[thumb_1].mass: found 0, expected a positive mass in kg");
+/// # Ok::<(), hand_model::DataError>(())
+/// ```
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct HandParameters {
+    /// Version of the file format, 1.
     pub version: u32,
+    /// Name of the hand.
     pub name: String,
+    /// Handedness; all numbers of the file are those of the left hand.
     pub handedness: Handedness,
+    /// The palm, root of all digits.
     pub palm: Palm,
+    /// Elastomer of the pads.
     pub gel: Gel,
+    /// Servos, all alike.
     pub servo: Servo,
+    /// Cables, all alike.
     pub cable: Cable,
+    /// Values of the joints that state none of their own.
     pub joint_defaults: JointDefaults,
+    /// Joints with their links, parents first, digit by digit.
     pub joint: Vec<JointParameters>,
+    /// Actuators: one for each digit in the order of [`crate::Digit`], then that of the opposition, if there is one.
     pub actuator: Vec<ActuatorParameters>,
+    /// Sensor configurations by their letter.
     pub configuration: std::collections::BTreeMap<String, SensorConfiguration>,
+    /// Pads; at least one.
     pub pad: Vec<PadParameters>,
+    /// Sets of digits that take objects; default: those of the F-TAC Hand.
     pub grasps: Option<Grasps>,
+    /// Thresholds for detecting a hold, for controllers that decide by them.
     pub hold: Option<HoldLimits>,
+    /// Palpation; none for a hand that does not palpate.
     pub palpation: Option<PalpationParameters>,
 }
 
@@ -62,33 +94,43 @@ impl fmt::Debug for HandParameters {
 /// Handedness of the hand; `Right` mirrors the model in x.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[allow(missing_docs)]
 pub enum Handedness {
+    /// Left hand, as in the file.
     Left,
+    /// Right hand: the mirror image.
     Right,
 }
 
-/// A rounded box around a link: centre and half extents (m, including the rounding) in the link frame.
+/// A rounded box around a link, in the link's frame.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct Cover {
+    /// Centre, m.
     pub center: [f64; 3],
+    /// Orientation: fixed-axis roll, pitch, yaw, rad.
     #[serde(default)]
     pub rpy: [f64; 3],
+    /// Half extents including the rounding, m.
     pub half: [f64; 3],
+    /// Rounding radius, m.
     pub radius: f64,
 }
 
+/// The palm.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct Palm {
+    /// Mass without the servo pack, kg.
     pub mass: f64,
+    /// Centre of mass without the servo pack, palm frame, m.
     pub com: [f64; 3],
+    /// Origin of the arm's flange in the palm frame, m. The flange's z axis points along y of the palm.
     pub flange_xyz: [f64; 3],
+    /// Mass of servos and electronics that move with the palm, kg.
     pub servo_pack_mass: f64,
+    /// Centre of mass of the servo pack, palm frame, m.
     pub servo_pack_com: [f64; 3],
+    /// Collision shape.
     pub cover: Cover,
 }
 
@@ -139,46 +181,62 @@ pub struct Cable {
     pub friction: CableFriction,
 }
 
+/// Damping and armature of joints that state none of their own.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct JointDefaults {
+    /// Damping, N m s/rad or N s/m.
     pub damping: f64,
+    /// Armature (reflected inertia of the drive), kg m2 or kg.
     pub armature: f64,
 }
 
+/// A joint and its link. The joint turns about, or slides along, the z axis of its frame.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct JointParameters {
+    /// Name of the joint and of its link.
     pub name: String,
+    /// Parent link: `palm`, or the name of an earlier joint.
     pub parent: String,
+    /// Origin of the joint frame in the parent frame, m.
     pub xyz: [f64; 3],
+    /// Orientation of the joint frame: fixed-axis roll, pitch, yaw, rad.
     pub rpy: [f64; 3],
+    /// Lower limit, rad or m.
     pub lower: f64,
+    /// Upper limit, rad or m.
     pub upper: f64,
+    /// Mass of the link, kg.
     pub mass: f64,
+    /// Collision shape of the link; its mass is distributed over this box.
     pub cover: Cover,
+    /// Stiffness of the opening spring, N m/rad or N/m; its rest coordinate is 0.
     pub spring: f64,
+    /// Guide point of the cable on the parent link: along the link and towards the palm side, m.
     pub guide_before: Option<[f64; 2]>,
+    /// Guide point of the cable on the joint's own link, m.
     pub guide_after: Option<[f64; 2]>,
     /// Constant moment arm of the cable, m; for a sliding joint, force over tension. Replaces the guides.
     pub arm: Option<f64>,
     /// True if the joint slides along its z axis; otherwise it turns about it.
     #[serde(default)]
     pub slide: bool,
+    /// Coupling to another joint.
     pub follows: Option<Follows>,
-    /// Override of `joint_defaults`.
+    /// Override of the default damping, N m s/rad or N s/m.
     pub damping: Option<f64>,
+    /// Override of the default armature, kg m2 or kg.
     pub armature: Option<f64>,
 }
 
 /// Coupling of a joint to the one it follows.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct Follows {
+    /// Name of the joint that is followed.
     pub joint: String,
+    /// Motion of the joint over that of the followed one; default: 1.
     #[serde(default = "one")]
     pub multiplier: f64,
 }
@@ -187,17 +245,20 @@ fn one() -> f64 {
     1.0
 }
 
+/// An actuator: it pulls the cable of a digit, or turns the opposition joint.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct ActuatorParameters {
+    /// Name, for a cable that of the digit.
     pub name: String,
+    /// Names of the joints that the cable crosses, proximal first.
     #[serde(default)]
     pub cable: Vec<String>,
+    /// Name of the opposition joint, for the actuator that turns it instead of pulling a cable.
     pub drives: Option<String>,
 }
 
-/// A sensor configuration from the paper's table.
+/// A sensor configuration: size of the pads of one kind, and their number of cameras.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorConfiguration {
@@ -209,20 +270,29 @@ pub struct SensorConfiguration {
     pub cameras: usize,
 }
 
+/// A tactile pad on a link.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct PadParameters {
+    /// Name of the pad.
     pub name: String,
+    /// Link that carries it: `palm`, or the name of a joint.
     pub link: String,
+    /// Letter of its sensor configuration.
     pub configuration: String,
+    /// Centre of the sensing surface, link frame, m.
     pub center: [f64; 3],
+    /// Direction of the pad's y axis (along the digit), link frame.
     pub y: [f64; 3],
+    /// Direction out of the surface, link frame.
     pub z: [f64; 3],
 }
 
 impl HandParameters {
     /// Parses and checks the text of a parameter file; `path` is only used in errors.
+    ///
+    /// # Errors
+    /// [`DataError`] with the field at fault.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let parameters: Self = parse_toml(text, path)?;
         parameters.check(path)?;

@@ -7,6 +7,11 @@
 //! noise samples and true contact forces reach only the referee, through a separate interface of the simulator.
 //!
 //! A [`Plant`] is the physics behind emulated devices. It cannot fail.
+//!
+//! # Your own robot
+//! Implement [`RobotBackend`] for your robot or simulator. Servo values are listed in the order of the model's actuators
+//! ([`crate::Hand::servos`]), joint values in that of the arm's joints. A robot without an arm or without cameras reports
+//! nothing for them; see the example `backend` of this package.
 
 use std::sync::Arc;
 
@@ -67,6 +72,7 @@ pub struct TactileFrame {
 /// A measured value with its time of validity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading<T> {
+    /// The measured value.
     pub value: T,
     /// Time of validity, s since the backend was started.
     pub time: f64,
@@ -81,6 +87,7 @@ pub struct Readings {
     pub sequence: u64,
     /// Reading of each actuator.
     pub servos: ActuatorVector<Option<Reading<ServoState>>>,
+    /// Reading of the arm.
     pub arm: Option<Reading<ArmState>>,
     /// Tactile images that arrived since the last readings.
     pub tactile: Vec<TactileFrame>,
@@ -115,6 +122,7 @@ impl From<Observation> for Readings {
 pub enum RobotDevice {
     /// A servo, by the index of its actuator.
     Servo(usize),
+    /// The arm.
     Arm,
 }
 
@@ -147,12 +155,13 @@ pub enum RobotError {
 /// A complete set of the newest measurements.
 #[derive(Debug, Clone, Default)]
 pub struct Observation {
-    /// Time of the measurement, s since the body was started.
+    /// Time of the measurement, s since the backend was started.
     pub time: f64,
     /// Number of the tick.
     pub sequence: u64,
     /// State of each actuator.
     pub servos: ActuatorVector<ServoState>,
+    /// State of the arm.
     pub arm: ArmState,
     /// Tactile images that arrived since the last observation.
     pub tactile: Vec<TactileFrame>,
@@ -180,7 +189,7 @@ impl Default for ServoGoal {
 }
 
 /// One tick's command.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RobotCommand {
     /// Arm joint position set-points, rad.
     pub arm: ArmVector,
@@ -193,13 +202,59 @@ pub struct RobotCommand {
 /// Timing of a control tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tick {
-    /// Time, s since the body was started.
+    /// Time, s since the backend was started.
     pub time: f64,
     /// Lateness of the tick, s; 0 in simulation.
     pub lateness: f64,
 }
 
-/// A robot that can be driven.
+/// A robot that can be driven: simulated, real, emulated or replayed.
+///
+/// ```
+/// use hand_model::robot::{ArmState, Observation, Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, ServoState, Tick};
+///
+/// /// A gripper with one servo and no arm, whose servo follows its goal at once.
+/// #[derive(Default)]
+/// struct Gripper {
+///     time: f64,
+///     servo: ServoState,
+/// }
+///
+/// impl RobotBackend for Gripper {
+///     fn observe(&mut self) -> Result<Readings, RobotError> {
+///         let servos = [self.servo].into_iter().collect();
+///         Ok(Observation { time: self.time, servos, arm: ArmState::default(), ..Observation::default() }.into())
+///     }
+///
+///     fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
+///         // Limits of the robot are applied here, and the caller is told.
+///         let mut sent = *command;
+///         if let ServoGoal::Position { angle, .. } = &mut sent.servos[0] {
+///             *angle = angle.clamp(0.0, 1.0);
+///             self.servo.position = *angle;
+///         }
+///         Ok(sent)
+///     }
+///
+///     fn wait_for_tick(&mut self) -> Tick {
+///         self.time += self.tick_length();
+///         Tick { time: self.time, lateness: 0.0 }
+///     }
+///
+///     fn tick_length(&self) -> f64 {
+///         0.01
+///     }
+/// }
+///
+/// let mut gripper = Gripper::default();
+/// let goal = ServoGoal::Position { angle: 2.0, current_limit: 0.5 };
+/// let command = RobotCommand { servos: [goal].into_iter().collect(), ..RobotCommand::default() };
+/// let sent = gripper.send(&command)?;
+/// assert_eq!(sent.servos[0], ServoGoal::Position { angle: 1.0, current_limit: 0.5 });
+/// gripper.wait_for_tick();
+/// assert_eq!(gripper.observe()?.into_observation()?.servos[0].position, 1.0);
+/// # Ok::<(), RobotError>(())
+/// ```
 pub trait RobotBackend {
     /// Returns the newest readings.
     ///
@@ -237,9 +292,11 @@ impl<R: RobotBackend + ?Sized> RobotBackend for Box<R> {
 
 /// Physics on which emulated devices act. Its methods are those of a [`RobotBackend`] that never fails.
 pub trait Plant {
+    /// Returns the newest measurements.
     fn observe(&mut self) -> Observation;
     /// Takes a command and returns the one that it follows.
     fn send(&mut self, command: &RobotCommand) -> RobotCommand;
+    /// Simulates one control tick.
     fn wait_for_tick(&mut self) -> Tick;
     /// Returns the length of a control tick, s.
     fn tick_length(&self) -> f64;

@@ -3,7 +3,7 @@
 //! ```toml
 //! version = 1
 //! name = "ftac_small_right"
-//! arm = "gen3"                  # the Gen3, or a parameter file beside this one, which may name a URDF: see [`crate::arm`]
+//! arm = "gen3"                  # the Gen3, or a parameter file beside this one, which may name a URDF: see `hand_model::arm`
 //! calibration = "pads.json"     # photometric calibration of the pads; default: the built-in one
 //!
 //! [mount]                       # of the hand on the arm's flange, z out of it; default: straight on it
@@ -57,10 +57,28 @@ const BUILTIN_ARM: &str = "gen3";
 const SCALE_RANGE: [f64; 2] = [0.5, 2.0];
 
 /// Arm and hand: everything that is fixed for a run.
+///
+/// ```
+/// use hand_model::{RobotModel, RobotSources};
+///
+/// // The same as `RobotModel::read(Path::new("right.toml"))`, from text.
+/// let robot = "version = 1\nname = \"right\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\nhandedness = \"right\"\n";
+/// let sources = RobotSources { name: "right.toml".into(), robot: robot.to_owned(), files: [].into() };
+/// let robot = RobotModel::from_sources(Some(&sources))?;
+///
+/// // The palm in the base frame of the arm at home.
+/// let base_from_palm = robot.arm.tool_pose(&robot.arm.home) * robot.hand.palm_from_flange.inverse();
+/// println!("{}: palm at {:.3?} m", robot.name, base_from_palm.translation.vector.as_slice());
+/// assert!(!robot.moves_like(&RobotModel::ftac_gen3()));
+/// # Ok::<(), hand_model::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct RobotModel {
+    /// Name of the robot, as in its file.
     pub name: String,
+    /// The arm, with the hand's mount in its tool frame.
     pub arm: Arc<Arm>,
+    /// The hand.
     pub hand: Arc<Hand>,
     /// Pitch of the fingers below the horizontal when a trial begins, rad.
     pub start_pitch: f64,
@@ -164,7 +182,7 @@ impl RobotSources {
     /// out, because it has to be made with the robot.
     ///
     /// # Errors
-    /// [`TaxonomyError`] with the file and field at fault.
+    /// [`DataError`] with the file and field at fault.
     pub fn read(path: &Path, reach: FileAccess) -> Result<Self, DataError> {
         let robot = read_text(path)?;
         let file: RobotFile = parse_toml(&robot, path)?;
@@ -201,7 +219,7 @@ impl RobotModel {
     /// Reads a robot file; the files that it names are looked for beside it.
     ///
     /// # Errors
-    /// [`TaxonomyError`] with the file and field at fault.
+    /// [`DataError`] with the file and field at fault.
     pub fn read(path: &Path) -> Result<Self, DataError> {
         Self::parse(&RobotSources::read(path, FileAccess::Anywhere)?, path)
     }
@@ -214,7 +232,7 @@ impl RobotModel {
         sources.map_or_else(|| Ok(Self::ftac_gen3()), |sources| Self::parse(sources, &sources.name))
     }
 
-    /// Returns the nominal robot as its files define it. For an individual, that is the robot of which it is one.
+    /// Returns the nominal robot as its files define it. For a plant instance, that is the robot of which it is one.
     ///
     /// # Errors
     /// Those of [`Self::parse`].
@@ -230,7 +248,7 @@ impl RobotModel {
     /// Builds the robot from `sources`; `path` is used in errors.
     ///
     /// # Errors
-    /// [`TaxonomyError`] with the file and field at fault.
+    /// [`DataError`] with the file and field at fault.
     pub fn parse(sources: &RobotSources, path: &Path) -> Result<Self, DataError> {
         let file: RobotFile = parse_toml(&sources.robot, path)?;
         if file.version != VERSION {
@@ -259,7 +277,7 @@ impl RobotModel {
             HandParameters::parse(text, &path)?
         };
         file.hand.apply(&mut parameters, path)?;
-        // Sessions and individuals name the hand to which they belong.
+        // Sessions and plant instances name the hand to which they belong.
         parameters.name.clone_from(&file.name);
         Ok(Self {
             name: file.name,
@@ -274,7 +292,7 @@ impl RobotModel {
     /// Returns the pads' photometric calibration, if it is not the built-in one: text and name of its file.
     ///
     /// # Errors
-    /// [`TaxonomyError`] for a file that was missing.
+    /// [`DataError`] for a file that was missing.
     pub fn calibration(&self) -> Result<Option<(&str, PathBuf)>, DataError> {
         let Some((sources, name)) = self.sources.as_ref().zip(self.calibration.as_ref()) else { return Ok(None) };
         match sources.files.get(name) {

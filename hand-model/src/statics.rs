@@ -9,6 +9,24 @@
 //!
 //! With friction in the guides every span has its own tension ([`crate::transmission::friction`]). The span tensions
 //! are frozen at the posture from which a load step starts, and updated until they no longer change.
+//!
+//! ```
+//! use hand_model::nalgebra::Vector3;
+//! use hand_model::statics::{GuideFriction, contact_equilibrium, free_equilibrium};
+//! use hand_model::{Digit, Hand};
+//!
+//! let hand = Hand::ftac();
+//! let (tensions, opposition) = ([0.0, 6.0, 6.0, 6.0, 6.0], 0.0);
+//! let free = free_equilibrium(&hand, &tensions, opposition);
+//!
+//! // The same tensions, with a wall 40 mm in front of the palm frame's origin; its outward direction is +z.
+//! let wall = |point: &hand_model::nalgebra::Point3<f64>| (point.z + 0.040, Vector3::z());
+//! let stiffness = hand.gel().stiffness;
+//! let blocked = contact_equilibrium(&hand, &tensions, opposition, &GuideFriction::NONE, stiffness, wall)?;
+//! let knuckle = hand.links(Digit::Index)[0];
+//! assert!(blocked.angles[knuckle] < free[knuckle] && !blocked.contact_forces.is_empty());
+//! # Ok::<(), hand_model::statics::NoEquilibrium>(())
+//! ```
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
@@ -115,6 +133,9 @@ pub fn free_equilibrium_with_friction(
 
 /// Computes the equilibrium against an obstacle. `obstacle` returns the signed distance (m, negative inside) of a point
 /// in the palm frame and the outward direction there. `foundation` is the skin's stiffness, Pa/m.
+///
+/// # Errors
+/// [`NoEquilibrium`] with the first digit that does not come to rest.
 pub fn contact_equilibrium(
     hand: &Hand,
     tensions: &[f64],
@@ -140,6 +161,9 @@ pub fn contact_equilibrium(
 /// Computes the joint angles (rad) after one `digit` has continued closing at its `tension` (N) from the hand's angles
 /// `q` (rad) until it rests against an obstacle. The obstacle may differ from link to link: signed distance and outward
 /// direction as in [`contact_equilibrium`].
+///
+/// # Errors
+/// [`NoEquilibrium`] if the digit does not come to rest.
 pub fn close_digit(
     hand: &Hand,
     (digit, tension): (Digit, f64),

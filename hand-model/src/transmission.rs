@@ -17,6 +17,21 @@
 //! dissipated in the guides. Cable stretch (`[cable] stiffness`) is between the spool and the first span, where the
 //! servo winds.
 
+//!
+//! ```
+//! use hand_model::Hand;
+//!
+//! let hand = Hand::ftac();
+//! let (transmission, index) = (&hand.transmission, 1);
+//! // Joint angles (rad) at which the springs balance a tension of 4 N, and the cable that is then wound up.
+//! let mut q = hand.open_angles();
+//! for (joint, angle) in transmission.free_angles(index, 4.0) {
+//!     q[joint] = angle;
+//! }
+//! println!("{:.1} mm of cable", 1e3 * transmission.cables[index].excursion(&q));
+//! # assert!(transmission.cables[index].excursion(&q) > 1e-3);
+//! ```
+
 pub mod friction;
 
 use friction::CableFriction;
@@ -112,6 +127,7 @@ impl Lever {
 pub struct Crossing {
     /// Index in the hand's joint vector.
     pub joint: usize,
+    /// Action of the cable on the joint.
     pub lever: Lever,
     /// Limits of the joint, rad or m.
     pub range: [f64; 2],
@@ -188,7 +204,9 @@ impl CablePath {
 /// A joint that a mechanism couples to another: q = multiplier * q_leader + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
+    /// Index of the following joint.
     pub joint: usize,
+    /// Index of the joint that it follows.
     pub leader: usize,
     /// Ratio of its motion to the leader's.
     pub multiplier: f64,
@@ -223,7 +241,7 @@ impl Transmission {
         self.span_torques(q, tensions.iter().map(|tension| [*tension; MAX_SPANS]))
     }
 
-    /// Like [`Self::pack_torques`], with the tension (N) of each span of the cables.
+    /// Like [`Self::torques`], with the tension (N) of each span of the cables.
     pub fn span_torques(&self, q: &[f64], spans: impl Iterator<Item = [f64; MAX_SPANS]>) -> HandVector {
         let mut torques: HandVector = q.iter().enumerate().map(|(joint, q)| -self.spring_torque(joint, *q)).collect();
         for (cable, tensions) in self.cables.iter().zip(spans) {

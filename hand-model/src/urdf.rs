@@ -1,5 +1,19 @@
-//! Writing and reading of URDF. The URDFs of the hand and the arm are generated from their parameters and checked in
-//! (`data/*.urdf_name`). Any URDF can be read into a [`Tree`], with errors that name file, element and field.
+//! Writing and reading of URDF.
+//!
+//! [`hand_urdf`] and [`arm_urdf`] write a model as URDF; those of the built-in hand and arm are in `data/*.urdf`. Any
+//! URDF can be read into a [`Tree`], with errors that name file, element and field.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use hand_model::Arm;
+//! use hand_model::urdf::{arm_urdf, parse_tree};
+//!
+//! let text = arm_urdf(&Arm::gen3());
+//! let tree = parse_tree(text.as_bytes(), Path::new("gen3.urdf"), &["joint_1", "joint_7"])?;
+//! assert_eq!(tree.len(), 7);
+//! # Ok::<(), hand_model::DataError>(())
+//! ```
 
 pub(crate) mod numbers;
 mod screen;
@@ -15,7 +29,7 @@ use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
 use ftac_platform::data::DataError;
 
-/// Writes the hand as URDF text. The root link is `palm_description`; covers are boxes.
+/// Writes the hand as URDF text. The root link is `palm`; covers are boxes.
 pub fn hand_urdf(hand: &Hand) -> String {
     let mut out = header(&hand.parameters.name);
     link(&mut out, "palm", Some(&hand.palm_mass), Some((&hand.palm_cover.link_from_cover, hand.palm_cover.half)));
@@ -131,11 +145,17 @@ fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, chil
 
 /// Reads the movable joints of a URDF into a tree; fixed joints are folded into the frames. `expected` names joints
 /// that must exist. Link inertias are checked, because a moving link without mass breaks any dynamics engine.
+///
+/// # Errors
+/// [`DataError`] with the element and field at fault.
 pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     parse_tree(&read_bytes(path)?, path, expected)
 }
 
-/// Like [`read_tree`], from text.
+/// Like [`read_tree`], from text; `path` is used in errors.
+///
+/// # Errors
+/// [`DataError`] with the element and field at fault.
 pub fn parse_tree(text: &[u8], path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     let (robot, _) = parse_robot(text, path)?;
     check_masses(&robot, path)?;
@@ -143,6 +163,9 @@ pub fn parse_tree(text: &[u8], path: &Path, expected: &[&str]) -> Result<Tree, D
 }
 
 /// Reads the joints' frames only, to inspect a file whose links need no mass.
+///
+/// # Errors
+/// [`DataError`] with the element and field at fault.
 pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     frames(&parse_robot(&read_bytes(path)?, path)?.0, path, expected)
 }

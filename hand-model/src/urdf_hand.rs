@@ -1,6 +1,7 @@
-//! A hand from a URDF, which gives the mechanism, and a small file that defines the actuators ("pulls").
+//! A hand from a URDF, which gives the mechanism, and an actuation file, which gives the actuators and springs.
 //!
-//! The pulls file is TOML. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
+//! The actuation file is TOML; `data/hands` has those of the Ability, Allegro, Barrett, LEAP and Shadow hands and of the
+//! EZGripper. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
 //! a positive angle lengthens the cable; for a sliding joint, force over tension). Springs are torsion springs with
 //! rest at 0, or at the angle of `[open]`:
 //!
@@ -60,14 +61,48 @@ use actuation::ActuationFile;
 /// Radius of the pinion that is assumed to drive a sliding joint if `[slide]` is not given, m. It converts the damping,
 /// armature and spring of a revolute joint to those of a sliding one.
 const PINION_RADIUS: f64 = 0.01;
+
 impl HandMechanism {
-    /// Reads a hand from its URDF and its pulls file.
+    /// Reads a hand from its URDF and its actuation file (`pulls`).
+    ///
+    /// # Errors
+    /// [`DataError`] with the element and field at fault.
     pub fn read(urdf: &Path, pulls: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let robot = read_bytes(urdf)?;
         Self::from_files(&robot, urdf, parse_toml(&read_text(pulls)?, pulls)?, pulls, meshes)
     }
 
     /// Like [`Self::read`], from text; meshes are looked for beside `urdf_path`.
+    ///
+    /// # Errors
+    /// [`DataError`] with the element and field at fault.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use hand_model::hand_mechanism::HandMechanism;
+    /// use hand_model::urdf_hand::MeshTools;
+    ///
+    /// let urdf = r#"<robot name="clamp"><link name="base"/>
+    ///   <link name="jaw"><inertial><mass value="0.1"/><inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+    ///     <collision><geometry><box size="0.04 0.01 0.02"/></geometry></collision></link>
+    ///   <joint name="hinge" type="revolute"><parent link="base"/><child link="jaw"/><axis xyz="0 1 0"/>
+    ///     <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+    /// let actuation = r#"
+    /// version = 1
+    /// damping = 0.01
+    /// armature = 1e-4
+    /// spring = 0.02
+    /// [[actuator]]
+    /// name = "close"
+    /// arms = { hinge = 0.01 }
+    /// "#;
+    /// let files = [Path::new("clamp.urdf"), Path::new("clamp.toml")];
+    /// let clamp = HandMechanism::parse(urdf, files[0], actuation, files[1], MeshTools::NONE)?;
+    /// // 1 N m at an arm of 10 mm: the URDF's effort allows 100 N.
+    /// assert_eq!(clamp.limit_tensions(&[250.0]), (vec![100.0], vec![0]));
+    /// # Ok::<(), hand_model::DataError>(())
+    /// ```
     pub fn parse(
         urdf: &str,
         urdf_path: &Path,
@@ -79,6 +114,9 @@ impl HandMechanism {
     }
 
     /// Reads a hand from its URDF alone: every joint that does not follow another moves, and nothing pulls.
+    ///
+    /// # Errors
+    /// [`DataError`] with the element and field at fault.
     pub fn read_unactuated(urdf: &Path, meshes: MeshTools) -> Result<Self, DataError> {
         let bytes = read_bytes(urdf)?;
         let (robot, _) = parse_robot(&bytes, urdf)?;

@@ -1,7 +1,7 @@
 //! Child processes that do not inherit this program's secrets.
 //!
-//! Every program of this workspace that starts another one uses [`command`]. The child (a user's policy, a viewer, a
-//! cluster job) does not see the environment variables that hold secrets of this program.
+//! A child (a user's policy, a viewer, a cluster job) started by [`command`] does not see the environment variables that
+//! hold secrets of this program: those whose names begin with `FTAC_` and contain `PASSWORD`, `SECRET` or `TOKEN`.
 
 use std::ffi::OsStr;
 use std::process::Command;
@@ -10,6 +10,12 @@ use std::process::Command;
 const SECRET_WORDS: [&str; 3] = ["PASSWORD", "SECRET", "TOKEN"];
 
 /// Returns a command that inherits this program's environment without its secrets.
+///
+/// ```
+/// let output = ftac_platform::child::command("echo").arg("hello").output()?;
+/// assert_eq!(output.stdout, b"hello\n");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     for (name, _) in std::env::vars_os() {

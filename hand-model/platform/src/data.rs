@@ -1,4 +1,4 @@
-//! Reading and writing of data files. Their one error type, [`TaxonomyError`], names the file, the field, what was found
+//! Reading and writing of data files. Their one error type, [`DataError`], names the file, the field, what was found
 //! and what was expected.
 
 use std::path::{Path, PathBuf};
@@ -81,11 +81,17 @@ impl DataError {
 }
 
 /// Calls [`file::write_atomically`]; the error names the file.
+///
+/// # Errors
+/// [`DataError::Write`].
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     file::write_atomically(path, bytes).map_err(|source| DataError::Write { path: path.into(), source })
 }
 
 /// Reads the text of a regular file of at most [`file::MAX_TEXT_SIZE`] bytes.
+///
+/// # Errors
+/// [`DataError::Io`].
 pub fn read_text(path: &Path) -> Result<String, DataError> {
     file::read_text(path).map_err(|source| DataError::Io { path: path.into(), source })
 }
@@ -95,6 +101,26 @@ pub fn read_text(path: &Path) -> Result<String, DataError> {
 /// The error shows the offending line only if the target type has that field. For an unknown field it shows the field's
 /// name alone, and for a text that is not TOML it shows no content: such a file may be anything, and its content is not
 /// for whoever reads the error.
+///
+/// # Errors
+/// [`DataError::Syntax`], or [`DataError::Line`] for a text that is not TOML.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use ftac_platform::data::parse_toml;
+///
+/// #[derive(Debug, serde::Deserialize)]
+/// struct Ball {
+///     radius: f64,
+/// }
+///
+/// let ball: Ball = parse_toml("radius = 0.02", Path::new("ball.toml"))?;
+/// assert_eq!(ball.radius, 0.02);
+/// let error = parse_toml::<Ball>("\nradius = \"2 cm\"\n", Path::new("ball.toml")).expect_err("a text");
+/// assert!(error.to_string().starts_with("ball.toml:2: `radius = \"2 cm\"`: invalid type"));
+/// # Ok::<(), ftac_platform::DataError>(())
+/// ```
 pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, DataError> {
     toml::from_str(text).map_err(|error| {
         let span = error.span().unwrap_or_default();

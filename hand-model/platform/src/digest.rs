@@ -3,6 +3,11 @@
 use sha2::{Digest as _, Sha256};
 
 /// Returns the SHA-256 of `bytes`, 64 digits.
+///
+/// ```
+/// let digest = ftac_platform::digest::sha256(b"abc");
+/// assert!(digest.starts_with("ba7816bf") && digest.len() == 64);
+/// ```
 pub fn sha256(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
 }

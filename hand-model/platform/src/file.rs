@@ -13,6 +13,19 @@ use tempfile::Builder;
 /// The bytes go to a temporary file in the same folder, which is synced and then renamed. The folder must exist. A
 /// symbolic link stays a link: the file it points to is replaced. Anything that is not a regular file (`/dev/stdout`, a
 /// pipe) cannot be replaced and is written to directly. A new file has the permissions 0644.
+///
+/// # Errors
+/// The operating system's error, which does not name the file. The previous content is then unchanged.
+///
+/// ```
+/// use ftac_platform::file::{read_text, write_atomically};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("result.json");
+/// write_atomically(&path, b"{}")?;
+/// assert_eq!(read_text(&path)?, "{}");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let target = path.canonicalize();
     let path = target.as_deref().unwrap_or(path);
@@ -28,8 +41,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Size limit of a text that is read whole, bytes: enough for a million grasps, or for a scenario with large meshes in
-/// it.
+/// Size limit of a text that is read whole, bytes.
 pub const MAX_TEXT_SIZE: u64 = 1 << 30;
 
 /// Opens a regular file of at most `most` bytes. A pipe, a device or a folder is refused before it is opened, because
@@ -52,7 +64,10 @@ pub fn open_regular(path: &Path, most: u64) -> io::Result<File> {
     File::open(path)
 }
 
-/// Reads a regular file of at most `most` bytes. Errors are those of [`open_regular`].
+/// Reads a regular file of at most `most` bytes.
+///
+/// # Errors
+/// Those of [`open_regular`].
 pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     // The file may grow while it is read, and files of /proc report no size.
@@ -60,8 +75,10 @@ pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads the text of a regular file of at most [`MAX_TEXT_SIZE`] bytes. Errors are those of [`open_regular`], and one for a
-/// file that is not UTF-8.
+/// Reads the text of a regular file of at most [`MAX_TEXT_SIZE`] bytes.
+///
+/// # Errors
+/// Those of [`open_regular`], and one for a file that is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read_regular(path, MAX_TEXT_SIZE)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to() + 1;

@@ -8,6 +8,20 @@ use std::path::{Component, Path, PathBuf};
 use crate::data::DataError;
 
 /// The files that a text may name.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use ftac_platform::file_access::FileAccess;
+///
+/// let folder = tempfile::tempdir()?;
+/// let scenario = folder.path().join("scenario.toml");
+/// let access = FileAccess::in_folder_of(&scenario);
+/// assert!(access.resolve(&scenario, "objects[0]", Path::new("mug.obj")).is_ok());
+/// let error = access.resolve(&scenario, "objects[0]", Path::new("/etc/shadow")).expect_err("outside of the folder");
+/// assert!(error.to_string().contains("objects[0]: found \"/etc/shadow\", expected a file below "));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileAccess<'a> {
     /// No file: the text is self-contained, as in sessions and results.
@@ -30,7 +44,7 @@ impl<'a> FileAccess<'a> {
     /// Resolves `name`, which `field` of the text in `file` gives relative to `file`, to a path.
     ///
     /// # Errors
-    /// [`TaxonomyError::Field`] for a name out of reach. The error does not reveal what is there.
+    /// [`DataError::Field`] for a name out of reach. The error does not reveal what is there.
     pub fn resolve(self, file: &Path, field: &str, name: &Path) -> Result<PathBuf, DataError> {
         let named = folder_of(file).join(name);
         let refused = |expected: String| {
@@ -63,7 +77,7 @@ impl<'a> FileAccess<'a> {
 /// file.
 ///
 /// # Errors
-/// [`TaxonomyError::Field`] with the link's name; [`TaxonomyError::Io`] for a folder that cannot be read.
+/// [`DataError::Field`] with the link's name; [`DataError::Io`] for a folder that cannot be read.
 pub fn check_links(folder: &Path) -> Result<(), DataError> {
     let io = |source| DataError::Io { path: folder.into(), source };
     let root = folder.canonicalize().map_err(io)?;

@@ -14,6 +14,18 @@ use serde::de::DeserializeOwned;
 use crate::data::{DataError, read_text};
 
 /// A journal that is open for writing.
+///
+/// ```
+/// use ftac_platform::journal::Journal;
+///
+/// let folder = tempfile::tempdir().expect("a folder");
+/// let path = folder.path().join("trials.jsonl");
+/// let mut journal = Journal::open(&path)?;
+/// journal.append(&("trial 1", true))?;
+/// journal.append(&("trial 2", false))?;
+/// assert_eq!(Journal::read::<(String, bool)>(&path)?.len(), 2);
+/// # Ok::<(), ftac_platform::DataError>(())
+/// ```
 #[derive(Debug)]
 pub struct Journal {
     file: File,
@@ -22,6 +34,9 @@ pub struct Journal {
 
 impl Journal {
     /// Opens the journal at `path` for appending, and creates it if it is missing. A truncated last line is removed.
+    ///
+    /// # Errors
+    /// [`DataError::Io`].
     pub fn open(path: &Path) -> Result<Self, DataError> {
         let open = || {
             let file = OpenOptions::new().create(true).append(true).open(path)?;
@@ -53,6 +68,9 @@ impl Journal {
     }
 
     /// Appends a line; returns when it is on disk.
+    ///
+    /// # Errors
+    /// [`DataError::Io`].
     pub fn append(&mut self, line: &impl Serialize) -> Result<(), DataError> {
         let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
@@ -63,6 +81,9 @@ impl Journal {
 
 /// Locks a file or folder for as long as it stays open; `None` if another process holds the lock. The operating system,
 /// or the server of a network file system, releases the lock when its holder ends.
+///
+/// # Errors
+/// The operating system's error.
 pub fn try_lock(file: File) -> io::Result<Option<File>> {
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
@@ -73,6 +94,20 @@ pub fn try_lock(file: File) -> io::Result<Option<File>> {
 
 /// Opens and locks a folder against every other `what` that would write into it, for as long as the returned file stays
 /// open.
+///
+/// # Errors
+/// [`DataError::Io`]: the folder cannot be opened, or another process holds the lock.
+///
+/// ```
+/// use ftac_platform::journal::lock_folder;
+///
+/// let folder = tempfile::tempdir().expect("a folder");
+/// let lock = lock_folder(folder.path(), "sweep")?;
+/// let error = lock_folder(folder.path(), "sweep").expect_err("locked");
+/// assert!(error.to_string().ends_with("another sweep is writing into it"));
+/// drop(lock);
+/// # Ok::<(), ftac_platform::DataError>(())
+/// ```
 pub fn lock_folder(folder: &Path, what: &str) -> Result<File, DataError> {
     let busy = || io::Error::new(ErrorKind::WouldBlock, format!("another {what} is writing into it"));
     let lock = File::open(folder).and_then(try_lock).and_then(|lock| lock.ok_or_else(busy));

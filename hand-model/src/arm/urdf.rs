@@ -60,7 +60,7 @@ struct DriveFile {
 }
 
 /// Returns the name of the URDF that an arm's parameter file refers to.
-pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
+pub(crate) fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
     #[derive(Deserialize)]
     struct UrdfName {
         urdf: Option<String>,
@@ -69,7 +69,10 @@ pub fn name(text: &str, path: &Path) -> Result<Option<String>, DataError> {
 }
 
 /// Merges the parameter file (`text`, `path`) with the URDF (`bytes`, `urdf`).
-pub fn merge_with_urdf((text, path): (&str, &Path), (bytes, urdf): (&[u8], &Path)) -> Result<ArmFile, DataError> {
+pub(crate) fn merge_with_urdf(
+    (text, path): (&str, &Path),
+    (bytes, urdf): (&[u8], &Path),
+) -> Result<ArmFile, DataError> {
     let file: UrdfArmFile = parse_toml(text, path)?;
     let (mut robot, _) = parse_robot(bytes, urdf)?;
     if !robot.links.iter().any(|link| link.name == file.flange) {

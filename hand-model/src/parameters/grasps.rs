@@ -10,7 +10,7 @@ use super::HandParameters;
 use crate::digit::Digit;
 use ftac_platform::data::DataError;
 
-/// Grasp sets of a hand. Field names are those of the file, which documents them.
+/// Grasp sets of a hand. Field names are those of the file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grasps {
@@ -25,8 +25,8 @@ pub struct Grasps {
 /// A set of digits that takes an object, and the sampling ranges of its grasp proposals.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct GraspRanges {
+    /// The digits that take the object, in their order.
     pub digits: Vec<Digit>,
     /// Roll about the finger axis, deg; negative values turn the ulnar edge down.
     pub roll: [f64; 2],
@@ -46,13 +46,13 @@ pub struct GraspRanges {
     pub tension: [f64; 2],
     /// Cable tension while approaching, N.
     pub pre_tension: [f64; 2],
+    /// Ranges of the thumb, if it is one of the digits.
     pub thumb: Option<ThumbRanges>,
 }
 
 /// Sampling ranges of a thumb that closes with the fingers.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct ThumbRanges {
     /// Delay behind the fingers, s.
     pub delay: [f64; 2],

@@ -39,7 +39,7 @@ impl HandParameters {
     /// Returns the thresholds for detecting a hold.
     ///
     /// # Errors
-    /// [`TaxonomyError`] if the file has none.
+    /// [`DataError`] if the file has none.
     pub fn hold(&self) -> Result<HoldLimits, DataError> {
         let expected =
             "a table with pulled, blocked, idle, late and near: touch and reflex tell by it what the hand holds";

@@ -15,7 +15,7 @@ const MIN_AXIS_NORM: f64 = 1e-6;
 
 /// Refuses values from which no mechanism can be built: numbers that are not finite, axes without direction, limits in
 /// the wrong order, shapes without extent, joints that mimic themselves.
-pub fn check(robot: &Robot, path: &Path) -> Result<(), DataError> {
+pub(crate) fn check(robot: &Robot, path: &Path) -> Result<(), DataError> {
     for joint in &robot.joints {
         check_joint(robot, joint, path)?;
     }
@@ -89,7 +89,12 @@ fn check_link(link: &Link, path: &Path) -> Result<(), DataError> {
 }
 
 /// Refuses a shape without extent, or with an invalid origin.
-pub fn check_shape(geometry: &Geometry, origin: &urdf_rs::Pose, element: String, path: &Path) -> Result<(), DataError> {
+pub(crate) fn check_shape(
+    geometry: &Geometry,
+    origin: &urdf_rs::Pose,
+    element: String,
+    path: &Path,
+) -> Result<(), DataError> {
     check_origin(origin, &element, path)?;
     let (field, lengths) = match geometry {
         Geometry::Box { size } => ("box.size", size.0.to_vec()),

@@ -16,7 +16,7 @@ use self::tags::{Tag, Tags};
 use ftac_platform::data::DataError;
 
 /// Largest size of a URDF, bytes.
-pub const MAX_FILE_SIZE: u64 = 16 << 20;
+pub(crate) const MAX_FILE_SIZE: u64 = 16 << 20;
 /// Deepest nesting of elements; those of the URDF format nest seven deep.
 const MAX_NESTING: usize = 64;
 /// Joint types that URDF defines.
@@ -31,7 +31,7 @@ const INERTIAL_DEFAULTS: [(&str, &str); 2] = [
 ];
 
 /// A URDF that the parser accepts.
-pub struct ScreenedUrdf {
+pub(crate) struct ScreenedUrdf {
     /// The text, with optional parts filled in.
     pub text: String,
     /// Joints of types with limits (revolute, prismatic) for which the file gives none.
@@ -67,7 +67,7 @@ fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a str, DataError> {
 }
 
 /// Screens the bytes of a URDF; `path` is used in errors only.
-pub fn screen(bytes: &[u8], path: &Path) -> Result<ScreenedUrdf, DataError> {
+pub(crate) fn screen(bytes: &[u8], path: &Path) -> Result<ScreenedUrdf, DataError> {
     if bytes.len() as u64 > MAX_FILE_SIZE {
         let found = format!("{} MB", bytes.len() >> 20);
         return Err(DataError::field(path, "size", found, format!("at most {} MB", MAX_FILE_SIZE >> 20)));

@@ -1,4 +1,4 @@
-//! The pulls file: actuators, springs and everything else that a URDF lacks.
+//! The actuation file: actuators, springs and everything else that a URDF lacks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -24,7 +24,7 @@ const SUSPECT_RANGE_RATIO: f64 = 0.25;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ActuationFile {
+pub(crate) struct ActuationFile {
     version: u32,
     damping: f64,
     armature: f64,
@@ -39,7 +39,7 @@ pub struct ActuationFile {
     palm: PalmFile,
     #[serde(default)]
     pub visuals: bool,
-    /// Joints that move although nothing pulls them; only for a URDF without a pulls file.
+    /// Joints that move although nothing pulls them; only for a URDF without an actuation file.
     #[serde(skip)]
     free: Vec<String>,
 }
@@ -70,7 +70,7 @@ struct PalmFile {
 
 impl ActuationFile {
     /// Builds the file of a hand whose joints `free` move and which nothing pulls.
-    pub fn without_actuators(free: Vec<String>) -> Self {
+    pub(crate) fn without_actuators(free: Vec<String>) -> Self {
         Self {
             version: 1,
             damping: 0.02,
@@ -87,16 +87,16 @@ impl ActuationFile {
     }
 
     /// Returns the names of the independently moving joints.
-    pub fn actuated_joints(&self) -> BTreeSet<&str> {
+    pub(crate) fn actuated_joints(&self) -> BTreeSet<&str> {
         let arms = self.actuator.iter().flat_map(|actuator| actuator.arms.keys());
         arms.chain(&self.free).map(String::as_str).collect()
     }
 
-    pub fn revolute_dynamics(&self) -> JointDynamics {
+    pub(crate) fn revolute_dynamics(&self) -> JointDynamics {
         JointDynamics { spring: self.spring, damping: self.damping, armature: self.armature }
     }
 
-    pub fn prismatic_dynamics(&self) -> JointDynamics {
+    pub(crate) fn prismatic_dynamics(&self) -> JointDynamics {
         let over = |turn: f64| turn / (PINION_RADIUS * PINION_RADIUS);
         match &self.slide {
             Some(SlideFile { damping, armature, spring }) => {
@@ -108,13 +108,13 @@ impl ActuationFile {
         }
     }
 
-    pub fn palm_description(&self) -> PalmDescription {
+    pub(crate) fn palm_description(&self) -> PalmDescription {
         let facing = self.palm.facing.and_then(|facing| Vector3::from(facing).try_normalize(f64::MIN_POSITIVE));
         PalmDescription { links: self.palm.links.clone(), facing }
     }
 
     /// Checks everything that can be checked without the mechanism.
-    pub fn check(&self, robot: &Robot, path: &Path) -> Result<(), DataError> {
+    pub(crate) fn check(&self, robot: &Robot, path: &Path) -> Result<(), DataError> {
         if self.version != 1 {
             return Err(DataError::field(path, "version", self.version, "1"));
         }
@@ -208,7 +208,7 @@ impl ActuationFile {
 }
 
 /// Adds actuators and open coordinates to the hand.
-pub fn add_actuators(hand: &mut HandMechanism, file: ActuationFile, path: &Path) -> Result<(), DataError> {
+pub(crate) fn add_actuators(hand: &mut HandMechanism, file: ActuationFile, path: &Path) -> Result<(), DataError> {
     for (name, open) in &file.open {
         let wrong = |found: &str, expected: &str| Err(urdf_error(path, "open".into(), name, found.into(), expected));
         let pulled = file.actuator.iter().any(|actuator| actuator.arms.contains_key(name));

@@ -12,7 +12,7 @@ use ftac_platform::data::DataError;
 
 /// Fixes every joint that neither is `pulled` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
 /// rest. Returns their names and coordinates.
-pub fn fix(
+pub(crate) fn fix(
     robot: &mut Robot,
     pulled: &BTreeSet<&str>,
     given: &BTreeMap<String, f64>,

@@ -21,7 +21,7 @@ const DEFAULT_DENSITY: f64 = 500.0;
 const PLACEHOLDER_BALL: (f64, f64) = (1e-3, 5e-3);
 
 /// Computes and checks the mass properties of each joint's link.
-pub fn link_masses(
+pub(crate) fn link_masses(
     robot: &Robot,
     tree: &Tree,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,

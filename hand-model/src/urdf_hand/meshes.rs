@@ -39,9 +39,17 @@ pub struct MeshTools {
     pub decompose: fn(&Triangles) -> ConvexDecomposition,
 }
 
+impl MeshTools {
+    /// For hands whose collision shapes are boxes, spheres, cylinders and capsules: a mesh file is an error.
+    pub const NONE: Self = Self {
+        read: |path| Err(DataError::field(path, "name", "a mesh", "no mesh: this program cannot read mesh files")),
+        decompose: |_| ConvexDecomposition { parts: Vec::new(), protrusion: 0.0 },
+    };
+}
+
 /// A mesh of a link.
 #[derive(Debug)]
-pub struct LinkMesh {
+pub(crate) struct LinkMesh {
     /// Scaled triangles, m.
     pub triangles: Triangles,
     /// Vertices of its convex parts. For fine meshes, only those that span the hull to within 0.1 mm.
@@ -53,18 +61,18 @@ pub struct LinkMesh {
 }
 
 /// Cache of meshes already read: fingers share theirs.
-pub struct MeshCache {
+pub(crate) struct MeshCache {
     tools: MeshTools,
     meshes: BTreeMap<(PathBuf, [u64; 3]), Arc<LinkMesh>>,
 }
 
 impl MeshCache {
-    pub fn new(tools: MeshTools) -> Self {
+    pub(crate) fn new(tools: MeshTools) -> Self {
         Self { tools, meshes: BTreeMap::new() }
     }
 
     /// Reads the mesh `filename` that `element` of the URDF at `urdf` names.
-    pub fn read(
+    pub(crate) fn read(
         &mut self,
         filename: &str,
         scale: &Vector3<f64>,

@@ -17,7 +17,7 @@ const REPORTED_PROTRUSION: f64 = 1e-3;
 
 /// All shapes of a hand.
 #[derive(Default)]
-pub struct HandShapes {
+pub(crate) struct HandShapes {
     pub solids: Vec<CollisionSolid>,
     pub surfaces: Vec<MeshSurface>,
     pub links_without_collision: Vec<String>,
@@ -46,7 +46,7 @@ fn link_shapes(link: &Link, visual: bool) -> Vec<Shape<'_>> {
 
 /// Reads the shapes of all links. With `visuals`, a link without collision shapes uses its visual ones. This is always
 /// done for a hand without any collision shape.
-pub fn read(
+pub(crate) fn read(
     robot: &Robot,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,

@@ -24,14 +24,8 @@ const URDF: &str = r#"<robot name="clamp">
 </robot>"#;
 const PULLS: &str = "version = 1\ndamping = 0.01\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { hinge = 0.01 }\n";
 
-/// Mesh tools that fail: the tests read no mesh file.
-const NO_MESHES: MeshTools = MeshTools {
-    read: |path| Err(DataError::field(path, "name", "a mesh", "none")),
-    decompose: |_| ConvexDecomposition { parts: Vec::new(), protrusion: 0.0 },
-};
-
 fn parse(urdf: &str, pulls: &str) -> Result<HandMechanism, String> {
-    HandMechanism::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), NO_MESHES)
+    HandMechanism::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml"), MeshTools::NONE)
         .map_err(|error| error.to_string())
 }
 

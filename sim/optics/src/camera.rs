@@ -8,17 +8,17 @@
 
 use hand_model::pads::{IMAGE_SIZE, PadCamera};
 use nalgebra::{Matrix3, Point3, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::wide::integer_part;
 
 /// A perspective camera that looks along the pad's +z.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Pinhole {
     /// Centre of projection (m, pad frame), z negative.
-    #[schemars(with = "[f64; 3]")]
+    #[cfg_attr(feature = "schemars", schemars(with = "[f64; 3]"))]
     pub position: Point3<f64>,
 }
 
@@ -63,7 +63,8 @@ impl Pinhole {
 }
 
 /// Photometric response of one channel: `G(M) = g1 M + g2 M^2 + g3 M^3`, M in 0..1; G(1) = 1 is the full scale.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CameraResponse {
     /// Coefficients g1, g2, g3.
@@ -71,6 +72,7 @@ pub struct CameraResponse {
 }
 
 impl CameraResponse {
+    /// The response whose grey levels are proportional to radiance.
     pub const LINEAR: Self = Self { coefficients: [1.0, 0.0, 0.0] };
 
     /// Computes G: radiance from measured intensity.

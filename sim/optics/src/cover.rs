@@ -38,6 +38,7 @@ impl PadCover {
         Ok(Self { curvature: 1.0 / radius })
     }
 
+    /// True if the cover is a plane and not part of a cylinder.
     pub fn is_flat(&self) -> bool {
         self.curvature == 0.0
     }

@@ -7,7 +7,6 @@
 //! beyond its support, and equally cheap at any width.
 
 use hand_model::pads::{IMAGE_SIZE, PadCamera};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::indentation::{IndentationMap, Rectangle};
@@ -15,7 +14,8 @@ use crate::raster::Raster;
 use crate::wide::{transpose, widest};
 
 /// The smoothing of the gel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Elastomer {
     /// Standard deviations of the kernels (m), widest first.
@@ -36,6 +36,7 @@ impl Default for Elastomer {
 /// The deformed gel over a rectangle of pixels; beyond it the gel is flat.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeformedGel {
+    /// The rectangle of pixels.
     pub rectangle: Rectangle,
     /// Depth below the undeformed surface (m), row-major over the rectangle.
     pub depth: Vec<f32>,

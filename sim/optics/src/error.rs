@@ -7,18 +7,31 @@ use std::path::Path;
 pub enum OpticsError {
     /// A map of the wrong length.
     #[error("a map has {found} values; expected {expected} (240 x 240)")]
-    MapSize { found: usize, expected: usize },
+    MapSize {
+        /// Number of values.
+        found: usize,
+        /// Number of pixels of the image.
+        expected: usize,
+    },
     /// An image or a map of the wrong length for a calibrated sensor.
     #[error("found {found} values; expected {expected}, by the calibration's image size")]
-    ImageSize { found: usize, expected: usize },
+    ImageSize {
+        /// Number of values.
+        found: usize,
+        /// Number of values of the calibration's image size.
+        expected: usize,
+    },
     /// An invalid size of reduced images.
     #[error("reduced image: found {0} pixels a side, expected 1 to 240")]
     ReducedSize(usize),
     /// A map has a value that is not a number or out of range.
     #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
     MapValue {
+        /// Column of the first such pixel.
         column: usize,
+        /// Row of the first such pixel.
         row: usize,
+        /// Its value.
         value: f32,
         /// Range of valid values.
         expected: &'static str,
@@ -30,6 +43,7 @@ pub enum OpticsError {
         x: f64,
         /// Pad coordinate, m.
         y: f64,
+        /// Height, m.
         z: f64,
     },
     /// A force is negative or not finite.
@@ -37,7 +51,12 @@ pub enum OpticsError {
     Force(f64),
     /// A pad or a gel has a size, thickness or stiffness that is not positive.
     #[error("{what} is {value}; expected a positive number")]
-    NotPositive { what: &'static str, value: f64 },
+    NotPositive {
+        /// Name of the quantity.
+        what: &'static str,
+        /// Its value, SI.
+        value: f64,
+    },
     /// A ball that is too small or too large for a tactile sensor, mm.
     #[error("ball diameter is {0} mm; expected 0.5 to 60 mm")]
     BallDiameter(f64),
@@ -55,6 +74,7 @@ pub enum OpticsError {
     /// A job names a sensor that the renderer does not have.
     #[error("a job names sensor {found}; expected one below {count}")]
     NoSensor {
+        /// Index in the job.
         found: usize,
         /// Number of sensors.
         count: usize,
@@ -65,6 +85,7 @@ pub enum OpticsError {
     /// A file or folder cannot be used.
     #[error("{path}: {what}")]
     File {
+        /// Path of the file or folder.
         path: String,
         /// Description: what was found and what was expected.
         what: String,

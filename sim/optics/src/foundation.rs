@@ -24,6 +24,16 @@ use hand_model::parameters::Gel;
 use crate::error::{OpticsError, check_positive};
 
 /// Pressure law of a gel.
+///
+/// ```
+/// use tactile_optics::GelFoundation;
+/// use tactile_optics::hand_model::parameters::Gel;
+///
+/// // A ball of 4 mm radius, 0.5 mm deep in independent columns: stiffness times volume.
+/// let gel = GelFoundation::winkler(&Gel { thickness: 2.5e-3, stiffness: 60e6 });
+/// let volume = std::f64::consts::PI * 0.5e-3_f64.powi(2) * (4e-3 - 0.5e-3 / 3.0);
+/// assert!((gel.ball_force(4e-3, 0.5e-3) / (60e6 * volume) - 1.0).abs() < 1e-3);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GelFoundation {
     /// Thickness of the gel, m.
@@ -102,7 +112,8 @@ impl GelFoundation {
 }
 
 /// One point of a probe's response.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct ProbePoint {
     /// Force over the ball's cross-section, kPa.
     pub pressure: f64,
@@ -111,7 +122,8 @@ pub struct ProbePoint {
 }
 
 /// A straight line fitted to a response.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct Sensitivity {
     /// Slope, per cent of thickness per kPa.
     pub per_kpa: f64,

@@ -16,6 +16,7 @@ use crate::foundation::GelFoundation;
 use crate::raster::Raster;
 use balance::{ForceBalance, balance};
 
+/// Number of pixels of a full-size map.
 pub const PIXEL_COUNT: usize = IMAGE_SIZE * IMAGE_SIZE;
 /// Largest spacing of the coarse pass of [`press`], pixels, and smallest number of blocks along a side.
 const COARSE_BLOCK: (usize, usize) = (4, 32);
@@ -23,7 +24,9 @@ const COARSE_BLOCK: (usize, usize) = (4, 32);
 /// A rectangle of pixels, half open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rectangle {
+    /// First column.
     pub left: usize,
+    /// First row.
     pub top: usize,
     /// One past the last column.
     pub right: usize,
@@ -50,10 +53,12 @@ impl Rectangle {
         Self { left: self.left & !1, top: self.top & !1, right: up(self.right), bottom: up(self.bottom) }
     }
 
+    /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.right - self.left
     }
 
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.bottom - self.top
     }
@@ -107,6 +112,17 @@ impl GapMap {
 }
 
 /// Depth of the pressed gel, pixel by pixel, from zero to the gel's thickness (m), inside the contact only.
+///
+/// ```
+/// use tactile_optics::IndentationMap;
+///
+/// let mut depth = vec![0.0; 240 * 240];
+/// depth[120 * 240 + 80] = 0.4e-3;
+/// let map = IndentationMap::from_depth(depth)?;
+/// assert_eq!((map.depth(80, 120), map.contact_pixels()), (0.4e-3, 1));
+/// assert!(IndentationMap::from_depth(vec![f32::NAN; 240 * 240]).is_err());
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct IndentationMap {
     side: usize,
@@ -195,6 +211,7 @@ impl IndentationMap {
         contact.flatten().copied().fold(0.0, f32::max)
     }
 
+    /// Counts the pixels deeper than zero.
     pub fn contact_pixels(&self) -> usize {
         self.depth.iter().filter(|&&depth| depth > 0.0).count()
     }

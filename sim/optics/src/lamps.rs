@@ -4,18 +4,18 @@
 //! direction from the point to the lamp, p the lamp's principal direction, eta its strength and mu its radiation exponent.
 
 use nalgebra::{Point3, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A light-emitting diode behind the gel, pad frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
     /// Position, m; z is negative, behind the surface.
-    #[schemars(with = "[f64; 3]")]
+    #[cfg_attr(feature = "schemars", schemars(with = "[f64; 3]"))]
     pub position: Point3<f64>,
     /// Principal direction p, unit vector.
-    #[schemars(with = "[f64; 3]")]
+    #[cfg_attr(feature = "schemars", schemars(with = "[f64; 3]"))]
     pub direction: Vector3<f64>,
     /// Strength eta, in units of the nominal lamp.
     pub eta: f64,

@@ -6,7 +6,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraResponse, Pinhole};
@@ -16,7 +15,26 @@ use crate::lamps::Lamp;
 use crate::reflectance::Reflectance;
 
 /// The image-formation model of one camera unit, pad frame: the result of a calibration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+///
+/// ```
+/// use nalgebra::Point3;
+/// use tactile_optics::hand_model::Hand;
+/// use tactile_optics::{SensorModel, UnitVariation};
+///
+/// let hand = Hand::ftac();
+/// let camera = &hand.cameras[0];
+/// let design = SensorModel::nominal(&hand.pads[camera.pad], camera);
+/// let unit = design.varied(&UnitVariation::default(), 7);
+/// assert_ne!(unit, design);
+/// assert_eq!(SensorModel::from_toml(&unit.to_toml()?)?, unit);
+///
+/// // Red lamps are at +x: gel that faces them is redder.
+/// let [level, facing] = [0.0, 0.3].map(|slope| design.grey(&Point3::origin(), [slope, 0.0]));
+/// assert!(facing[0] > level[0] && facing[1] < level[1]);
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
     /// White-balance gain of each channel, from radiance (model units, 1/m2) to the response's 0..1.
@@ -28,10 +46,15 @@ pub struct SensorModel {
     /// Diffuse light on a level surface from all directions behind the gel: red, green, blue, in units of full scale.
     #[serde(default)]
     pub ambient: [f64; 3],
+    /// The camera behind the gel.
     pub camera: Pinhole,
+    /// Reflectance of the gel's coating.
     pub reflectance: Reflectance,
+    /// Response of the red, green and blue channel.
     pub response: [CameraResponse; 3],
+    /// Smoothing of the gel around a contact.
     pub elastomer: Elastomer,
+    /// Lamps behind the gel.
     pub lamps: Vec<Lamp>,
 }
 
@@ -43,6 +66,7 @@ pub struct UnitVariation {
     pub lamp_place: f64,
     /// Lamp directions, each axis, rad.
     pub lamp_turn: f64,
+    /// The lamps' strength eta.
     pub lamp_strength: f64,
     /// Exponents of the lamps' radiation patterns.
     pub lamp_pattern: f64,
@@ -95,6 +119,11 @@ impl SensorModel {
     /// The lamps have lenses and are aimed beyond the centre, so that their light varies little over the pad. A pad with
     /// two cameras has one such ring per camera.
     pub fn nominal(_pad: &Pad, camera: &PadCamera) -> Self {
+        Self::nominal_of(camera)
+    }
+
+    /// Like [`Self::nominal`]: the design depends on the camera's rectangle alone.
+    pub(crate) fn nominal_of(camera: &PadCamera) -> Self {
         let (half_w, half_h, middle) = (0.5 * camera.w, 0.5 * camera.h, camera.center_y);
         let depth = (0.3 * camera.w.max(camera.h)).clamp(0.010, 0.016);
         let at = |x: f64, y: f64, z: f64| Point3::new(x, middle + y, z);
@@ -213,6 +242,7 @@ impl SensorModel {
         }
     }
 
+    /// Serialises the model; [`Self::from_toml`] reads it back.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
         toml::to_string(self).map_err(OpticsError::calibration)
     }

@@ -23,7 +23,9 @@ pub const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraOptics {
+    /// Name of the camera in the hand.
     pub name: String,
+    /// The camera's model, pad frame.
     pub model: SensorModel,
 }
 
@@ -33,6 +35,7 @@ pub struct CameraOptics {
 pub struct PadOptics {
     /// Version of the file format.
     pub version: u32,
+    /// Name of the pad.
     pub pad: String,
     /// Sensor configuration, `a` to `f`.
     pub configuration: char,

@@ -7,11 +7,11 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Reflectance of the coating.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Reflectance {
     /// Albedo rho_c in red, green and blue.

@@ -19,6 +19,7 @@ use crate::sensor::Sensor;
 pub struct RenderJob<'a> {
     /// Index of the renderer's sensor.
     pub sensor: usize,
+    /// The indentation under which the sensor is seen.
     pub indentation: &'a IndentationMap,
     /// Seed of the read-out noise.
     pub noise_seed: u64,
@@ -40,12 +41,30 @@ pub trait Renderer: Send + Sync + std::fmt::Debug {
 }
 
 /// Renders on the CPU, images in parallel.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use tactile_optics::hand_model::Hand;
+/// use tactile_optics::{CpuRenderer, IndentationMap, RenderJob, Renderer, Sensor};
+///
+/// let hand = Hand::ftac();
+/// let sensor = Sensor::nominal(&hand.pads[0], &hand.cameras[0]);
+/// let renderer = CpuRenderer::new(Arc::new(vec![sensor]));
+/// let indentation = IndentationMap::idle();
+/// let job = RenderJob { sensor: 0, indentation: &indentation, noise_seed: 1, brightness: 1.0 };
+/// let images = renderer.render(&[job, RenderJob { noise_seed: 2, ..job }, job])?;
+/// assert!(images[0] == images[2] && images[0] != images[1]);
+/// assert!(renderer.render(&[RenderJob { sensor: 1, ..job }]).is_err());
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct CpuRenderer {
     sensors: Arc<Vec<Sensor>>,
 }
 
 impl CpuRenderer {
+    /// Creates a renderer of these sensors, without a check or a copy.
     pub fn new(sensors: Arc<Vec<Sensor>>) -> Self {
         Self { sensors }
     }

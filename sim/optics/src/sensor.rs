@@ -113,10 +113,12 @@ impl Sensor {
         }
     }
 
+    /// Returns the image-formation model.
     pub fn model(&self) -> &SensorModel {
         &self.model
     }
 
+    /// Returns the rectangle of the pad that the sensor sees.
     pub fn camera(&self) -> &PadCamera {
         &self.camera
     }

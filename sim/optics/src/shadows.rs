@@ -36,7 +36,9 @@ const UNSHADED_SHARE: f32 = 0.995;
 /// gel. Outside the field the gel is untouched.
 #[derive(Debug, Clone, Copy)]
 pub struct HeightField<'a> {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     /// Centre of the first pixel, m.
     pub first: (f64, f64),

@@ -4,12 +4,55 @@
 //! re-weighted least squares. The loss is quadratic for residuals well below the scale s and linear well above it. A
 //! parameter on a bound whose descent direction points out of the bounds is held for that step; steps are clipped to the
 //! bounds.
+//!
+//! [`FitProblem`] holds residuals, Jacobian and bounds, [`FitProblem::minimise`] searches under [`SolverOptions`], and
+//! [`FitResult`] states parameters and their standard deviations. [`forward_differences`] computes a Jacobian where none is
+//! known in closed form. The crate has no units of its own: residuals and parameters are those of the caller. For the
+//! loss to make sense, all residuals should be of one kind, or divided by their standard deviations.
+//!
+//! # Example
+//! ```
+//! use ftac_least_squares::{FitProblem, SolverOptions, forward_differences};
+//!
+//! // y = a exp(b x) at nine points, one of them an outlier.
+//! let mut data: Vec<(f64, f64)> = (0..9).map(|i| f64::from(i) * 0.25).map(|x| (x, 2.0 * (-0.8 * x).exp())).collect();
+//! data[4].1 += 5.0;
+//! let residuals = |p: &[f64]| -> Vec<f64> { data.iter().map(|(x, y)| p[0] * (p[1] * x).exp() - y).collect() };
+//! let bounds = vec![(0.0, 10.0), (-5.0, 0.0)];
+//! let problem = FitProblem {
+//!     residuals,
+//!     jacobian: |p: &[f64], r: &[f64]| forward_differences(p, r, &[(0.0, 10.0), (-5.0, 0.0)], 1e-7, |q, _| residuals(q)),
+//!     bounds,
+//!     groups: Vec::new(),
+//! };
+//!
+//! let options = SolverOptions { max_steps: 200, scale: 0.01, tolerance: 1e-12 };
+//! let fit = problem.minimise(&[1.0, -0.1], &options);
+//! assert!((fit.parameters[0] - 2.0).abs() < 0.02 && (fit.parameters[1] + 0.8).abs() < 0.02);
+//! ```
+//!
+//! # Features
+//! Both are off by default:
+//! - `serde`: [`FittedParameter`] can be serialized.
+//! - `schemars`: it has a JSON schema as well.
+
+#![cfg_attr(docsrs, feature(doc_cfg))]
+#![deny(missing_docs, unreachable_pub)]
 
 use nalgebra::{DMatrix, DVector};
-use schemars::JsonSchema;
-use serde::Serialize;
+
+/// Vectors and matrices of this crate's interface.
+pub use nalgebra;
 
 /// Termination criteria and outlier scale.
+///
+/// ```
+/// use ftac_least_squares::SolverOptions;
+///
+/// // A scale far above all residuals makes the loss quadratic: ordinary least squares.
+/// let ordinary = SolverOptions { max_steps: 100, scale: 1e6, tolerance: 1e-12 };
+/// # assert!(ordinary.scale > 1e5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
     /// Greatest number of steps.
@@ -23,6 +66,7 @@ pub struct SolverOptions {
 /// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitResult {
+    /// Parameters with the smallest cost found.
     pub parameters: Vec<f64>,
     /// Sum of the losses.
     pub cost: f64,
@@ -33,10 +77,13 @@ pub struct FitResult {
 }
 
 /// One fitted parameter.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct FittedParameter {
     /// Name with unit.
     pub name: String,
+    /// Value at the end of the search.
     pub value: f64,
     /// Standard deviation, accounting for correlated errors within a group; `None` if the value is on a bound or the
     /// data do not determine it.
@@ -47,6 +94,18 @@ pub struct FittedParameter {
 
 impl FitResult {
     /// Describes the first parameters, as many as there are `names`; `bounds` are those of the search.
+    ///
+    /// # Panics
+    /// If there are more names than parameters or bounds.
+    ///
+    /// ```
+    /// use ftac_least_squares::FitResult;
+    ///
+    /// let fit = FitResult { parameters: vec![0.5, 1.0], cost: 0.1, steps: 7, deviations: vec![Some(0.02), None] };
+    /// let names = ["friction", "gain"].map(str::to_owned);
+    /// let described = fit.describe_parameters(names, &[(0.0, 2.0), (0.0, 1.0)]);
+    /// assert!(!described[0].on_bound && described[1].on_bound);
+    /// ```
     pub fn describe_parameters(
         &self,
         names: impl IntoIterator<Item = String>,
@@ -63,6 +122,23 @@ impl FitResult {
 }
 
 /// Residuals and their Jacobian (one row per residual, one column per parameter).
+///
+/// ```
+/// use ftac_least_squares::nalgebra::DMatrix;
+/// use ftac_least_squares::{FitProblem, SolverOptions};
+///
+/// // A line through points, with its Jacobian in closed form; the slope is bounded.
+/// let data = [(0.0, 1.0), (1.0, 3.1), (2.0, 4.9)];
+/// let problem = FitProblem {
+///     residuals: |p: &[f64]| data.iter().map(|(x, y)| p[0] * x + p[1] - y).collect(),
+///     jacobian: |_: &[f64], r: &[f64]| DMatrix::from_fn(r.len(), 2, |row, column| [data[row].0, 1.0][column]),
+///     bounds: vec![(0.0, 1.5), (-10.0, 10.0)],
+///     groups: Vec::new(),
+/// };
+/// let fit = problem.minimise(&[0.0, 0.0], &SolverOptions { max_steps: 50, scale: 1e6, tolerance: 1e-14 });
+/// // On its bound, the slope has no standard deviation.
+/// assert!((fit.parameters[0] - 1.5).abs() < 1e-9 && fit.deviations[0].is_none() && fit.deviations[1].is_some());
+/// ```
 pub struct FitProblem<R, J> {
     /// Residual function `r(p)`.
     pub residuals: R,
@@ -77,7 +153,7 @@ pub struct FitProblem<R, J> {
 
 impl<R, J> std::fmt::Debug for FitProblem<R, J> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Problem").field("bounds", &self.bounds).field("groups", &self.groups).finish_non_exhaustive()
+        f.debug_struct("FitProblem").field("bounds", &self.bounds).field("groups", &self.groups).finish_non_exhaustive()
     }
 }
 
@@ -87,6 +163,10 @@ where
     J: Fn(&[f64], &[f64]) -> DMatrix<f64>,
 {
     /// Searches from `start`, clipped to the bounds.
+    ///
+    /// # Panics
+    /// If `start` and the bounds have different lengths, a lower bound is above its upper bound or not a number, or the
+    /// Jacobian has another shape than residuals by parameters.
     pub fn minimise(&self, start: &[f64], options: &SolverOptions) -> FitResult {
         let mut p: Vec<f64> = start.iter().zip(&self.bounds).map(|(p, (low, high))| p.clamp(*low, *high)).collect();
         let mut residuals = (self.residuals)(&p);
@@ -202,7 +282,17 @@ where
 }
 
 /// Computes the Jacobian by forward differences: parameter j is moved by `step` times the distance between its bounds,
-/// towards the inside.
+/// towards the inside. `moved` computes the residuals at the parameters that it is given; its second argument is j.
+/// Columns of parameters whose bounds coincide are zero.
+///
+/// ```
+/// use ftac_least_squares::forward_differences;
+///
+/// let residuals = |p: &[f64]| vec![p[0] * p[0], p[0] * p[1]];
+/// let p = [3.0, 2.0];
+/// let jacobian = forward_differences(&p, &residuals(&p), &[(0.0, 10.0); 2], 1e-7, |q, _| residuals(q));
+/// assert!((jacobian[(0, 0)] - 6.0).abs() < 1e-4 && (jacobian[(1, 1)] - 3.0).abs() < 1e-4);
+/// ```
 pub fn forward_differences(
     p: &[f64],
     at_p: &[f64],
@@ -264,6 +354,11 @@ fn damped_step(normal: &DMatrix<f64>, gradient: &DVector<f64>, free: &[usize], d
     let step = matrix.cholesky()?.solve(&right);
     step.iter().all(|value| value.is_finite()).then_some(step)
 }
+
+/// Compiles and runs the examples of the package's page.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 #[cfg(test)]
 mod tests {

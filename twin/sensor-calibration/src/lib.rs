@@ -13,7 +13,6 @@
 pub mod calibration;
 pub mod evaluation;
 pub mod exr;
-pub mod grid;
 pub mod npy;
 pub mod pad_calibration;
 pub mod pad_forces;
@@ -26,6 +25,8 @@ pub mod video;
 
 use hand_model::Hand;
 use hand_model::pads::PadCamera;
+
+pub use tactile_perception::grid;
 
 /// Returns the serial number of a camera's sensor in hand `unit`, as the tactile board numbers them.
 fn sensor_serial(hand: &Hand, unit: u64, camera: &PadCamera) -> u64 {

@@ -14,7 +14,6 @@ use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
@@ -65,7 +64,8 @@ pub struct PhotometricCalibration {
 }
 
 /// Angle between predicted and true surface normals over contact pixels, degrees.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[allow(missing_docs)]
 pub struct AngularError {
     pub mean: f64,
@@ -200,6 +200,17 @@ impl PhotometricModel {
             }
         }
         RowModel(folded)
+    }
+
+    /// Angles (degrees) between predicted and true normals at the contact pixels of a press.
+    pub(crate) fn angles(&self, press: &CalibrationPress, pixel: (f64, f64)) -> Vec<f64> {
+        let change = colour_change(&press.image, &press.background, ImageChange::WHOLE);
+        let slopes = |i: usize| {
+            let (mut gx, mut gy) = ([0.0], [0.0]);
+            self.row(i / N).gradients(i % N, &change[i..=i], &mut gx, &mut gy);
+            [f64::from(gx[0]), f64::from(gy[0])]
+        };
+        contact_pixels(press).map(|i| angle(press, i, pixel, slopes(i))).collect()
     }
 
     /// Fits a model to presses that share a sensor configuration, each with its pixel size (dx, dy; m).
@@ -338,13 +349,7 @@ impl PhotometricCalibration {
             check(hand, press)?;
             let camera = &hand.cameras[press.camera];
             let model = self.model(hand.pads[camera.pad].configuration)?;
-            let change = colour_change(&press.image, &press.background, ImageChange::WHOLE);
-            let slopes = |i: usize| {
-                let (mut gx, mut gy) = ([0.0], [0.0]);
-                model.row(i / N).gradients(i % N, &change[i..=i], &mut gx, &mut gy);
-                [f64::from(gx[0]), f64::from(gy[0])]
-            };
-            errors.extend(contact_pixels(press).map(|i| angle(press, i, camera.pixel_size(), slopes(i))));
+            errors.extend(model.angles(press, camera.pixel_size()));
         }
         Ok(AngularError::from_angles(errors))
     }

@@ -48,6 +48,7 @@ impl Region {
     /// The whole image.
     pub const FULL: Self = Self { column_begin: 0, column_end: N, row_begin: 0, row_end: N };
 
+    /// True if the pixel is in the region.
     pub fn contains(&self, column: usize, row: usize) -> bool {
         (self.column_begin..self.column_end).contains(&column) && (self.row_begin..self.row_end).contains(&row)
     }
@@ -56,6 +57,7 @@ impl Region {
 /// Difference between an image and its background.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageChange {
+    /// Smallest region of whole blocks that contains the change, with a margin.
     pub region: Region,
     /// Brightness of each channel of the untouched gel in the image relative to the background.
     pub gain: [f32; 3],

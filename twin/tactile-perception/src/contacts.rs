@@ -61,6 +61,7 @@ pub struct ContactPatch {
     pub force: f64,
     /// Largest indentation, m.
     pub peak: f64,
+    /// Points on the object in the inner part of the contact, on an even grid.
     pub points: Vec<SurfacePoint>,
     /// True if another part of the hand presses here, and no object: see [`crate::self_contact`].
     pub self_contact: bool,

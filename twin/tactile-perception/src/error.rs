@@ -2,15 +2,23 @@
 
 use std::path::PathBuf;
 
+use crate::single_sensor::ImageGeometry;
+
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum TouchError {
     /// A file could not be read or written.
     #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
+    Io {
+        /// Path of the file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
     /// A file is not a photometric calibration.
     #[error("{path}: not a calibration: {message}")]
     Format {
+        /// Path of the file.
         path: PathBuf,
         /// Parser message or found value.
         message: String,
@@ -18,6 +26,7 @@ pub enum TouchError {
     /// A file is not a network.
     #[error("{path}: not a network: {message}")]
     NetworkFormat {
+        /// Path of the file.
         path: PathBuf,
         /// Parser message or found value.
         message: String,
@@ -35,7 +44,14 @@ pub enum TouchError {
     #[error(
         "configuration `{configuration}`: {samples} labelled contact pixels, at least {needed} are needed: press more often or deeper"
     )]
-    TooFewSamples { configuration: char, samples: usize, needed: usize },
+    TooFewSamples {
+        /// Letter of the sensor configuration.
+        configuration: char,
+        /// Number of labelled contact pixels.
+        samples: usize,
+        /// Least number for a fit.
+        needed: usize,
+    },
     /// A calibration from presses is no better than the one at hand.
     #[error(
         "calibration from presses on a ball: normals of held-out presses are {after:.2} deg off on the mean, expected less than the {before:.2} deg of the calibration at hand"
@@ -48,7 +64,27 @@ pub enum TouchError {
     },
     /// The number of elements is wrong.
     #[error("{what}: found {found}, expected {expected}")]
-    Size { what: &'static str, found: usize, expected: usize },
+    Size {
+        /// Name of the quantity.
+        what: &'static str,
+        /// Number of elements found.
+        found: usize,
+        /// Number of elements expected.
+        expected: usize,
+    },
+    /// A sensor's images have no pixels, or pixels without a size.
+    #[error("image of {} x {} pixels of {} m: expected positive numbers", .0.columns, .0.rows, .0.pixel)]
+    Geometry(ImageGeometry),
+    /// A contact that a ball of this diameter cannot have.
+    #[error(
+        "contact of {radius} m radius with a ball of {diameter} m diameter: expected a radius above 0 and below the ball's"
+    )]
+    Ball {
+        /// Radius of the contact, m.
+        radius: f64,
+        /// Diameter of the ball, m.
+        diameter: f64,
+    },
     /// A value is infinite or not a number.
     #[error("{0} is not finite")]
     NotFinite(&'static str),

@@ -25,18 +25,32 @@ pub enum ImageFault {
     /// No image.
     #[error("no image arrived")]
     Missing,
+    /// An image of the wrong size.
     #[error("its image has {found} bytes, expected {expected}")]
-    Size { found: usize, expected: usize },
+    Size {
+        /// Number of bytes.
+        found: usize,
+        /// Number of bytes of a full image.
+        expected: usize,
+    },
     /// The sequence number has not increased.
     #[error("its image is frozen at sequence number {sequence}")]
-    Frozen { sequence: u64 },
+    Frozen {
+        /// Sequence number of the last two frames.
+        sequence: u64,
+    },
+    /// A black image.
     #[error("its image is black (mean grey level {mean:.1}, expected at least {BLACK_LEVEL})")]
     Black {
         /// Mean grey level.
         mean: f64,
     },
+    /// A saturated image.
     #[error("{share:.2} of its image is saturated, expected at most {MAX_SATURATED_SHARE}")]
-    Saturated { share: f64 },
+    Saturated {
+        /// Share of saturated values, 0 to 1.
+        share: f64,
+    },
     /// There is no photometric model for its pad.
     #[error("sensor configuration `{0}` is missing from the calibration")]
     Uncalibrated(char),
@@ -48,7 +62,9 @@ pub enum ImageFault {
 pub struct CameraFault {
     /// Index of the camera.
     pub camera: usize,
+    /// Name of the camera.
     pub name: String,
+    /// The fault.
     pub fault: ImageFault,
 }
 

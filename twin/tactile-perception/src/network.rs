@@ -45,6 +45,7 @@ pub enum NetworkKind {
 pub type LayerShape = (usize, usize, usize);
 
 impl NetworkKind {
+    /// Layers, from input to output.
     pub fn layers(self) -> &'static [LayerShape] {
         match self {
             Self::EncoderDecoder => &[(7, 12, 3), (12, 20, 3), (20, 20, 3), (20, 12, 1), (12, 12, 3), (12, 8, 1)],
@@ -72,6 +73,7 @@ impl NetworkKind {
 pub struct Network {
     /// Version of the file format.
     version: u32,
+    /// Architecture, which determines the number of weights.
     pub kind: NetworkKind,
     /// Command, seed and data of the training.
     pub recipe: String,
@@ -139,6 +141,7 @@ impl Network {
         Self::parse(&text, path)
     }
 
+    /// Prepares the weights for evaluation.
     pub fn prepare(&self) -> PreparedNetwork {
         let layers = self.kind.layers().iter().zip(self.weights.iter().zip(&self.biases));
         PreparedNetwork {
@@ -248,7 +251,9 @@ pub struct NetworkInput<'a> {
     pub change: &'a [[f32; 3]],
     /// The photometric model's normals in the region.
     pub model_normals: &'a [[f32; 2]],
+    /// Letter of the sensor configuration.
     pub configuration: char,
+    /// Region in which the gradients are computed.
     pub region: Region,
 }
 

@@ -10,6 +10,7 @@ use crate::photometric_stereo::Gradients;
 /// Height map of one camera of a touched pad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMap {
+    /// Index of the camera.
     pub camera: usize,
     /// Indentation, m, [`PIXELS`] values.
     pub height: Vec<f32>,
@@ -20,6 +21,7 @@ pub struct HeightMap {
 /// Tactile perception of one pad.
 #[derive(Debug, Clone, Default)]
 pub struct PadTouch {
+    /// Index of the pad.
     pub pad: usize,
     /// Contact patches of all its cameras, including self-contacts of the hand.
     pub patches: Vec<ContactPatch>,

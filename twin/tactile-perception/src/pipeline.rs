@@ -40,10 +40,31 @@ pub fn backgrounds(frames: &[TactileFrame], cameras: usize) -> Result<Vec<Arc<Ta
 pub struct PadPerception {
     /// One entry per pad.
     pub touches: Vec<PadTouch>,
+    /// Cameras that were left out, with the reasons.
     pub faults: Vec<CameraFault>,
 }
 
 /// All steps from images to touches, for one hand with one calibration.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use tactile_perception::hand_model::Hand;
+/// use tactile_perception::hand_model::robot::TactileImage;
+/// use tactile_perception::{PIXELS, PhotometricCalibration, TouchPipeline};
+///
+/// // Images of the untouched pads, in camera order, and a calibration (see `PhotometricCalibration::read`).
+/// let hand = Hand::ftac();
+/// let grey = Arc::new(TactileImage { rgb: vec![110; 3 * PIXELS] });
+/// let untouched = vec![grey; hand.cameras.len()];
+/// let calibration = PhotometricCalibration { version: 1, configurations: Default::default() };
+///
+/// let pipeline = TouchPipeline::new(&hand, calibration, untouched.clone())?;
+/// let touches = pipeline.perceive(&untouched)?;
+/// assert_eq!(touches.len(), 17);
+/// assert!(touches.iter().all(|touch| !touch.is_touched()));
+/// # Ok::<(), tactile_perception::TouchError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct TouchPipeline {
     hand: Hand,
@@ -51,8 +72,11 @@ pub struct TouchPipeline {
     backgrounds: Vec<Arc<TactileImage>>,
     poisson: PoissonSolver,
     network: Option<PreparedNetwork>,
+    /// Thresholds for a pad to count as touched.
     pub stereo: StereoOptions,
+    /// Thresholds of contact patches.
     pub contacts: ContactOptions,
+    /// Options of the pose estimate.
     pub pose: PoseOptions,
     /// Thresholds for self-contacts of the hand. Without them, every contact counts as one with an object.
     pub self_contact: Option<SelfContactOptions>,
@@ -228,6 +252,7 @@ impl TouchPipeline {
         &self.backgrounds
     }
 
+    /// The hand whose images are perceived.
     pub fn hand(&self) -> &Hand {
         &self.hand
     }

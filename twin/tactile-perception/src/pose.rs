@@ -82,6 +82,37 @@ impl PoseEstimate {
 
 /// Estimates the in-hand pose of an object of known shape. Without any contact the answer is the prior, pushed out of the
 /// pads that feel nothing.
+///
+/// ```
+/// use nalgebra::{Isometry3, Point3, Vector3};
+/// use tactile_perception::hand_model::Hand;
+/// use tactile_perception::hand_model::robot::ServoState;
+/// use tactile_perception::{KnownShape, PoseInputs, PoseOptions, PosePrior, Readings, estimate_pose};
+///
+/// /// A ball of this radius, m.
+/// struct Ball(f64);
+/// impl KnownShape for Ball {
+///     fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+///         (point.coords.norm() - self.0, point.coords.normalize())
+///     }
+/// }
+///
+/// // Nothing is felt, and no pad is known to feel nothing: the estimate is the prior.
+/// let hand = Hand::ftac();
+/// let servos = [ServoState::default(); 6];
+/// let prior = PosePrior::weak(Isometry3::translation(0.0, 0.05, -0.08));
+/// let estimate = estimate_pose(&PoseInputs {
+///     hand: &hand,
+///     touches: &[],
+///     readings: Readings::without_gravity(&servos),
+///     prior: &prior,
+///     shape: &Ball(0.03),
+///     options: &PoseOptions::default(),
+/// })?;
+/// let moved = estimate.palm_from_object.translation.vector - prior.palm_from_object.translation.vector;
+/// assert!(moved.norm() < 1e-6);
+/// # Ok::<(), tactile_perception::TouchError>(())
+/// ```
 pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let PoseInputs { touches, prior, options, .. } = *inputs;
     let (problem, rest, mut steps) = prepare_problem(inputs)?;
@@ -131,7 +162,7 @@ pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f6
 }
 
 /// Joint angles (rad) from servos, springs and the forces on the pads, whatever presses there. For digits without
-/// contact they are those of [`free_posture`](crate::posture::free_posture).
+/// contact they are those of [`Posture`](crate::Posture).
 pub fn loaded_posture(
     hand: &Hand,
     touches: &[PadTouch],

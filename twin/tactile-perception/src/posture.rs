@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 /// Readings from which the posture follows, in addition to the contacts on the pads.
 #[derive(Debug, Clone, Copy)]
 pub struct Readings<'a> {
+    /// State of each servo, in actuator order.
     pub servos: &'a [ServoState],
     /// Gravity along the palm's axes, m/s2; zero if the orientation of the palm is unknown.
     pub gravity: Vector3<f64>,

@@ -75,7 +75,7 @@ const ROUND_ATTRIBUTES: &[Attribute] = &[("radius", Numbers(1), Refused), ("leng
 
 /// Checks the attributes of an element and returns those to fill in, as text. An attribute that is required and
 /// missing, or not a number, is an error. `names` is the path from the link or joint to the element.
-pub fn check_attributes(
+pub(crate) fn check_attributes(
     names: &[&str],
     start: &StartTag<'_>,
     fault: &dyn Fn(&str, String, &str) -> DataError,
@@ -115,7 +115,7 @@ impl AttributeContent {
 }
 
 /// Applies the edits to `text`; each replaces its byte range.
-pub fn apply_edits(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
+pub(crate) fn apply_edits(text: &str, mut edits: Vec<(Range<usize>, String)>) -> String {
     edits.sort_by_key(|(range, _)| range.start);
     let (mut out, mut done) = (String::with_capacity(text.len()), 0);
     for (range, edit) in edits {

@@ -8,7 +8,7 @@ use ftac_platform::data::DataError;
 const MAX_ATTRIBUTES: usize = 64;
 
 /// A start tag.
-pub struct StartTag<'a> {
+pub(crate) struct StartTag<'a> {
     pub name: &'a str,
     pub attributes: Vec<(&'a str, &'a str)>,
     /// Line, from 1.
@@ -21,18 +21,18 @@ pub struct StartTag<'a> {
 }
 
 impl<'a> StartTag<'a> {
-    pub fn attribute(&self, name: &str) -> Option<&'a str> {
+    pub(crate) fn attribute(&self, name: &str) -> Option<&'a str> {
         self.attributes.iter().find(|(own, _)| *own == name).map(|(_, value)| *value)
     }
 
     /// Returns the namespace prefixes that it declares.
-    pub fn prefixes(&self) -> impl Iterator<Item = &'a str> {
+    pub(crate) fn prefixes(&self) -> impl Iterator<Item = &'a str> {
         self.attributes.iter().filter_map(|(name, _)| name.strip_prefix("xmlns:"))
     }
 }
 
 /// A tag.
-pub enum Tag<'a> {
+pub(crate) enum Tag<'a> {
     Open(StartTag<'a>),
     /// The end of an element: its name, its line, and its byte offset.
     Close {
@@ -43,7 +43,7 @@ pub enum Tag<'a> {
 }
 
 /// Iterator over the tags of a text; ends after the first error.
-pub struct Tags<'a> {
+pub(crate) struct Tags<'a> {
     text: &'a str,
     path: &'a Path,
     at: usize,
@@ -54,7 +54,7 @@ pub struct Tags<'a> {
 
 impl<'a> Tags<'a> {
     /// Creates the iterator over `text`; `path` is used in errors only.
-    pub fn new(text: &'a str, path: &'a Path) -> Self {
+    pub(crate) fn new(text: &'a str, path: &'a Path) -> Self {
         Self { text, path, at: 0, line: 1, counted: 0 }
     }
 

@@ -20,7 +20,9 @@ pub(crate) fn is_bmp(bytes: &[u8]) -> bool {
 /// Size and coding of a bitmap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BitmapLayout {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     top_down: bool,
     /// Bytes per pixel: 1, 3 or 4.

@@ -11,6 +11,7 @@ use crate::calibration::photo::Photo;
 pub struct Circle {
     /// Column and row, pixels.
     pub center: [f64; 2],
+    /// Radius, pixels.
     pub radius: f64,
 }
 

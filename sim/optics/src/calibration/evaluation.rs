@@ -1,6 +1,5 @@
 //! Evaluation of a fitted sensor: similarity of rendered and real held-out presses.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
@@ -10,7 +9,8 @@ use crate::calibration::scene::CalibrationScene;
 use crate::calibration::similarity::{Similarity, compare};
 
 /// Similarity over whole images, and over a square that reaches 1.5 visible radii to each side of the press.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct ViewSimilarity {
     /// The whole image.
     pub full: Similarity,

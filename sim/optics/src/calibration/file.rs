@@ -27,7 +27,9 @@ const MAX_PIXEL_SIZE_MM: f64 = 10.0;
 pub struct SensorCalibration {
     /// Version of the file format.
     pub version: u32,
+    /// Columns of an image.
     pub columns: usize,
+    /// Rows of an image.
     pub rows: usize,
     /// Size of a pixel on the gel, mm.
     pub pixel_mm: f64,

@@ -65,6 +65,7 @@ pub struct BallFit {
     pub lens: Option<Lens>,
     /// All fitted parameters.
     pub parameters: Vec<FittedParameter>,
+    /// Assumptions under which the parameters were fitted.
     pub assumptions: Assumptions,
     /// Root mean square residual over the samples, grey levels.
     pub residual: f64,

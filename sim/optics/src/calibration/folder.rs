@@ -27,7 +27,9 @@ use crate::error::OpticsError;
 /// One press of a ball.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallPress {
+    /// Name of the image file.
     pub name: String,
+    /// The image.
     pub photo: Photo,
     /// Middle of the visible circle: column and row, pixels (pixel centres are whole).
     pub center: [f64; 2],
@@ -44,11 +46,13 @@ pub struct BallPress {
 /// An image, or a label, that is not used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkippedImage {
+    /// Name of the image file, or of the file that the label names.
     pub name: String,
     /// The image, if it has the background's size.
     pub photo: Option<Photo>,
     /// Circle of the label, if there is one: centre (column, row) and radius, pixels.
     pub circle: Option<([f64; 2], f64)>,
+    /// Reason in words: found and expected.
     pub reason: String,
     /// True if the label file names an image that is not in the folder.
     pub missing: bool,

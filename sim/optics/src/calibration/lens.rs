@@ -6,14 +6,14 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
 
 /// Intrinsics of a camera with its distortion; the same intrinsics hold for raw and rectified images.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
     /// Focal lengths across and down, pixels.

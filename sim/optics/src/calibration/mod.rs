@@ -4,7 +4,7 @@
 //! A [`folder`] of [images](image_files) is read, [checked](press_checks), and rectified if its camera's [`lens`] is
 //! known or [`zhang`] determines it from a [`checkerboard`]. Presses without labels are detected as a [`circle`], which
 //! [`relocation`] corrects, and the [`background`] is estimated from them. [`samples`] picks pixels, and [`fit`]
-//! adjusts lamps, reflectance, response, camera and gel to them by [`least_squares`]. [`evaluation`] renders held-out
+//! adjusts lamps, reflectance, response, camera and gel to them by least squares. [`evaluation`] renders held-out
 //! presses and measures their [`similarity`] to the real images. [`recovery`] tests whether a fit finds the parameters
 //! of a known sensor.
 

@@ -41,7 +41,7 @@ impl Photo {
         Self::read_deep(path).map(|(photo, _)| photo)
     }
 
-    /// Like [`Self::fit_folder`], with the depth of a 16-bit file. Its values are scaled by the camera's bits, not by the
+    /// Like [`Self::read`], with the depth of a 16-bit file. Its values are scaled by the camera's bits, not by the
     /// file's.
     pub fn read_deep(path: &Path) -> Result<(Self, Option<BitDepth>), OpticsError> {
         let fault = |error: image::ImageError| OpticsError::file(path, error);
@@ -98,6 +98,10 @@ impl Photo {
         self.rgb.chunks_exact(3).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
     }
 
+    /// Returns red, green and blue of a pixel.
+    ///
+    /// # Panics
+    /// If the pixel is outside the image.
     #[inline]
     pub fn pixel(&self, column: usize, row: usize) -> [u8; 3] {
         let at = 3 * (row * self.width + column);

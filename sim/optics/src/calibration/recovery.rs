@@ -4,7 +4,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::calibration::assumptions::Assumptions;
@@ -14,8 +13,10 @@ use crate::calibration::samples::{FitSamples, PixelSample, PressCircle};
 use crate::calibration::scene::CalibrationScene;
 
 /// Errors of a fit to `presses` presses.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct RecoveryErrors {
+    /// Number of presses that were fitted.
     pub presses: usize,
     /// True if an image of each lamp alone was fitted too.
     pub single_lamps: bool,

@@ -37,7 +37,7 @@ pub(crate) struct FitSamples {
     pub(crate) touched: Vec<PixelSample>,
     /// Pixels of the background; `press` and `value` are unused.
     pub(crate) flat: Vec<PixelSample>,
-    /// Values of each image of a single lamp at the `flat_sensor` pixels, grey levels from 0 to 1.
+    /// Values of each image of a single lamp at the `flat` pixels, grey levels from 0 to 1.
     pub(crate) single_lamp_values: Vec<Vec<[f64; 3]>>,
 }
 

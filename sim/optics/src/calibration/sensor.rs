@@ -2,17 +2,33 @@
 
 use std::path::Path;
 
+use hand_model::pads::PadCamera;
 use nalgebra::{Point3, Vector3};
 
-use crate::calibration::file::SensorCalibration;
+use crate::calibration::file::{SensorCalibration, VERSION};
 use crate::calibration::photo::Photo;
 use crate::calibration::profile::RoundSmoothing;
 use crate::camera::ResponseTable;
-use crate::error::OpticsError;
+use crate::error::{OpticsError, check_positive};
+use crate::model::SensorModel;
 use crate::shadows::{HeightField, Shadow};
 
 /// A calibrated sensor with the image of its untouched gel. Frame: origin at the image centre on the untouched gel, x right,
 /// y up, z towards the object.
+///
+/// ```
+/// use tactile_optics::calibration::CalibratedSensor;
+///
+/// // With your own calibration: `CalibratedSensor::read(Path::new("sensor.toml"))?`.
+/// let sensor = CalibratedSensor::nominal(64, 48, 0.2e-3)?;
+/// let untouched = sensor.render(&vec![f32::NEG_INFINITY; 64 * 48])?;
+///
+/// // A ball of 6 mm diameter whose press is 8 pixels in radius.
+/// let pressed = sensor.render(&sensor.ball_penetration([32.0, 24.0], 8.0, 6e-3))?;
+/// assert_ne!(pressed.pixel(28, 24), untouched.pixel(28, 24));
+/// assert_eq!(pressed.pixel(0, 0), untouched.pixel(0, 0));
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedSensor {
     file: SensorCalibration,
@@ -53,10 +69,40 @@ impl CalibratedSensor {
         Ok(sensor)
     }
 
-    pub fn model(&self) -> &crate::model::SensorModel {
+    /// Creates a synthetic sensor with the nominal lamps and a flat gel of `columns` x `rows` pixels of `pixel` m, without
+    /// noise: a sensor of known parameters, for tests and first attempts.
+    pub fn nominal(columns: usize, rows: usize, pixel: f64) -> Result<Self, OpticsError> {
+        check_positive("columns", columns as f64)?;
+        check_positive("rows", rows as f64)?;
+        check_positive("pixel size", pixel)?;
+        let (w, h) = (columns as f64 * pixel, rows as f64 * pixel);
+        let model = SensorModel::nominal_of(&PadCamera { name: "nominal".into(), pad: 0, center_y: 0.0, h, w });
+        let grey = |at: usize| {
+            let (column, row) = ((at % columns) as f64, (at / columns) as f64);
+            let (x, y) = (pixel * (column + 0.5) - 0.5 * w, 0.5 * h - pixel * (row + 0.5));
+            model.grey(&Point3::new(x, y, 0.0), [0.0; 2]).map(|grey| grey.min(255.0) as f32)
+        };
+        let background = (0..columns * rows).flat_map(grey).collect();
+        let file = SensorCalibration {
+            version: VERSION,
+            columns,
+            rows,
+            pixel_mm: 1e3 * pixel,
+            pixel_interval_mm: None,
+            contact_over_visible: 1.0,
+            background: "background.png".into(),
+            lens: None,
+            model: SensorModel { noise: 0.0, ..model },
+        };
+        Self::new(file, background)
+    }
+
+    /// Returns the image-formation model.
+    pub fn model(&self) -> &SensorModel {
         &self.file.model
     }
 
+    /// Returns the content of the calibration file.
     pub fn calibration(&self) -> &SensorCalibration {
         &self.file
     }

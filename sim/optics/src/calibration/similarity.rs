@@ -3,10 +3,11 @@
 //! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1
 //! = 0.01^2`, `C2 = 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Similarity of two images, over all channels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct Similarity {
     /// Mean absolute error of grey levels from 0 to 1.
     pub l1: f64,

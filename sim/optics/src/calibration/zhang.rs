@@ -25,6 +25,7 @@ pub struct LensFit {
     /// The lens. Its third radial coefficient is 0, because corners seldom reach far enough from the centre to
     /// determine it.
     pub lens: Lens,
+    /// All fitted parameters with their standard deviations.
     pub parameters: Vec<FittedParameter>,
     /// Root mean square reprojection error, pixels.
     pub residual: f64,
@@ -47,7 +48,7 @@ const PARAMETER_NAMES: [&str; LENS_PARAMETER_COUNT] = [
 /// Scale of the robust loss, pixels: larger residuals count as wrongly detected corners.
 const LOSS_SCALE: f64 = 1.0;
 
-/// Fits the lens to a folder of pictures of a board, described by its `board.toml` (`columns` and `render_rows`: inner corners).
+/// Fits the lens to a folder of pictures of a board, described by its `board.toml` (`columns` and `rows`: inner corners).
 /// Every picture must have `size` (columns, rows) and show the whole board.
 pub fn fit_folder(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsError> {
     let path = folder.join("board.toml");

@@ -20,7 +20,22 @@ use crate::noise::quantise;
 use crate::sensor::Sensor;
 use crate::shadows::{HeightField, Shadow};
 
-/// One camera unit of a pad with any cover. With [`PadCover::BACKGROUND_SAMPLES`] its images are bit-identical to those of [`Sensor`].
+/// One camera unit of a pad with any cover. With [`PadCover::FLAT`] its images are bit-identical to those of [`Sensor`].
+///
+/// ```
+/// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+/// use tactile_optics::hand_model::Hand;
+/// use tactile_optics::{CurvedSensor, PadCover, SensorModel, press};
+///
+/// let hand = Hand::ftac();
+/// let (pad, camera) = (&hand.pads[0], &hand.cameras[hand.pads[0].cameras[0]]);
+/// let cover = PadCover::cylinder(0.03)?;
+/// let sensor = CurvedSensor::new(pad, camera, SensorModel::nominal(pad, camera), cover, 7)?;
+/// let pressed = press(pad, &[camera], &hand.parameters.gel, 2.0, |x, y| Some(50.0 * (x * x + y * y)))?;
+/// let image = sensor.render(&pressed.maps[0], &mut ChaCha8Rng::seed_from_u64(1));
+/// assert_ne!(image, sensor.background());
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct CurvedSensor {
     sensor: Sensor,

@@ -25,6 +25,25 @@ use crate::wide::widest;
 const MIN_POINTS: usize = 64;
 
 /// A sensor at a smaller image size.
+///
+/// ```
+/// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+/// use tactile_optics::hand_model::Hand;
+/// use tactile_optics::indentation::press_rasters;
+/// use tactile_optics::{GelFoundation, ReducedSensor, Sensor};
+///
+/// let hand = Hand::ftac();
+/// let sensor = Sensor::nominal(&hand.pads[0], &hand.cameras[0]);
+/// let small = ReducedSensor::new(&sensor, 60)?;
+///
+/// let gel = GelFoundation::winkler(&hand.parameters.gel);
+/// let edge = |x: f64, _y: f64| Some(0.3 * x.abs());
+/// let pressed = press_rasters(&hand.pads[0], &[*small.raster()], &gel, 2.0, edge)?;
+/// let mut noise = ChaCha8Rng::seed_from_u64(1);
+/// let image = small.render_with_brightness(&sensor, &pressed.maps[0], 1.0, &mut noise);
+/// assert_eq!(image.rgb.len(), 3 * 60 * 60);
+/// # Ok::<(), tactile_optics::OpticsError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct ReducedSensor {
     side: usize,

@@ -24,6 +24,7 @@ const HOLDOUT_STRIDE: usize = 5;
 pub struct SelfCalibrationReport {
     /// Number of presses in which the ball was found.
     pub located: usize,
+    /// Number of rounds of locating the balls and correcting the calibration.
     pub rounds: usize,
     /// Mean step of the balls' centres in the last round, m.
     pub step: f64,

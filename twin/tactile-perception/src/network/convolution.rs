@@ -41,6 +41,7 @@ impl Planes {
         (plane * (self.height + 2) + (row + 1) as usize) * self.pitch
     }
 
+    /// Value at a position of a plane.
     pub fn at(&self, plane: usize, row: usize, column: usize) -> f32 {
         self.data[self.index(plane, row as isize) + 1 + column]
     }
@@ -82,7 +83,7 @@ pub(super) struct Layer {
 
 impl Layer {
     /// A layer of `weights` by output, input, row, column.
-    pub fn new(inputs: usize, outputs: usize, kernel: usize, weights: &[f32], biases: &[f32]) -> Self {
+    pub(crate) fn new(inputs: usize, outputs: usize, kernel: usize, weights: &[f32], biases: &[f32]) -> Self {
         let area = kernel * kernel;
         let mut laid = Vec::new();
         for block in 0..outputs.div_ceil(OUTPUT_BLOCK) {
@@ -97,7 +98,7 @@ impl Layer {
     }
 
     /// Applies the layer with a stride of 1 or 2, which must divide the sides. `rectify` sets negative values to 0.
-    pub fn run(&self, planes: &Planes, stride: usize, rectify: bool) -> Planes {
+    pub(crate) fn run(&self, planes: &Planes, stride: usize, rectify: bool) -> Planes {
         let (height, width) = (planes.height / stride, planes.width / stride);
         let mut out = Planes::zero(self.outputs, height, width);
         let padded = width.next_multiple_of(LANES);

@@ -58,7 +58,13 @@ pub(super) struct LinkPatch {
 
 impl LinkPatch {
     /// A patch of a pad at `place` on its link; `sigma` (m) is the least standard deviation of its heights.
-    pub fn new(link: Option<usize>, pressed: usize, place: &Isometry3<f64>, patch: &ContactPatch, sigma: f64) -> Self {
+    pub(crate) fn new(
+        link: Option<usize>,
+        pressed: usize,
+        place: &Isometry3<f64>,
+        patch: &ContactPatch,
+        sigma: f64,
+    ) -> Self {
         let point = |p: &SurfacePoint| place * p.point;
         let points = evenly_spaced(&patch.points, MAX_POINTS);
         let normals = evenly_spaced(&patch.points, MAX_NORMALS);
@@ -86,7 +92,7 @@ pub(super) struct SelfContact {
 
 impl SelfContact {
     /// A patch of a pad at `place` on its link.
-    pub fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &ContactPatch) -> Self {
+    pub(crate) fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &ContactPatch) -> Self {
         Self { link, centroid: place * patch.centroid, force: place * (patch.normal * patch.force) }
     }
 }
@@ -108,7 +114,7 @@ pub(super) struct PressedPad {
 
 impl PressedPad {
     /// The pad at `place` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
-    pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
+    pub(crate) fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
         let sigma = |patch: &&ContactPatch| height_sigma(patch, options.sigma_height);
         let best = touch.object_patches().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
         let deepest =
@@ -132,7 +138,7 @@ pub(super) struct ContactFreeSpot {
 
 impl ContactFreeSpot {
     /// The spots of a pad at `place` on its link, from all of its free points (pad frame).
-    pub fn of_pad(
+    pub(crate) fn of_pad(
         link: Option<usize>,
         pressed: Option<usize>,
         place: &Isometry3<f64>,

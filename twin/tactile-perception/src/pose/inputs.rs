@@ -12,12 +12,17 @@ use crate::posture::Readings;
 /// All inputs of [`estimate_pose`](super::estimate_pose).
 #[derive(Clone, Copy)]
 pub struct PoseInputs<'a> {
+    /// The hand that holds the object.
     pub hand: &'a Hand,
     /// Touches of the pads, at most one per pad. A pad that is not listed gives no evidence.
     pub touches: &'a [PadTouch],
+    /// Servo readings and gravity, from which the joint angles are estimated.
     pub readings: Readings<'a>,
+    /// Expected pose with its uncertainty.
     pub prior: &'a PosePrior,
+    /// Surface of the object.
     pub shape: &'a dyn KnownShape,
+    /// Weights and stopping criteria.
     pub options: &'a PoseOptions,
 }
 

@@ -76,7 +76,7 @@ pub(super) struct PoseProblem<'a> {
 }
 
 impl<'a> PoseProblem<'a> {
-    pub fn new(inputs: &PoseInputs<'a>) -> Self {
+    pub(crate) fn new(inputs: &PoseInputs<'a>) -> Self {
         let PoseInputs { hand, touches, readings, prior, shape, options } = *inputs;
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (mut pressed, mut links, mut own) = (Vec::new(), Vec::new(), Vec::new());
@@ -161,26 +161,26 @@ impl<'a> PoseProblem<'a> {
         problem
     }
 
-    pub fn options(&self) -> &PoseOptions {
+    pub(crate) fn options(&self) -> &PoseOptions {
         self.options
     }
 
     /// The initial state: the posture from the servos with the object at `pose`.
-    pub fn start(&self, pose: Isometry3<f64>) -> PoseState {
+    pub(crate) fn start(&self, pose: Isometry3<f64>) -> PoseState {
         let lift = self.pressed.iter().map(|pad| pad.lift).collect();
         PoseState { pose, q: self.posture.q, lift }
     }
 
-    pub fn has_contact(&self) -> bool {
+    pub(crate) fn has_contact(&self) -> bool {
         !self.patches.is_empty()
     }
 
-    pub fn shape(&self) -> &dyn KnownShape {
+    pub(crate) fn shape(&self) -> &dyn KnownShape {
         self.shape
     }
 
     /// At most `most` points of each patch with normals and weights, at the state's posture.
-    pub fn contact_points(&self, state: &PoseState, most: usize) -> Vec<ContactPoint> {
+    pub(crate) fn contact_points(&self, state: &PoseState, most: usize) -> Vec<ContactPoint> {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let mut felt = Vec::new();
         for patch in &self.patches {
@@ -197,13 +197,13 @@ impl<'a> PoseProblem<'a> {
         felt
     }
 
-    pub fn patch_count(&self) -> usize {
+    pub(crate) fn patch_count(&self) -> usize {
         self.patches.len()
     }
 
     /// Computes, from the torques at `q`, the torque of the digits' weight about each joint and the standard deviation
     /// of the torque balance.
-    pub fn update_torques(&mut self, q: &[f64]) {
+    pub(crate) fn update_torques(&mut self, q: &[f64]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
             let torque = self.contact_torque(&kinematics, joint).abs();
@@ -297,7 +297,7 @@ impl<'a> PoseProblem<'a> {
     }
 
     /// Applies a step to `state`.
-    pub fn moved(&self, state: &PoseState, step: &DVector<f64>) -> PoseState {
+    pub(crate) fn moved(&self, state: &PoseState, step: &DVector<f64>) -> PoseState {
         let rho = Vector3::new(step[0], step[1], step[2]);
         let phi = Vector3::new(step[3], step[4], step[5]);
         let (mut q, mut lift) = (state.q, state.lift.clone());
@@ -316,7 +316,7 @@ impl<'a> PoseProblem<'a> {
     }
 
     /// Root mean square distance of the felt points to the surface, m.
-    pub fn point_rms(&self, state: &PoseState) -> f64 {
+    pub(crate) fn point_rms(&self, state: &PoseState) -> f64 {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let (mut sum, mut count) = (0.0, 0usize);
         for patch in &self.patches {

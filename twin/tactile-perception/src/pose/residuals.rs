@@ -41,14 +41,14 @@ struct Posed<'a> {
 
 impl PoseProblem<'_> {
     /// Robust cost of a state.
-    pub fn cost(&self, state: &PoseState, evidence: EvidenceStage) -> f64 {
+    pub(crate) fn cost(&self, state: &PoseState, evidence: EvidenceStage) -> f64 {
         let mut sink = Cost(0.0);
         self.residuals(state, evidence, &mut sink);
         if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
     }
 
     /// Gauss-Newton matrix and gradient of the cost.
-    pub fn linearise(&self, state: &PoseState, evidence: EvidenceStage) -> (DMatrix<f64>, DVector<f64>) {
+    pub(crate) fn linearise(&self, state: &PoseState, evidence: EvidenceStage) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.columns;
         let held = match evidence {
             EvidenceStage::Joints | EvidenceStage::Posture => 0..6,

@@ -59,7 +59,7 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub fn new(columns: usize, held: std::ops::Range<usize>) -> Self {
+    pub(crate) fn new(columns: usize, held: std::ops::Range<usize>) -> Self {
         Self {
             hessian: DMatrix::zeros(columns, columns),
             gradient: DVector::zeros(columns),
@@ -104,18 +104,18 @@ pub(super) struct Kinematics<'a> {
 
 impl<'a> Kinematics<'a> {
     /// `chains` holds the joints from the palm to each link.
-    pub fn new(hand: &Hand, chains: &'a [Vec<usize>], q: &[f64]) -> Self {
+    pub(crate) fn new(hand: &Hand, chains: &'a [Vec<usize>], q: &[f64]) -> Self {
         let links = hand.tree.forward(q);
         let axes = links.iter().zip(&hand.tree.joints).map(|(link, joint)| link * joint.axis.into_inner()).collect();
         Self { links, axes, chains }
     }
-    pub fn pose(&self, link: Option<usize>) -> Isometry3<f64> {
+    pub(crate) fn pose(&self, link: Option<usize>) -> Isometry3<f64> {
         link.map_or(Isometry3::identity(), |link| self.links[link])
     }
-    pub fn chain(&self, link: Option<usize>) -> &'a [usize] {
+    pub(crate) fn chain(&self, link: Option<usize>) -> &'a [usize] {
         link.map_or(&[], |link| &self.chains[link])
     }
-    pub fn origin(&self, joint: usize) -> Vector3<f64> {
+    pub(crate) fn origin(&self, joint: usize) -> Vector3<f64> {
         self.links[joint].translation.vector
     }
 }

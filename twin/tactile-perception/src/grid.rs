@@ -9,7 +9,16 @@ use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
 /// Size of a photo that the pads' grid covers.
-#[derive(Debug, Clone, Copy)]
+///
+/// ```
+/// use tactile_perception::grid::PadGrid;
+///
+/// let grid = PadGrid { width: 320, height: 180 };
+/// let image = grid.image(&vec![120; 3 * 320 * 180]);
+/// assert_eq!(image.rgb.len(), 3 * 240 * 240);
+/// assert_eq!(grid.interpolated(&vec![1e-3; 240 * 240]).len(), 320 * 180);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PadGrid {
     /// Columns of the photo.
     pub width: usize,
@@ -29,6 +38,10 @@ impl PadGrid {
         (at(i % N, self.width), at(i / N, self.height))
     }
 
+    /// Averages a photo (row-major RGB) onto the pads' grid.
+    ///
+    /// # Panics
+    /// If `rgb` has fewer than `3 * width * height` values.
     pub fn image(self, rgb: &[u8]) -> Arc<TactileImage> {
         let values: Vec<f32> = rgb.iter().map(|&value| f32::from(value)).collect();
         let rgb = self.averaged(&values, 3).into_iter().map(|value| value.round() as u8).collect();
@@ -36,6 +49,10 @@ impl PadGrid {
     }
 
     /// Averages over each pixel of the pads' grid, weighted by the area that each of the photo's pixels covers of it.
+    /// `values` are row-major, `channels` a pixel.
+    ///
+    /// # Panics
+    /// If `values` has fewer than `channels * width * height` values.
     pub fn averaged(self, values: &[f32], channels: usize) -> Vec<f32> {
         let (columns, rows) = (overlap_shares(self.width), overlap_shares(self.height));
         let mut sums = vec![0.0f32; self.height * N * channels];
@@ -63,6 +80,9 @@ impl PadGrid {
 
     /// Interpolates values on the pads' grid at the photo's pixels. Beyond the outermost pixel centres the border
     /// values are kept.
+    ///
+    /// # Panics
+    /// If `values` has fewer than 240 x 240 values.
     pub fn interpolated(self, values: &[f32]) -> Vec<f32> {
         let at = |k: usize, size: usize| {
             let place = ((k as f64 + 0.5) * N as f64 / size as f64 - 0.5).clamp(0.0, (N - 1) as f64);
