@@ -10,8 +10,8 @@ use crate::kinematics::pose_from_xyz_rpy;
 use crate::urdf::urdf_error;
 use ftac_platform::data::DataError;
 
-/// Fixes every joint that neither is `actuated_joints` nor follows a pulled one, at its coordinate in `given` (rad or m) or at
-/// rest. Returns their names and coordinates.
+/// Fixes every joint that neither is `actuated_joints` nor follows a pulled one, at its coordinate in `given` (rad or
+/// m) or at rest. Returns their names and coordinates.
 pub(crate) fn fix(
     robot: &mut Robot,
     pulled: &BTreeSet<&str>,
