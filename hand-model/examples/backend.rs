@@ -1,5 +1,5 @@
-//! A robot of your own behind `RobotBackend`: two servos that follow their goals with a lag, and a controller that closes
-//! them until their currents rise.
+//! A robot of your own behind `RobotBackend`: two servos that follow their goals with a lag, and a controller that
+//! closes them until their currents rise.
 //!
 //! `cargo run -p hand-model --example backend`. Replace `ToyGripper` by calls to your driver or your simulator.
 

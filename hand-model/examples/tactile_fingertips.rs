@@ -1,7 +1,8 @@
-//! An Allegro Hand with four camera fingertips closes on a round bar across its palm; prints the contact forces and the pads' poses.
+//! An Allegro Hand with four camera fingertips closes on a round bar across its palm; prints the contact forces and the
+//! pads' poses.
 //!
-//! `cargo run -p hand-model --example tactile_fingertips` takes the hand from this package, and with `-- HAND.toml` reads a
-//! parameter file of your own, for example that of a hand with DIGIT or GelSight fingertips.
+//! `cargo run -p hand-model --example tactile_fingertips` takes the hand from this package, and with `-- HAND.toml`
+//! reads a parameter file of your own, for example that of a hand with DIGIT or GelSight fingertips.
 
 use std::error::Error;
 use std::path::Path;

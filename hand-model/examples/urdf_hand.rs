@@ -1,9 +1,9 @@
-//! Reads a hand from its URDF and its actuation file, and prints its joints, its actuators and the efforts of the closed
-//! hand.
+//! Reads a hand from its URDF and its actuation file, and prints its joints, its actuators and their efforts
+//! in the open hand.
 //!
-//! `cargo run -p hand-model --example urdf_hand` reads a gripper with two fingers that is part of this program, and with
-//! `-- HAND.urdf ACTUATION.toml` a hand of your own. Collision meshes of the URDF are refused here; pass functions that
-//! read and decompose them as `MeshTools`.
+//! `cargo run -p hand-model --example urdf_hand` reads a gripper with two fingers that is part of this program, and
+//! with `-- HAND.urdf ACTUATION.toml` a hand of your own. Collision meshes of the URDF are refused here; pass functions
+//! that read and decompose them as `MeshTools`.
 
 use std::error::Error;
 use std::path::Path;

@@ -190,8 +190,8 @@ impl Arm {
         urdf::name(text, path)
     }
 
-    /// Builds an arm from the text of a parameter file and that of the [URDF it names](Self::urdf_name); `path` is used in
-    /// errors.
+    /// Builds an arm from the text of a parameter file and that of the [URDF it names](Self::urdf_name); `path` is used
+    /// in errors.
     ///
     /// # Errors
     /// [`DataError`] with the field at fault.

@@ -30,12 +30,12 @@
 //! Models, from the whole to its parts:
 //! - [`robot_model`]: a robot file, which names an arm and a hand. [`arm`]: a serial arm. [`hand`]: a hand from its
 //!   parameter file ([`parameters`]), with its [`digit`]s, its [`transmission`] and its [`pads`].
-//! - [`hand_mechanism`]: the view of a hand that physics and grasp synthesis use: collision shapes, joints, actuators. It is
-//!   built from a [`Hand`], or by [`urdf_hand`] from a URDF and an actuation file.
+//! - [`hand_mechanism`]: the view of a hand that physics and grasp synthesis use: collision shapes, joints, actuators.
+//!   It is built from a [`Hand`], or by [`urdf_hand`] from a URDF and an actuation file.
 //! - [`kinematics`]: the tree of joints under all of them. [`urdf`]: writing and reading of URDF.
 //!
-//! Computations: [`statics`]: postures at which the digits come to rest, free or against an obstacle. [`gravity`]: static
-//! loads on the arm's joints.
+//! Computations: [`statics`]: postures at which the digits come to rest, free or against an obstacle. [`gravity`]:
+//! static loads on the arm's joints.
 //!
 //! Interface: [`robot`]: what a robot measures and which commands it takes ([`robot::RobotBackend`]).
 //!
@@ -50,17 +50,19 @@
 //! | drives an arm and a [`robot::RobotBackend`] | yes, as part of a [`RobotModel`] | no |
 //!
 //! # Frames and units
-//! Right-handed; SI units throughout: m, rad, kg, N, N m, s. `palm`: y towards the fingertips, x towards the thumb side,
-//! -z out of the palm. Link frames of a [`Hand`]: x along the phalanx to the tip, y out of its palmar side, z the joint
-//! axis; a positive angle flexes. `pad/<name>`: origin in the centre of the sensing surface, y along the digit, z out of
-//! the surface. A pose `a_from_b` maps coordinates in b to a.
+//! Right-handed; SI units throughout: m, rad, kg, N, N m, s (only [`parameters::GraspRanges`] has degrees). A pose
+//! `a_from_b` maps coordinates in b to a.
+//! - `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm.
+//! - Links of a [`Hand`]: x along the phalanx to the tip, y out of its palmar side, z the joint axis; a positive angle
+//!   flexes. Links of a URDF keep the frames of the URDF.
+//! - `pad/<name>`: origin in the centre of the sensing surface, y along the digit, z out of the surface.
 //!
 //! # Limitations
 //! A [`Hand`] has at most five digits, each closed by one actuator, so a hand with a motor in each joint is
 //! approximated: the motors of a digit pull together, and joints that move sideways are held. Cables cross at most
-//! [`MAX_SPANS`](transmission::MAX_SPANS) joints. An arm has at most [`MAX_ARM_JOINTS`](arm::MAX_ARM_JOINTS) joints, all of
-//! them revolute. Tactile images have one size, [`IMAGE_SIZE`](pads::IMAGE_SIZE) pixels a side. There is no dynamics: couple a
-//! [`HandMechanism`](hand_mechanism::HandMechanism) to a physics engine.
+//! [`MAX_SPANS`](transmission::MAX_SPANS) joints. An arm has at most [`MAX_ARM_JOINTS`](arm::MAX_ARM_JOINTS) joints,
+//! all of them revolute. Tactile images have one size, [`IMAGE_SIZE`](pads::IMAGE_SIZE) pixels a side. There is no
+//! dynamics: couple a [`HandMechanism`](hand_mechanism::HandMechanism) to a physics engine.
 //!
 //! Only Unix systems.
 

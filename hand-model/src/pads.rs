@@ -1,7 +1,7 @@
 //! Tactile pads: poses, sizes, and the rectangle of each that a camera sees.
 //!
-//! The F-TAC Hand has 17 pads and 18 cameras; another hand has as many as its parameter file lists. Images of all cameras
-//! are rectified to squares of [`IMAGE_SIZE`] pixels, whatever the size of the rectangle.
+//! The F-TAC Hand has 17 pads and 18 cameras; another hand has as many as its parameter file lists. Images of all
+//! cameras are rectified to squares of [`IMAGE_SIZE`] pixels, whatever the size of the rectangle.
 
 use nalgebra::{Isometry3, Point3};
 

@@ -1,7 +1,8 @@
 //! The parameter file of a hand: all its numbers, as TOML, with checks that name file and field.
 //!
-//! `data/ftac_hand.toml`, `data/robots/allegro.toml` and `data/robots/franka_hand.toml` are complete files with comments:
-//! a hand driven by cables, one with motors in its joints, and a parallel gripper. All values are in SI units.
+//! `data/ftac_hand.toml`, `data/robots/allegro.toml` and `data/robots/franka_hand.toml` are complete files with
+//! comments: a hand driven by cables, one with motors in its joints, and a parallel gripper. All values are in SI
+//! units, except for angles of [`GraspRanges`], in degrees.
 
 mod checks;
 mod grasps;
@@ -70,8 +71,8 @@ pub struct HandParameters {
     pub palpation: Option<PalpationParameters>,
 }
 
-/// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics_text`] needs it. How the
-/// hand is used is left out.
+/// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics_text`] needs it.
+/// How the hand is used is left out.
 impl fmt::Debug for HandParameters {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("HandParameters")

@@ -3,15 +3,15 @@
 //! A backend is driven by ticks and owns the clock. [`RobotBackend::observe`] returns the newest readings,
 //! [`RobotBackend::send`] takes a command and returns the one *actually sent* after limits, and
 //! [`RobotBackend::wait_for_tick`] lets a tick pass. The first two can fail, and a reading may be missing: a controller
-//! holds until it has an [`Observation`] again ([`Readings::into_observation`]). No backend offers ground truth: object poses,
-//! noise samples and true contact forces reach only the referee, through a separate interface of the simulator.
+//! holds until it has an [`Observation`] again ([`Readings::into_observation`]). No backend offers ground truth: object
+//! poses, noise samples and true contact forces reach only the referee, through a separate interface of the simulator.
 //!
 //! A [`Plant`] is the physics behind emulated devices. It cannot fail.
 //!
 //! # Your own robot
-//! Implement [`RobotBackend`] for your robot or simulator. Servo values are listed in the order of the model's actuators
-//! ([`crate::Hand::servos`]), joint values in that of the arm's joints. A robot without an arm or without cameras reports
-//! nothing for them; see the example `backend` of this package.
+//! Implement [`RobotBackend`] for your robot or simulator. Servo values are listed in the order of the model's
+//! actuators ([`crate::Hand::servos`]), joint values in that of the arm's joints. A robot without an arm or without
+//! cameras reports nothing for them; see the example `backend` of this package.
 
 use std::sync::Arc;
 

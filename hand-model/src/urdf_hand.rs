@@ -1,9 +1,9 @@
 //! A hand from a URDF, which gives the mechanism, and an actuation file, which gives the actuators and springs.
 //!
-//! The actuation file is TOML; `data/hands` has those of the Ability, Allegro, Barrett, LEAP and Shadow hands and of the
-//! EZGripper. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
-//! a positive angle lengthens the cable; for a sliding joint, force over tension). Springs are torsion springs with
-//! rest at 0, or at the angle of `[open]`:
+//! The actuation file is TOML; `data/hands` has those of the Ability, Allegro, Barrett, LEAP and Shadow hands and of
+//! the EZGripper. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where a
+//! positive angle lengthens the cable; for a sliding joint, force over tension). Springs are torsion springs with rest
+//! at 0, or at the angle of `[open]`:
 //!
 //! ```toml
 //! version = 1

@@ -1,7 +1,7 @@
 //! Child processes that do not inherit this program's secrets.
 //!
-//! A child (a user's policy, a viewer, a cluster job) started by [`command`] does not see the environment variables that
-//! hold secrets of this program: those whose names begin with `FTAC_` and contain `PASSWORD`, `SECRET` or `TOKEN`.
+//! A child (a user's policy, a viewer, a cluster job) started by [`command`] does not see the environment variables
+//! that hold secrets of this program: those whose names begin with `FTAC_` and contain `PASSWORD`, `SECRET` or `TOKEN`.
 
 use std::ffi::OsStr;
 use std::process::Command;

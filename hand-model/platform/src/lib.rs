@@ -1,6 +1,7 @@
 //! Files of long computations: written atomically, read with limits, and checked with errors that name the place.
 //!
-//! - [`data`]: reading of TOML, and [`DataError`], which names file, line or field, the value found and the one expected.
+//! - [`data`]: reading of TOML, and [`DataError`], which names file, line or field, the value found and the one
+//!   expected.
 //! - [`file`](mod@file): atomic writes, and reads of regular files of bounded size.
 //! - [`file_access`]: the files that a text from elsewhere may name.
 //! - [`journal`]: finished work line by line, safe against a kill at any moment; locks on files and folders.

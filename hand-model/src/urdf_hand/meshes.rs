@@ -156,8 +156,8 @@ fn farthest(points: &[Point3<f64>], way: &Vector3<f64>) -> Option<usize> {
 }
 
 /// Keeps only points that are farthest in one of many directions. Their convex hull equals that of all points to within
-/// [`HULL_TOLERANCE`], which is checked along four times as many directions. Returns all points if that fails or if there are
-/// few.
+/// [`HULL_TOLERANCE`], which is checked along four times as many directions. Returns all points if that fails or if
+/// there are few.
 fn thin_points(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     let mut count = DIRECTION_COUNTS.0;
     while count <= DIRECTION_COUNTS.1 && count < points.len() {

@@ -11,22 +11,26 @@ use crate::error::SessionLogError;
 use crate::message::command_bits;
 use crate::reader::{SessionEvent, SessionReader};
 
+/// Result of a comparison.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SessionComparison {
     /// Number of whole ticks that are equal in both.
     pub ticks: u64,
     /// Number of values that are equal in both.
     pub values: u64,
+    /// Number of images that are equal in both.
     pub images: u64,
     /// First difference, if any.
     pub difference: Option<SessionDifference>,
 }
 
+/// The first difference between two sessions.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("tick {tick}, {field}: found {found}, expected {expected}")]
 pub struct SessionDifference {
     /// Number of the tick, from 0.
     pub tick: u64,
+    /// Name of the value that differs.
     pub field: String,
     /// Value in the second session.
     pub found: String,
@@ -38,6 +42,25 @@ pub struct SessionDifference {
 ///
 /// # Errors
 /// A damaged file.
+///
+/// ```
+/// use hand_model::robot::{Observation, Tick};
+/// use robot_session_log::comparison::compare;
+/// use robot_session_log::{RobotSizes, SessionHeader, SessionLogError, SessionReader, SessionWriter};
+///
+/// # let folder = tempfile::tempdir()?;
+/// let session = |name: &str, time: f64| -> Result<SessionReader, SessionLogError> {
+///     let path = folder.path().join(name);
+///     let mut writer = SessionWriter::create(&path, &SessionHeader::default())?;
+///     writer.observation(&Observation { time, ..Observation::default() }.into())?;
+///     writer.tick(Tick { time: 0.01, lateness: 0.0 })?;
+///     writer.finish()?;
+///     SessionReader::open(&path, RobotSizes::Any)
+/// };
+/// let result = compare(&mut session("one.mcap", 0.1)?, &mut session("two.mcap", 0.1 + f64::EPSILON)?)?;
+/// assert_eq!(result.difference.map(|difference| difference.field), Some("observation time".to_owned()));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn compare(expected: &mut SessionReader, found: &mut SessionReader) -> Result<SessionComparison, SessionLogError> {
     let mut comparison = SessionComparison::default();
     loop {

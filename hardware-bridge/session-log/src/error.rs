@@ -4,12 +4,15 @@ use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 
+/// A fault of a session's file. The message names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionLogError {
+    /// The file could not be read or written.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Not an MCAP file, or a damaged one.
@@ -17,6 +20,7 @@ pub enum SessionLogError {
     Mcap {
         /// The file.
         path: PathBuf,
+        /// Error of the MCAP reader or writer.
         source: McapError,
     },
     /// A field that is not as expected, for example in an MCAP file of another program or of another format version.
@@ -26,18 +30,20 @@ pub enum SessionLogError {
         path: PathBuf,
         /// Name of the field.
         field: String,
+        /// Value in the file.
         found: String,
+        /// Expected value.
         expected: String,
     },
 }
 
 impl SessionLogError {
-    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+    pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         |source| Self::Io { path, source }
     }
 
-    pub(super) fn mcap(path: &Path) -> impl FnOnce(McapError) -> Self {
+    pub(crate) fn mcap(path: &Path) -> impl FnOnce(McapError) -> Self {
         let path = path.to_owned();
         |source| match source {
             McapError::Io(source) => Self::Io { path, source },
@@ -45,7 +51,7 @@ impl SessionLogError {
         }
     }
 
-    pub(super) fn field(path: &Path, field: &str, found: impl Into<String>, expected: impl Into<String>) -> Self {
+    pub(crate) fn field(path: &Path, field: &str, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Field { path: path.to_owned(), field: field.to_owned(), found: found.into(), expected: expected.into() }
     }
 }

@@ -11,7 +11,9 @@ use crate::reader::{SessionEvent, SessionReader};
 pub struct SessionFrame {
     /// Time since the robot was started, s.
     pub time: f64,
+    /// State of each servo.
     pub servos: ActuatorVector<ServoState>,
+    /// State of the arm.
     pub arm: ArmState,
     /// Command sent in answer to the measurement.
     pub sent: RobotCommand,
@@ -33,6 +35,30 @@ impl SessionFrame {
 
 /// Reads a frame every `ticks` ticks, and the outcome, if there is one. If the session breaks off, its last frame is
 /// one that was answered.
+///
+/// # Errors
+/// [`SessionLogError`] of the file.
+///
+/// ```
+/// use robot_session_log::frames::read_frames;
+/// # use hand_model::robot::{Observation, RobotCommand};
+/// use robot_session_log::{RobotSizes, SessionReader};
+/// # use robot_session_log::{SessionHeader, SessionWriter};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("session.mcap");
+/// # let mut writer = SessionWriter::create(&path, &SessionHeader::default())?;
+/// # let arm = hand_model::robot::ArmState::at_rest([0.0; 7].into());
+/// # for n in 0..25 {
+/// #     writer.observation(&Observation { time: 0.01 * f64::from(n), arm, ..Observation::default() }.into())?;
+/// #     writer.sent_command(&RobotCommand { arm: arm.position, ..RobotCommand::default() })?;
+/// # }
+/// # writer.finish()?;
+///
+/// // A session of 25 ticks of 10 ms, as frames at 10 Hz.
+/// let (frames, _outcome) = read_frames(&mut SessionReader::open(&path, RobotSizes::Any)?, 10)?;
+/// assert_eq!(frames.iter().map(|frame| frame.time).collect::<Vec<_>>(), [0.0, 0.1, 0.2]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn read_frames(
     reader: &mut SessionReader,
     ticks: usize,

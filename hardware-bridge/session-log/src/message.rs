@@ -1,5 +1,7 @@
 //! The messages of a session's file and their conversion from and to the robot's types.
 //!
+//! [`command_bits`] is the comparison of commands that replays use.
+//!
 //! Protobuf omits a plain field that equals 0, including -0. Every number here is therefore optional or in a list, so
 //! that all of its bits are written.
 
@@ -9,11 +11,13 @@ use std::sync::Arc;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ArmState, Reading, ServoGoal, ServoState, TactileImage};
 
-pub use crate::sizes::{InvalidField, RobotSizes};
+pub use crate::sizes::RobotSizes;
+
+use crate::sizes::InvalidField;
 
 /// Message for [`robot::Readings`].
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct Observation {
+pub(crate) struct Observation {
     /// Time since the robot was started, s.
     #[prost(double, optional, tag = "1")]
     pub time: Option<f64>,
@@ -50,14 +54,15 @@ pub struct Observation {
     /// Indices of servos that were never read; their numbers have no meaning.
     #[prost(uint32, repeated, tag = "12")]
     pub servo_unread: Vec<u32>,
-    /// Time at which the arm was read, s; if absent, `time` applies. An arm that was never read has no positions.
+    /// Time at which the arm was read, s; if absent, `time` applies. An arm that was never read has neither time nor
+    /// positions.
     #[prost(double, optional, tag = "13")]
     pub arm_time: Option<f64>,
 }
 
 /// Message for [`robot::TactileFrame`].
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct TactileFrame {
+pub(crate) struct TactileFrame {
     /// Index of the camera.
     #[prost(uint32, optional, tag = "1")]
     pub camera: Option<u32>,
@@ -74,7 +79,7 @@ pub struct TactileFrame {
 
 /// Message for [`robot::RobotCommand`].
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct Command {
+pub(crate) struct Command {
     /// Set-points of the arm's joints, rad.
     #[prost(double, repeated, tag = "1")]
     pub arm: Vec<f64>,
@@ -94,7 +99,7 @@ pub struct Command {
 
 /// Message for [`robot::Tick`].
 #[derive(Clone, Copy, PartialEq, prost::Message)]
-pub struct Tick {
+pub(crate) struct Tick {
     /// Time since the robot was started, s.
     #[prost(double, optional, tag = "1")]
     pub time: Option<f64>,
@@ -106,7 +111,7 @@ pub struct Tick {
 /// Result of prior perception (a camera over the table, or the operator) for one object: an input of the controller
 /// besides the robot's measurements.
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct DetectedObject {
+pub(crate) struct DetectedObject {
     /// Index of the object.
     #[prost(uint32, optional, tag = "1")]
     pub object: Option<u32>,
@@ -123,7 +128,7 @@ pub type DetectedPose = ([f64; 7], Option<f64>);
 
 impl DetectedObject {
     /// Builds the message for the file.
-    pub fn new(object: usize, seen: Option<&DetectedPose>) -> Self {
+    pub(crate) fn new(object: usize, seen: Option<&DetectedPose>) -> Self {
         Self {
             object: Some(object as u32),
             pose: seen.map_or_else(Vec::new, |(pose, _)| pose.to_vec()),
@@ -135,7 +140,7 @@ impl DetectedObject {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(&self) -> Result<(usize, Option<DetectedPose>), InvalidField> {
+    pub(crate) fn read(&self) -> Result<(usize, Option<DetectedPose>), InvalidField> {
         let pose = if self.pose.is_empty() { None } else { Some(list::<7, _>("pose", &self.pose)?) };
         Ok((required("object", self.object)? as usize, pose.map(|pose| (pose, self.sigma))))
     }
@@ -145,7 +150,7 @@ impl DetectedObject {
 const PIXEL_COUNT: usize = IMAGE_SIZE * IMAGE_SIZE;
 
 /// Last image of every camera, to which a frame without pixels refers.
-pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
+pub(crate) type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 
 fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], InvalidField> {
     values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
@@ -157,7 +162,7 @@ fn required<T>(field: &'static str, value: Option<T>) -> Result<T, InvalidField>
 
 impl Observation {
     /// Builds the message for the file. `last` holds the images written before and is updated.
-    pub fn new(readings: &robot::Readings, last: &mut LastImages) -> Self {
+    pub(crate) fn new(readings: &robot::Readings, last: &mut LastImages) -> Self {
         let none = Reading { value: ServoState::default(), time: readings.time };
         let read: Vec<Reading<ServoState>> = readings.servos.iter().map(|servo| servo.unwrap_or(none)).collect();
         let servos = |value: fn(&ServoState) -> f64| read.iter().map(|servo| value(&servo.value)).collect();
@@ -183,7 +188,7 @@ impl Observation {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(self, last: &mut LastImages, sizes: RobotSizes) -> Result<robot::Readings, InvalidField> {
+    pub(crate) fn read(self, last: &mut LastImages, sizes: RobotSizes) -> Result<robot::Readings, InvalidField> {
         let time = required("time", self.time)?;
         let servos = sizes.servos(self.servo_position.len());
         let position = servos.list("servo_position", &self.servo_position)?;
@@ -199,8 +204,9 @@ impl Observation {
             let value = ServoState { position, velocity, current, temperature };
             (!self.servo_unread.contains(&(i as u32))).then_some(Reading { value, time: times[i] })
         };
-        let unread = [&self.arm_position, &self.arm_velocity, &self.arm_torque].iter().all(|joints| joints.is_empty());
-        let arm = if unread {
+        // A robot without an arm has a time and no joints.
+        let empty = [&self.arm_position, &self.arm_velocity, &self.arm_torque].iter().all(|joints| joints.is_empty());
+        let arm = if empty && self.arm_time.is_none() {
             None
         } else {
             let position = sizes.arm("arm_position", &self.arm_position)?;
@@ -276,7 +282,7 @@ impl Command {
     ///
     /// # Errors
     /// The invalid field.
-    pub fn read(&self, sizes: RobotSizes) -> Result<robot::RobotCommand, InvalidField> {
+    pub(crate) fn read(&self, sizes: RobotSizes) -> Result<robot::RobotCommand, InvalidField> {
         let servos = sizes.servos(self.servo_mode.len());
         let mode = servos.list("servo_mode", &self.servo_mode)?;
         let angle = servos.list("servo_angle", &self.servo_angle)?;
@@ -303,12 +309,21 @@ impl Tick {
     ///
     /// # Errors
     /// The missing field.
-    pub fn read(self) -> Result<robot::Tick, InvalidField> {
+    pub(crate) fn read(self) -> Result<robot::Tick, InvalidField> {
         Ok(robot::Tick { time: required("time", self.time)?, lateness: required("lateness", self.lateness)? })
     }
 }
 
 /// Returns every number of `command` as its bits, with its name. Equal lists mean equal commands, NaN and -0 included.
+///
+/// ```
+/// use hand_model::robot::{RobotCommand, ServoGoal};
+/// use robot_session_log::message::command_bits;
+///
+/// let servos = [ServoGoal::Current(0.5)].into_iter().collect();
+/// let command = RobotCommand { servos, ..RobotCommand::default() };
+/// assert_eq!(command_bits(&command)[0], ("servo 1 current".to_owned(), 0.5_f64.to_bits()));
+/// ```
 pub fn command_bits(command: &robot::RobotCommand) -> Vec<(String, u64)> {
     let arm = (1..).zip(&command.arm).map(|(n, angle)| (format!("arm joint {n}"), angle.to_bits()));
     let servos = (1..).zip(&command.servos).flat_map(|(n, goal)| match *goal {
@@ -322,7 +337,7 @@ pub fn command_bits(command: &robot::RobotCommand) -> Vec<(String, u64)> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use hand_model::RobotModel;
 
     use super::*;
@@ -403,6 +418,20 @@ pub(super) mod tests {
         assert_eq!(back.arm.map(|arm| arm.time), Some(2.5));
     }
 
+    /// A hand without an arm is read as it was written, and an arm that was never read stays unread.
+    #[test]
+    fn no_arm_is_not_an_unread_arm() {
+        let without = robot::Readings::from(robot::Observation::default());
+        let unread = robot::Readings { arm: None, ..without.clone() };
+        for readings in [without, unread] {
+            let written = Observation::new(&readings, &mut LastImages::new());
+            let back = written.read(&mut LastImages::new(), RobotSizes::Any).expect("readable");
+            assert_eq!(back.arm, readings.arm);
+        }
+        let command = Command::from(&robot::RobotCommand::default());
+        assert_eq!(command.read(RobotSizes::Any), Ok(robot::RobotCommand::default()));
+    }
+
     /// The same pixels are written once per camera, and are one shared image when read.
     #[test]
     fn unchanged_images_are_not_repeated() {
@@ -453,7 +482,8 @@ pub(super) mod tests {
             let frame =
                 TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
             let servos = [ServoState::default(); 6].into();
-            let readings = robot::Readings::from(robot::Observation { servos, ..Default::default() });
+            let arm = ArmState::at_rest([0.0; 7].into());
+            let readings = robot::Readings::from(robot::Observation { servos, arm, ..Default::default() });
             let observation =
                 Observation { tactile: vec![frame], ..Observation::new(&readings, &mut LastImages::new()) };
             observation.read(&mut LastImages::new(), RobotSizes::from_robot(&RobotModel::ftac_gen3())).map(|_| ())
@@ -461,5 +491,16 @@ pub(super) mod tests {
         assert_eq!(read(17, 172_800), Ok(()));
         assert_eq!(read(18, 172_800), Err(("tactile.camera", "18".to_owned(), "0 to 17".to_owned())));
         assert_eq!(read(0, 48), Err(("tactile.rgb", "48 bytes".to_owned(), "172800 bytes".to_owned())));
+    }
+
+    /// A robot with an arm cannot have one without joints.
+    #[test]
+    fn a_missing_arm_is_refused() {
+        let servos = [ServoState::default(); 6].into();
+        let readings = robot::Readings::from(robot::Observation { servos, ..Default::default() });
+        let written = Observation::new(&readings, &mut LastImages::new());
+        let sizes = RobotSizes::from_robot(&RobotModel::ftac_gen3());
+        let error = written.read(&mut LastImages::new(), sizes).expect_err("no joints");
+        assert_eq!(error, ("arm_position", "0 numbers".to_owned(), "7 numbers".to_owned()));
     }
 }

@@ -16,7 +16,8 @@ use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, DetectedObject, DetectedPose, InvalidField, LastImages, Observation, RobotSizes, Tick};
+use crate::message::{Command, DetectedObject, DetectedPose, LastImages, Observation, RobotSizes, Tick};
+use crate::sizes::InvalidField;
 use crate::tap::Direction;
 use crate::writer::{
     CALIBRATION_TOPIC, COMMAND_FAILED_TOPIC, CONFIGURATION_TOPIC, DETECTION_FAILED_TOPIC, DETECTION_TOPIC,
@@ -54,9 +55,9 @@ pub enum SessionEvent {
     SendFailed(String),
     /// The end of a tick.
     Tick(robot::Tick),
-    /// The result of prior perception: index of the object, and its pose if it was visible ([`Seen`]).
+    /// The result of prior perception: index of the object, and its pose if it was visible.
     Detection(usize, Option<DetectedPose>),
-    /// The reason why prior perception (a look) failed.
+    /// The reason why prior perception failed.
     DetectionFailed(String),
     /// The outcome, in the controller's own format.
     Outcome(Vec<u8>),
@@ -64,7 +65,9 @@ pub enum SessionEvent {
     Raw {
         /// Name of the link.
         link: String,
+        /// Direction of transfer.
         direction: Direction,
+        /// The bytes on the wire.
         bytes: Vec<u8>,
     },
 }
@@ -79,6 +82,25 @@ pub struct EventTimes {
 }
 
 /// Reader of a session file, from its beginning.
+///
+/// ```
+/// use robot_session_log::{RobotSizes, SessionEvent, SessionHeader, SessionReader, SessionWriter};
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("session.mcap");
+/// # SessionWriter::create(&path, &SessionHeader::default())?.finish()?;
+/// // `RobotSizes::from_robot(&model)` checks the messages against a robot.
+/// let mut reader = SessionReader::open(&path, RobotSizes::Any)?;
+/// println!("{} of seed {}", reader.session().program, reader.session().seed);
+/// while let Some((times, event)) = reader.next_event()? {
+///     if let SessionEvent::SentCommand(command) = event {
+///         println!("{:?}: {:?}", times.host, command.servos);
+///     }
+/// }
+/// // False for the session of a program that was killed.
+/// assert!(reader.is_finished());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct SessionReader {
     path: PathBuf,
     file: BufReader<File>,
@@ -133,6 +155,7 @@ impl SessionReader {
         Self { sizes, ..self }
     }
 
+    /// Returns the description of the session.
     pub fn session(&self) -> &SessionHeader {
         &self.session
     }

@@ -11,6 +11,8 @@ use crate::writer::SessionWriter;
 
 /// Records the session of `R` while it is driven. A write error does not stop the robot: the first one is kept and
 /// returned by [`SessionRecorder::finish`].
+///
+/// The crate's first example records with it.
 pub struct SessionRecorder<R> {
     robot: R,
     writer: SessionWriter,
@@ -39,7 +41,7 @@ impl<R: RobotBackend> SessionRecorder<R> {
         self.write(|writer| writer.detection(object, seen));
     }
 
-    /// Records the reason why prior perception (a look) failed.
+    /// Records the reason why prior perception failed.
     pub fn detection_failed(&mut self, why: &str) {
         self.write(|writer| writer.detection_failed(why));
     }
@@ -49,6 +51,7 @@ impl<R: RobotBackend> SessionRecorder<R> {
         self.write(|writer| writer.statistics(json));
     }
 
+    /// Records the outcome, in the controller's own format.
     pub fn outcome(&mut self, text: &[u8]) {
         self.write(|writer| writer.outcome(text));
     }

@@ -24,7 +24,7 @@ pub enum ReplayDifference {
         /// Call that the controller made.
         found: &'static str,
     },
-    /// The controller sent another command.
+    /// The controller sent another command, or asked for the pose of another object.
     #[error("tick {tick}: {field} is {found}, recorded as {recorded}")]
     Command {
         /// Ticks replayed so far.
@@ -33,19 +33,23 @@ pub enum ReplayDifference {
         field: String,
         /// Recorded value.
         recorded: String,
-        /// Value that the controller requested.
+        /// The controller's value.
         found: String,
     },
 }
 
+/// Part of a recording that the controller has repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReplayProgress {
+    /// Ticks replayed.
     pub ticks: u64,
     /// Commands found identical.
     pub commands: u64,
 }
 
 /// A recorded session as a robot.
+///
+/// The crate's first example replays a session.
 pub struct Replay {
     reader: SessionReader,
     next: Option<SessionEvent>,
@@ -86,6 +90,7 @@ impl Replay {
         &self.reader
     }
 
+    /// Returns the progress so far.
     pub fn progress(&self) -> ReplayProgress {
         self.progress
     }
@@ -108,7 +113,8 @@ impl Replay {
     /// Returns the final progress, and the first divergence, if any.
     ///
     /// # Errors
-    /// The file could not be read to its end. (A file that was cut short is not an error: see [`SessionReader::is_finished`].)
+    /// The file could not be read to its end. (A file that was cut short is not an error: see
+    /// [`SessionReader::is_finished`].)
     pub fn finish(self) -> Result<(ReplayProgress, Option<ReplayDifference>), SessionLogError> {
         match self.error {
             Some(error) => Err(error),
@@ -147,7 +153,7 @@ impl Replay {
                     "a command"
                 }
                 SessionEvent::Tick(_) => "a tick",
-                SessionEvent::Detection(..) | SessionEvent::DetectionFailed(_) => "a look at an object",
+                SessionEvent::Detection(..) | SessionEvent::DetectionFailed(_) => "a detection of an object",
                 SessionEvent::Raw { .. } => "bytes",
                 SessionEvent::Outcome(_) => "the outcome",
             };
@@ -160,7 +166,7 @@ impl Replay {
     /// the reason why prior perception failed. The outer `None` means that the controller has diverged or the recording
     /// has ended.
     pub fn detection(&mut self, object: usize) -> Option<Result<Option<DetectedPose>, String>> {
-        let taken = self.take_event("a look at an object", |event| match event {
+        let taken = self.take_event("a detection of an object", |event| match event {
             SessionEvent::Detection(object, pose) => Some(Ok((*object, *pose))),
             SessionEvent::DetectionFailed(why) => Some(Err(why.clone())),
             _ => None,
@@ -170,9 +176,12 @@ impl Replay {
             Err(why) => return Some(Err(why)),
         };
         if recorded != object {
-            let (recorded, found) =
-                (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
-            self.difference = Some(ReplayDifference::Order { tick: self.progress.ticks, recorded, found });
+            self.difference = Some(ReplayDifference::Command {
+                tick: self.progress.ticks,
+                field: "object of the detection".to_owned(),
+                recorded: recorded.to_string(),
+                found: object.to_string(),
+            });
             return None;
         }
         Some(Ok(pose))

@@ -6,7 +6,7 @@
 //! | `/arm/joint_commands` | the same | set-points as they were sent |
 //! | `/hand/servo_states` | the same | angles and speeds of the servo horns, torques from the servos' input current |
 //! | `/hand/servo_commands` | the same | goal angles, NaN for a servo in current mode; torques from the goal current or the current limit |
-//! | `/tactile/<camera>/image_raw` | `sensor_msgs/msg/Image` | `rgb8`, whenever a new image arrived |
+//! | `/tactile/<camera>/image_raw` | `sensor_msgs/msg/Image` | `rgb8`, 240 x 240 pixels, whenever a new image arrived |
 //! | `/outcome` | `std_msgs/msg/String` | outcome of the session |
 //!
 //! Stamps and log times are the session's wall clock. CDR is little-endian XCDR1: a header of four bytes, then every
@@ -27,8 +27,22 @@ use crate::error::SessionLogError;
 use crate::reader::{SessionEvent, SessionReader};
 
 /// Names of joints, actuators and cameras, and the servos' torque constant.
+///
+/// ```
+/// use robot_session_log::ros2::RobotNames;
+///
+/// let names = RobotNames {
+///     arm: (1..=6).map(|joint| format!("joint_{joint}")).collect(),
+///     servos: vec!["left_finger".to_owned(), "right_finger".to_owned()],
+///     cameras: vec!["left_digit".to_owned(), "right_digit".to_owned()],
+///     torque_constant: 1.0,
+/// };
+/// // `robot_session_log::ros2::export(reader, &names, Path::new("session.ros2.mcap"))`
+/// # assert_eq!(names.arm.len(), 6);
+/// ```
 #[derive(Debug, Clone)]
 pub struct RobotNames {
+    /// Names of the arm's joints, from the base outwards.
     pub arm: Vec<String>,
     /// Names of the actuators, in their order.
     pub servos: Vec<String>,
@@ -48,6 +62,8 @@ const NESTED_DEFINITIONS: &str = "==============================================
                      int32 sec\nuint32 nanosec\n";
 /// Bytes per pixel.
 const BYTES_PER_PIXEL: u32 = 3;
+/// Bytes of an image.
+const IMAGE_BYTES: usize = IMAGE_SIZE * IMAGE_SIZE * BYTES_PER_PIXEL as usize;
 
 /// A CDR message being encoded.
 struct Cdr(Vec<u8>);
@@ -161,10 +177,11 @@ impl Bag<'_> {
 /// Exports the session of `reader` as a bag at `out`, which must not exist. Returns the number of messages in the bag.
 ///
 /// # Errors
-/// [`SessionLogError`] of the session or of the bag.
+/// [`SessionLogError`] of the session or of the bag, and for an image of another size than
+/// [`IMAGE_SIZE`] squared.
 pub fn export(mut reader: SessionReader, names: &RobotNames, out: &Path) -> Result<u64, SessionLogError> {
     let file = File::create_new(out).map_err(SessionLogError::io(out))?;
-    let options = WriteOptions::new().compression(None).profile("ros2").library("ftac session-log");
+    let options = WriteOptions::new().compression(None).profile("ros2").library("robot-session-log");
     let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(out))?;
     let mut bag = Bag { mcap, path: out, channels: BTreeMap::new(), messages: 0 };
     while let Some((times, event)) = reader.next_event()? {
@@ -204,6 +221,10 @@ fn write_observation(
     bag.joints("/hand/servo_states", at, &state)?;
     for frame in &readings.tactile {
         let camera = names.cameras.get(frame.camera).cloned().unwrap_or_else(|| format!("camera_{}", frame.camera));
+        if frame.image.rgb.len() != IMAGE_BYTES {
+            let (field, found) = (format!("image of {camera}"), format!("{} bytes", frame.image.rgb.len()));
+            return Err(SessionLogError::field(bag.path, &field, found, format!("{IMAGE_BYTES} bytes")));
+        }
         let body = format!("{HEADER_FIELD}{IMAGE}{NESTED_DEFINITIONS}");
         let data = image(at, &camera, &frame.image.rgb);
         bag.add(&format!("/tactile/{camera}/image_raw"), "sensor_msgs/msg/Image", &body, at, &data)?;

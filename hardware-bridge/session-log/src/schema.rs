@@ -1,6 +1,6 @@
-//! Description of the messages inside the file itself, which any protobuf reader needs.
+//! Protobuf description of the messages. It is part of every file, so that any protobuf reader can read it.
 //!
-//! It repeats [`crate::message`] as data. A test reads messages by it and compares.
+//! It repeats the message types as data. A test reads messages by it and compares.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -67,7 +67,8 @@ const MESSAGES: &[(&str, Fields)] = &[
     ("Tick", &[("time", One(Type::Double)), ("lateness", One(Type::Double))]),
 ];
 
-/// Returns all messages as an encoded `FileDescriptorSet`.
+/// Returns the descriptions of all messages as an encoded `FileDescriptorSet`, for `protoc --descriptor_set_in` and
+/// protobuf libraries.
 pub fn descriptor_set() -> Vec<u8> {
     let message = |(name, fields): &(&str, Fields)| DescriptorProto {
         name: Some((*name).to_owned()),

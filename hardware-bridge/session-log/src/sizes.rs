@@ -5,14 +5,29 @@ use hand_model::hand::MAX_ACTUATORS;
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
 /// An invalid field: its name, the value found, the value expected.
-pub type InvalidField = (&'static str, String, String);
+pub(crate) type InvalidField = (&'static str, String, String);
 
 /// Sizes that messages must have.
+///
+/// ```
+/// use hand_model::RobotModel;
+/// use robot_session_log::RobotSizes;
+///
+/// let sizes = RobotSizes::from_robot(&RobotModel::ftac_gen3());
+/// assert_eq!(sizes, RobotSizes::Of { cameras: 18, arm_joints: 7, servos: 6 });
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RobotSizes {
     /// A robot with these numbers of cameras (whose images all have one size), arm joints and servos.
-    Of { cameras: usize, arm_joints: usize, servos: usize },
-    /// Any robot; images are not checked.
+    Of {
+        /// Number of tactile cameras.
+        cameras: usize,
+        /// Number of the arm's joints.
+        arm_joints: usize,
+        /// Number of servos.
+        servos: usize,
+    },
+    /// Any robot, with or without an arm; images are not checked.
     Any,
 }
 
@@ -34,7 +49,7 @@ impl RobotSizes {
     pub(crate) fn arm(self, field: &'static str, values: &[f64]) -> Result<ArmVector, InvalidField> {
         let (fits, expected) = match self {
             Self::Of { arm_joints, .. } => (values.len() == arm_joints, arm_joints.to_string()),
-            Self::Any => ((1..=MAX_ARM_JOINTS).contains(&values.len()), format!("1 to {MAX_ARM_JOINTS}")),
+            Self::Any => (values.len() <= MAX_ARM_JOINTS, format!("0 to {MAX_ARM_JOINTS}")),
         };
         if !fits {
             return Err((field, format!("{} numbers", values.len()), format!("{expected} numbers")));

@@ -20,13 +20,26 @@ pub enum Direction {
 pub struct LinkPacket {
     /// Name of the link, as in the topic.
     pub link: &'static str,
+    /// Direction of transfer.
     pub direction: Direction,
     /// Time at which the host sent or received it.
     pub time: Instant,
+    /// The bytes on the wire.
     pub bytes: Vec<u8>,
 }
 
 /// Tap: a sink for copies of a link's packets.
+///
+/// ```
+/// use robot_session_log::{Direction, LinkTap};
+///
+/// let (sender, packets) = std::sync::mpsc::channel();
+/// let tap = LinkTap::new("servos", sender);
+/// // In the driver of the link, which may run in another thread:
+/// tap.copy_packet(Direction::Sent, &[0xFF, 0xFF, 0xFD]);
+/// // The recorder takes the other end: `recorder.with_packets(packets)`.
+/// assert_eq!(packets.recv().map(|packet| packet.link), Ok("servos"));
+/// ```
 #[derive(Debug, Clone)]
 pub struct LinkTap {
     link: &'static str,

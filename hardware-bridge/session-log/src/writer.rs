@@ -17,7 +17,7 @@ use crate::message::{Command, DetectedObject, DetectedPose, LastImages, Observat
 use crate::schema;
 use crate::tap::{Direction, LinkPacket};
 
-/// Version of the layout described in [`super`].
+/// Version of the layout described in the [crate's documentation](crate).
 pub const FORMAT_VERSION: &str = "3";
 /// Topic of observations.
 pub const OBSERVATION_TOPIC: &str = "observation";
@@ -48,15 +48,30 @@ pub const STATISTICS_TOPIC: &str = "statistics";
 /// Topic of the outcome.
 pub const OUTCOME_TOPIC: &str = "outcome";
 
+/// Description of a session, written at its beginning.
+///
+/// ```
+/// use robot_session_log::SessionHeader;
+///
+/// let header = SessionHeader {
+///     robot: "hardware".to_owned(),
+///     program: "my-controller 1.2".to_owned(),
+///     seed: 7,
+///     tick_length: 0.01,
+///     configuration: b"[limits]\ncurrent = 0.5\n".to_vec(),
+///     ..SessionHeader::default()
+/// };
+/// # assert!(header.task.is_empty());
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SessionHeader {
-    /// Kind of robot: `sim`, `emulated` or `hardware`.
+    /// Kind of robot, such as `sim`, `emulated` or `hardware`.
     pub robot: String,
     /// Program and version that wrote the session.
     pub program: String,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Length of a control tick, s.
+    /// Length of a control tick, s; at most 1.
     pub tick_length: f64,
     /// Content of the configuration file; empty if there was none.
     pub configuration: Vec<u8>,
@@ -76,6 +91,25 @@ fn robot_time(seconds: f64) -> u64 {
 }
 
 /// Writer of a session. Dropping it finishes the file too, but an error is then lost.
+///
+/// [`SessionRecorder`](crate::SessionRecorder) calls it for a robot behind the interface. Call it yourself for a robot
+/// that is not:
+/// ```
+/// use hand_model::robot::{Observation, RobotCommand, Tick};
+/// use robot_session_log::{SessionHeader, SessionWriter};
+///
+/// let folder = tempfile::tempdir()?;
+/// let header = SessionHeader { tick_length: 0.01, ..SessionHeader::default() };
+/// let mut writer = SessionWriter::create(&folder.path().join("session.mcap"), &header)?;
+/// for n in 0..10 {
+///     writer.observation(&Observation { time: 0.01 * f64::from(n), ..Observation::default() }.into())?;
+///     writer.requested_command(&RobotCommand::default())?;
+///     writer.sent_command(&RobotCommand::default())?;
+///     writer.tick(Tick { time: 0.01 * f64::from(n + 1), lateness: 0.0 })?;
+/// }
+/// writer.finish()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct SessionWriter {
     mcap: mcap::Writer<BufWriter<File>>,
     path: PathBuf,
@@ -98,7 +132,7 @@ impl SessionWriter {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
         // Only a complete chunk is readable, so each tick is one, built in memory and written at once. Viewers need
         // chunks.
-        let options = WriteOptions::new().compression(None).disable_seeking(true).library("ftac hardware-bridge");
+        let options = WriteOptions::new().compression(None).disable_seeking(true).library("robot-session-log");
         let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
         let mut writer = Self {
             mcap,
@@ -211,7 +245,7 @@ impl SessionWriter {
         self.message(SENT_COMMAND_TOPIC, "Command", &Command::from(command))
     }
 
-    /// Writes the result of prior perception for an object: see [`DetectedObject`].
+    /// Writes the result of prior perception for an object; `None` if it was not visible.
     ///
     /// # Errors
     /// [`SessionLogError`].
@@ -219,7 +253,7 @@ impl SessionWriter {
         self.message(DETECTION_TOPIC, "Seen", &DetectedObject::new(object, seen))
     }
 
-    /// Writes the reason why prior perception (a look) failed; the trial ends with it.
+    /// Writes the reason why prior perception failed; the trial ends with it.
     ///
     /// # Errors
     /// [`SessionLogError`].

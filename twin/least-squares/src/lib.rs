@@ -2,13 +2,13 @@
 //!
 //! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by iteratively
 //! re-weighted least squares. The loss is quadratic for residuals well below the scale s and linear well above it. A
-//! parameter on a bound whose descent direction points out of the bounds is held for that step; steps are clipped to the
-//! bounds.
+//! parameter on a bound whose descent direction points out of the bounds is held for that step; steps are clipped to
+//! the bounds.
 //!
 //! [`FitProblem`] holds residuals, Jacobian and bounds, [`FitProblem::minimise`] searches under [`SolverOptions`], and
-//! [`FitResult`] states parameters and their standard deviations. [`forward_differences`] computes a Jacobian where none is
-//! known in closed form. The crate has no units of its own: residuals and parameters are those of the caller. For the
-//! loss to make sense, all residuals should be of one kind, or divided by their standard deviations.
+//! [`FitResult`] states parameters and their standard deviations. [`forward_differences`] computes a Jacobian where
+//! none is known in closed form. The crate has no units of its own: residuals and parameters are those of the caller.
+//! For the loss to make sense, all residuals should be of one kind, or divided by their standard deviations.
 //!
 //! # Example
 //! ```
