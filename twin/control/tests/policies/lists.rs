@@ -12,7 +12,7 @@ pub fn target(table: &Table, digits: &[Digit]) -> GraspTarget {
     let mut grasp = grasp(0, SECOND, PINCH, [0.02, 0.09, -0.05], 1.0);
     grasp.digits = digits.to_vec();
     (grasp.pre_tension, grasp.close_tension) = (pull(digits, 2.0), pull(digits, 10.0));
-    GraspTarget { grasp, detected: table.percept(1) }
+    GraspTarget { grasp, detected: table.detected(1) }
 }
 
 fn pull(digits: &[Digit], tension: f64) -> DigitVector {

@@ -237,7 +237,7 @@ fn touch_begins_no_try_that_cannot_end_in_time() {
 fn touch_gives_up_what_is_out_of_reach() {
     let table = Table::new();
     let mut executor = table.executor();
-    let far = DetectedObject { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
+    let far = DetectedObject { position: [3.0, 0.0, 0.02].into(), ..table.detected(1) };
     executor.update_detection(1, far);
     // The next detection does not find it either.
     let mut detector = CountingDetector { hidden: [0, 1], ..CountingDetector::new(&table) };
