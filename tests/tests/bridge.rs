@@ -167,14 +167,14 @@ fn faults_end_as_they_should() {
         assert_eq!(matrix["injected"], 12, "{fault} in every phase");
         assert_eq!(matrix["rows"][0]["recordings_intact"], 12);
     }
-    // No camera sends a readable image: the robot continues, and a mirror reports it.
+    // No camera sends a readable image: the robot continues, and fault detection reports it.
     let out = folder.path().join("mirrored");
     let mirrored =
         ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--detect-faults", "--json"];
     let output = run(&[&mirrored[..], &["--out", text(&out)]].concat());
     let matrix = json(&output.stdout);
-    let named = &matrix["rows"][0]["named"];
-    assert_eq!((&named["teller"], &named["rightly"]), (&"mirror".into(), &matrix["injected"]), "{named}");
+    let named = &matrix["rows"][0]["diagnosis"];
+    assert_eq!((&named["detected_by"], &named["rightly"]), (&"detector".into(), &matrix["injected"]), "{named}");
 }
 
 /// An interrupted fault matrix keeps its outcomes, and resumes to the same result as an uninterrupted one.

@@ -105,7 +105,7 @@ fn slipping_while_carried() {
 
 #[test]
 fn an_object_that_is_not_where_it_is_seen() {
-    ShortRun::short("wrong_position").disturbed("beside its place until it is touched");
+    ShortRun::short("wrong_position").disturbed("off its pose until it is touched");
     // The object is far from its seen place: the blind hand closes on nothing.
     let far = ShortRun::of(
         "wrong_position",

@@ -1,6 +1,6 @@
-//! Bounds on the counts that the request of a run may ask for.
+//! Bounds on the counts in the request of a run.
 //!
-//! The file may come from a third party. A count in it is the amount of work to come.
+//! The file may come from a third party, and its counts set the amount of work.
 
 use std::path::Path;
 

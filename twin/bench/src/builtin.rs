@@ -1,5 +1,5 @@
-//! Built-in data of the program (repertoire, plans, calibrations and networks), and the bench that they make of a
-//! scenario.
+//! Built-in data of the program (repertoire, grasp pairs, calibrations and networks), and the benches made from it and
+//! a scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -30,11 +30,11 @@ pub const COMBINATION_COUNT: usize = 60;
 
 /// Hand unit that runs the trials.
 pub const HAND_UNIT: u64 = 7;
-/// Hand unit that photometric stereo was calibrated on.
+/// Hand unit of the photometric stereo calibration.
 pub const CALIBRATION_UNIT: u64 = 1;
 
 /// Largest change of the cameras' brightness that perception treats as drift, as a share. The longest trials take two
-/// minutes, in which cameras that drift by several per cent a minute come near it.
+/// minutes; cameras that drift by several per cent a minute come near it.
 const MAX_BRIGHTNESS_DRIFT: f32 = 0.15;
 
 /// Returns the photometric models that come with the program.
@@ -42,11 +42,11 @@ pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
 }
 
-/// Returns the photometric models of a robot's pads: those of its own calibration, or those that come with the program.
+/// Returns the photometric models of a robot's pads: those of its own calibration, or the built-in ones.
 ///
 /// # Errors
-/// Fails for a pad whose size differs from that of its configuration in the built-in hand and that has no calibration
-/// of its own.
+/// Fails for a pad whose size differs from that of its configuration in the built-in hand and that has no own
+/// calibration.
 pub fn robot_calibration(robot: &RobotModel) -> Result<PhotometricCalibration> {
     if let Some((text, name)) = robot.calibration()? {
         return parse_calibration(&robot.hand, text, &name);
@@ -72,7 +72,7 @@ pub fn robot_calibration(robot: &RobotModel) -> Result<PhotometricCalibration> {
 /// Creates the perception of a simulated robot from its calibration and images of its untouched pads.
 pub fn simulated_touch_pipeline(robot: &RobotModel, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
     let mut pipeline = TouchPipeline::new(&robot.hand, robot_calibration(robot)?, backgrounds)?;
-    // The engine's covers are rigid, and images are made from its forces: an object that only touches shows as pressed
+    // The engine's covers are rigid and images are made from its forces, so an object in mere contact appears pressed
     // in.
     pipeline.pose.penetration_share = 0.0;
     Ok(pipeline)
@@ -87,8 +87,8 @@ pub fn parse_calibration(hand: &Hand, text: &str, path: &Path) -> Result<Photome
     Ok(calibration)
 }
 
-/// Replaces the calibration by which a bench's perception reads images with that of a file's text. Without a text
-/// nothing changes.
+/// Replaces the calibration with which a bench's perception reads images by that of a file's text. Changes nothing
+/// without a text.
 pub fn replace_calibration(bench: &mut Bench, text: Option<&str>, path: &Path) -> Result<()> {
     if let Some(text) = text {
         let calibration = parse_calibration(&bench.world.cell.robot.hand, text, path)?;
@@ -97,7 +97,8 @@ pub fn replace_calibration(bench: &mut Bench, text: Option<&str>, path: &Path) -
     Ok(())
 }
 
-/// Gives perception the known properties of the scenario's hand: cable losses, and how far objects sink into pads.
+/// Sets the known properties of the scenario's hand in the perception: cable losses and penetration of objects into
+/// pads.
 pub fn apply_hand_properties(pipeline: &mut TouchPipeline, world: &SimulatedWorld) {
     pipeline.pose.cables = world.known_cable_losses();
     if world.scenario.effects.gel.is_some() {
@@ -105,8 +106,8 @@ pub fn apply_hand_properties(pipeline: &mut TouchPipeline, world: &SimulatedWorl
     }
 }
 
-/// Prepares everything that trials of a robot and of the scenario's first `combos` combinations share, or of as many
-/// combinations as are feasible.
+/// Prepares the data shared by all trials of a robot and of the scenario's first `combos` combinations, or of as many
+/// as are feasible.
 pub fn make_bench(robot: &RobotModel, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let mut bench = make_scene_bench(robot, scenario, combos, seed, quiet)?;
     let names: BTreeSet<&str> = bench.grasp_pairs.pairs.iter().flat_map(GraspPair::objects).collect();
@@ -149,7 +150,7 @@ pub fn make_scene_bench(
     seed: u64,
     quiet: bool,
 ) -> Result<Bench> {
-    // Plans are made for the nominal places; a spread of the layout does not change them.
+    // Grasp pairs are made for the nominal poses; random offsets of the layout do not change them.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
     let builtin = grasp_verification::builtin::fits_robot(robot)?
@@ -168,8 +169,8 @@ pub fn make_scene_bench(
     Ok(bench)
 }
 
-/// Prepares a bench for scenes that need no grasp. None is searched for: repertoire and plans are those of the built-in
-/// robot.
+/// Prepares a bench for scenes without grasps. None is searched for: repertoire and grasp pairs are those of the
+/// built-in robot.
 ///
 /// # Errors
 /// Fails for a pad without a calibration, or a scenario out of the arm's reach.
@@ -201,9 +202,9 @@ pub fn make_graspless_bench(robot: &RobotModel, scenario: Scenario, seed: u64) -
     })
 }
 
-/// Sets the errors that the controller of a bench expects on the body `robot`: those of a file's text, or without one
-/// those of the robot that comes with the program. For a simulated robot whose scenario has no errors it expects none,
-/// as a laboratory would measure.
+/// Sets the errors that the controller of a bench expects on the backend `robot`: those of a file's text, or without
+/// one the built-in ones. On a simulated robot whose scenario has no errors, it expects none, as a laboratory would
+/// measure.
 pub fn set_expected_errors(bench: &mut Bench, text: Option<&str>, path: &Path, robot: &str) -> Result<()> {
     if let Some(text) = text {
         bench.uncertainty = Uncertainty::parse(text, path)?;
@@ -213,16 +214,16 @@ pub fn set_expected_errors(bench: &mut Bench, text: Option<&str>, path: &Path, r
     Ok(())
 }
 
-/// Makes the body of a bench individual `number` of the robots built from the drawing, unknown to the control stack.
-/// The cameras of its pads stay those of the bench.
+/// Makes the bench's backend robot instance `number`, unknown to the control stack. The cameras of its pads stay those
+/// of the bench.
 pub fn set_plant_instance(bench: &mut Bench, number: u64) -> Result<()> {
     let nominal = bench.world.cell.robot.nominal()?;
     bench.world.plant = Some(RobotInstance::sample(&nominal, number).apply_to_robot(&nominal));
     Ok(())
 }
 
-/// Prepares a bench whose robot is individual `number` of those built from the drawing, with objects and tactile
-/// cameras of its own. Number 0 is the robot as drawn, among objects like their models. Emulated robots are made of it.
+/// Prepares a bench whose robot is instance `number`, with its own objects and tactile cameras. Number 0 is the nominal
+/// robot, among objects equal to their models. Emulated robots are made from it.
 pub fn make_instance_bench(
     number: u64,
     nominal: &RobotModel,
@@ -240,7 +241,7 @@ pub fn make_instance_bench(
     let spread = bench.world.scenario.effects.objects;
     let models: Vec<_> = bench.world.objects.iter().cloned().collect();
     for model in &models {
-        // An object that has fallen is the same individual.
+        // An object that has fallen stays the same instance.
         let own_name = |name: &str| name.split('/').next().map(str::to_owned);
         let place = models.iter().position(|other| own_name(&other.name) == own_name(&model.name)).unwrap_or(0);
         let mut rng = Effect::Objects.draw_rng(number, place, 0);

@@ -1,4 +1,4 @@
-//! A mirror that observes a trial through all of its branches.
+//! Fault detection through all branches of a trial.
 
 use std::time::Duration;
 use std::time::Instant;
@@ -12,9 +12,9 @@ use fault_detection::FaultDetector;
 use fault_detection::fault::FaultRow;
 use fault_detection::measurements::TickMeasurements;
 
-/// Plays a trial with `recording` as its watcher, if there is one, and with a mirror beside it if `mirrors`. If
-/// `tells`, which is meant for a real robot, each diagnosis is printed at once. Returns the result of `play` and the
-/// diagnoses of the mirror. Those of a trial that stopped are listed under `condition`.
+/// Runs a trial with `recording` as its watcher, if any, and with fault detection if `fault detector`. If `tells`, for
+/// a real robot, each fault is printed at once. Returns the result of `play` and the detected faults. Those of a trial
+/// that stopped are listed under `condition`.
 pub fn play_with_detector<T>(
     bench: &Bench,
     recording: Option<&mut Recording>,
@@ -33,27 +33,27 @@ pub fn play_with_detector<T>(
     (played, None)
 }
 
-/// A mirror beside a trial: one for the part that conditions share, and one for each branch.
+/// Fault detection in a trial: one detector for the part that conditions share, and one for each branch.
 pub struct FaultDetectionWatcher<'a> {
     bench: &'a Bench,
-    /// Recording that shows the mirror, if any.
+    /// Recording that shows the reference model, if any.
     recording: Option<&'a mut Recording>,
-    /// Mirror of the part that conditions share, with the time of its last tick, s.
+    /// Fault detector of the part that conditions share, with the time of its last tick, s.
     shared: Option<(FaultDetector, f64)>,
-    /// Mirror of the present branch, with the time of its last tick, s.
+    /// Fault detector of the present branch, with the time of its last tick, s.
     branch: Option<(FaultDetector, f64)>,
-    /// Diagnoses of the branches that are over.
+    /// Faults detected in finished branches.
     faults: Vec<FaultRow>,
     ticks: u32,
     computing_time: Duration,
     /// Number of gaps in the observations.
     gaps: u32,
-    /// True if diagnoses are printed to stderr at once, for people beside a robot.
+    /// True if faults are printed to stderr at once, for the operator of a robot.
     prints_faults: bool,
 }
 
 impl<'a> FaultDetectionWatcher<'a> {
-    /// Creates the mirror of the trials of `bench`, shown in `recording`.
+    /// Creates the fault detection of the trials of `bench`, shown in `recording`.
     pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>) -> Self {
         Self {
             bench,
@@ -68,29 +68,28 @@ impl<'a> FaultDetectionWatcher<'a> {
         }
     }
 
-    /// Sets whether diagnoses are printed at once, and at the end how well the mirror kept up: for a real robot.
+    /// Sets whether faults are printed at once, and the detector's pace at the end: for a real robot.
     #[must_use]
     pub fn with_printing(self, tells: bool) -> Self {
         Self { prints_faults: tells, ..self }
     }
 
-    /// Returns the diagnoses, branch by branch, including a branch that was stopped.
+    /// Returns the detected faults, branch by branch, including a branch that was stopped.
     pub fn finish(mut self, condition: Condition) -> Vec<FaultRow> {
         self.finish_branch(condition);
         if self.prints_faults {
             let ms = 1e3 * self.computing_time.as_secs_f64() / f64::from(self.ticks.max(1));
-            eprintln!("mirror: {} ticks seen, {} gaps; {ms:.2} ms a tick", self.ticks, self.gaps);
+            eprintln!("fault detection: {} ticks observed, {} gaps; {ms:.2} ms a tick", self.ticks, self.gaps);
         }
         self.faults
     }
 
-    /// Returns the number of gaps so far that made the observations before them worthless: see
-    /// [`fault_detection::pace`].
+    /// Returns the number of gaps so far that invalidated the observations before them: see [`fault_detection::pace`].
     pub fn gaps(&self) -> u32 {
         self.gaps
     }
 
-    /// Returns the number of ticks seen, and the computing time of the mirror for them.
+    /// Returns the number of observed ticks, and the computing time of the fault detector for them.
     pub fn effort(&self) -> (u32, Duration) {
         (self.ticks, self.computing_time)
     }
@@ -106,7 +105,7 @@ impl<'a> FaultDetectionWatcher<'a> {
         let Some(sent) = moment.sent else { return Ok(()) };
         let seen = TickMeasurements::from_executor(moment.executor, moment.time, sent, moment.felt.first());
         let begun = Instant::now();
-        // An earlier time means that another trial has begun.
+        // An earlier time means that another trial has started.
         let goes_on = |known: &(FaultDetector, f64)| moment.time > known.1;
         let known = match moment.condition {
             None => self.shared.take(),
@@ -122,7 +121,7 @@ impl<'a> FaultDetectionWatcher<'a> {
         self.gaps += fault_detector.gaps() - gaps;
         self.computing_time += begun.elapsed();
         if self.prints_faults {
-            fresh.iter().for_each(|named| eprintln!("mirror: {named}"));
+            fresh.iter().for_each(|named| eprintln!("fault detection: {named}"));
         }
         if let Some(recording) = &mut self.recording {
             recording.log_fault_detector(&fault_detector, &fresh)?;
@@ -134,7 +133,7 @@ impl<'a> FaultDetectionWatcher<'a> {
 }
 
 impl Watcher for FaultDetectionWatcher<'_> {
-    /// The mirror uses the images that come: requesting more would cost more than the trial.
+    /// Fault detection uses the images that arrive: requesting more would cost more than the trial.
     fn is_active(&self) -> bool {
         self.recording.as_ref().is_some_and(|recording| recording.is_active())
     }

@@ -30,7 +30,7 @@ pub enum RecordingSelection {
     /// The first trial of every tenth combination.
     #[default]
     Sample,
-    /// For each condition and cause of failure its first trial, played again after the run.
+    /// First trial of each cause of failure under each condition, run again after the benchmark.
     Causes,
     /// Every trial.
     All,
@@ -44,29 +44,29 @@ pub struct RunRequest {
     pub trials: usize,
     /// Seed of all random draws.
     pub seed: u64,
-    /// Body: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
+    /// Backend: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
-    /// Conditions that are played, in order.
+    /// Conditions to run, in order.
     #[serde(default = "all_conditions")]
     pub conditions: Vec<Condition>,
-    /// Ablations: means that `play_touch` is additionally run without.
+    /// Ablations: capabilities that `touch` is additionally run without.
     #[serde(default)]
     pub ablations: Vec<Ablation>,
     /// Effects of the scenario that are switched off.
     #[serde(default)]
     pub without: Vec<Effect>,
-    /// Text of the file with the errors that the controller expects; none for those that come with the program.
+    /// Text of the file with the errors that the controller expects; none for the built-in ones.
     #[serde(default)]
     pub uncertainty: Option<String>,
-    /// Policy of the condition `own`.
+    /// Policy of the condition `external`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policy: Option<PolicySource>,
     /// Factor of the scenario's noise.
     #[serde(default = "default_noise_scale")]
     pub noise_scale: f64,
-    /// Effort of proofs for pairs without a plan; none for the scenario's.
+    /// Effort of the verification of pairs outside the grasp pair table; none for the scenario's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<u32>,
     /// Text of the scenario.
@@ -74,26 +74,26 @@ pub struct RunRequest {
     /// The robot's files; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<RobotSources>,
-    /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
+    /// Text of the file of an identified robot, used by backend and control stack; none for the nominal robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(alias = "individual")]
     pub robot_instance: Option<String>,
     /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
-    /// Number of the individual that the body is, unknown to the control stack; none if the body is as modelled.
+    /// Number of the backend's robot instance, unknown to the control stack; none if the backend is as modelled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(alias = "plant")]
     pub plant_instance: Option<u64>,
-    /// True if policies that decide simulate second grasps in a twin of the scene before they choose one.
+    /// True if deciding policies simulate second grasps in rollouts before they choose one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[serde(alias = "foresees")]
     pub looks_ahead: bool,
-    /// True if a mirror observes the trials and reports divergences.
+    /// True if fault detection observes the trials.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[serde(alias = "mirrors")]
     pub detects_faults: bool,
-    /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
+    /// Deviations from the files of the scenario's own objects, and operations that are impossible with them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// The scenario's own objects that are excluded, with the reasons.
@@ -105,17 +105,17 @@ pub struct RunRequest {
     /// True if a GPU renders tactile images. Their bits differ from the CPU's.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gpu: bool,
-    /// Selection of the recorded trials; no result depends on it.
+    /// Selection of the recorded trials; without influence on results.
     #[serde(default, skip_serializing_if = "is_default")]
     pub record: RecordingSelection,
-    /// Command that began the run, or those of the shards that were merged into it; no result depends on it.
+    /// Command that started the run, or those of the shards that were merged into it; without influence on results.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(alias = "made")]
     pub provenance: Vec<Provenance>,
 }
 
 impl RunRequest {
-    /// Returns the conditions that are played with noise.
+    /// Returns the conditions that are run with noise.
     pub fn noisy_conditions(&self) -> Vec<Condition> {
         self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
     }
@@ -140,15 +140,15 @@ impl RunRequest {
         }
     }
 
-    /// Returns a digest that identifies the run: the first half of the SHA-256 of all fields that decide results,
+    /// Returns a digest that identifies the run: the first half of the SHA-256 of all fields that affect results, in
     /// hexadecimal.
     pub fn digest(&self) -> Result<String> {
         let asked = Self { provenance: Vec::new(), record: RecordingSelection::default(), ..self.clone() };
         Ok(sha256(&serde_json::to_vec(&asked)?)[..32].to_owned())
     }
 
-    /// Returns the first field that decides results and that differs in another request, or `None` if that is at most
-    /// another shard of this run.
+    /// Returns the first field affecting results that differs in another request, or `None` if the other is this run or
+    /// another shard of it.
     pub fn first_difference(&self, other: &Self) -> Result<Option<String>> {
         let asked = |of: &Self| {
             serde_json::to_value(Self {
@@ -163,7 +163,7 @@ impl RunRequest {
         Ok(names.into_iter().find(|name| own.get(name.as_str()) != its.get(name.as_str())).cloned())
     }
 
-    /// Returns the robot model of body and control stack; `path` is the file of an identified robot, for errors.
+    /// Returns the robot model of backend and control stack; `path` is the file of an identified robot, for errors.
     pub fn robot_model(&self, path: &Path) -> Result<RobotModel> {
         robot_from_sources(self.robot_model.as_ref(), self.robot_instance.as_deref(), path)
     }
@@ -212,7 +212,7 @@ pub struct WorkUnit {
 /// Records of a finished unit.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct JournalEntry {
-    /// [`RunRequest::digest`] of the run that the entry belongs to; none in journals of older programs.
+    /// [`RunRequest::digest`] of the entry's run; none in journals of older programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
     /// Unit that the records belong to.
@@ -221,10 +221,10 @@ pub struct JournalEntry {
     /// Tries of the records.
     #[serde(default)]
     pub tries: Vec<TryRecord>,
-    /// Ablations: the same trial with some of the policy's means removed.
+    /// Ablations: the same trial with some of the policy's capabilities removed.
     #[serde(default)]
     pub ablated: Vec<AblatedTrial>,
-    /// Diagnoses of a mirror in it.
+    /// Faults detected in it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(alias = "divergences")]
     pub faults: Vec<FaultRow>,

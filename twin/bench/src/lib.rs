@@ -1,6 +1,6 @@
-//! Plays and judges trials.
+//! Runs and judges trials.
 //!
-//! [`play_conditions`] plays one, and [`run`] plays the many of a benchmark in parallel on the threads of [`workers`].
+//! [`play_conditions`] runs one, and [`run`] runs those of a benchmark in parallel on the threads of [`workers`].
 //! [`journal`] keeps finished units, and [`results`] aggregates them. [`recording`] shows a trial in Rerun, and
 //! [`fault_watch`] lets fault detection observe it.
 

@@ -1,4 +1,4 @@
-//! A watcher that records a trial in Rerun: the ground truth where it is known, otherwise measurements and estimates.
+//! A watcher that records a trial in Rerun: the ground truth if it is known, otherwise measurements and estimates.
 
 mod detector;
 mod estimates;
@@ -66,7 +66,7 @@ pub fn log_signals(
     Ok(())
 }
 
-/// Tactile images that were recorded last: one stays the newest for many ticks.
+/// Tactile images recorded last: one stays the newest for many ticks.
 #[derive(Default)]
 pub struct RecordedImages(BTreeMap<usize, Arc<TactileImage>>);
 
@@ -83,19 +83,19 @@ impl RecordedImages {
     }
 }
 
-/// Wall time of time 0 of a body.
+/// Wall time of time 0 of a backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeOrigin {
     /// None: time passes in simulation only.
     Never,
-    /// Time passes as on the wall, from the first moment that is seen.
+    /// Time passes as on the wall clock, from the first observed moment.
     Now,
     /// This time, ns since 1970.
     At(i64),
 }
 
 impl TimeOrigin {
-    /// Converts `time` (s) of the body to wall time, ns since 1970.
+    /// Converts `time` (s) of the backend to wall time, ns since 1970.
     fn to_wall_time(&mut self, time: f64) -> Option<i64> {
         let since = (time * 1e9) as i64;
         if *self == Self::Now {
@@ -126,7 +126,7 @@ pub struct Recording {
     condition: Condition,
     /// True if the branch shares no first grasp with the others.
     skips_planned_grasp: bool,
-    /// True if only this branch is played.
+    /// True if only this branch is run.
     is_only_branch: bool,
     time_origin: TimeOrigin,
     measured_scene: MeasuredScene,
@@ -136,16 +136,16 @@ pub struct Recording {
     /// True if the ground truth of the scene is recorded.
     truth: bool,
     recorded_images: RecordedImages,
-    /// True if the body's objects are in the reverse of the combination's order.
+    /// True if the backend's objects are in the reverse of the combination's order.
     reversed: bool,
     /// True if the last moment was recorded; those of other branches are not.
     is_shown: bool,
 }
 
 impl Recording {
-    /// Opens the targets for a trial and the branch of its condition. `began` is the wall time of the body's time 0.
+    /// Opens the targets for a trial and the branch of its condition. `began` is the wall time of the backend's time 0.
     ///
-    /// For bodies other than the simulated one, measurements and estimates are shown unless `truth` is requested.
+    /// For backends other than the simulated one, measurements and estimates are shown unless `truth` is requested.
     pub fn open(
         targets: &[RecordingTarget],
         bench: &Bench,

@@ -40,16 +40,15 @@ fn warnings(done: &BTreeMap<WorkUnit, JournalEntry>, request: &RunRequest) -> Ve
     }
     if Condition::BUILT_IN.iter().any(|condition| !request.conditions.contains(condition)) {
         let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
-        warnings.push(format!("only these conditions were played: {}", names.join(", ")));
+        warnings.push(format!("only these conditions were run: {}", names.join(", ")));
     }
     warnings.extend(noise_scale_warning(request));
     if request.policy.as_ref().is_some_and(|policy| policy.pace == SimulatedTimePassage::Wall) {
-        warnings
-            .push("time passed while the policy of one's own thought: its results depend on the computer".to_owned());
+        warnings.push("time passed while the external policy computed: its results depend on the computer".to_owned());
     }
     if !request.without.is_empty() && !has_no_errors(request) {
         let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
-        warnings.push(format!("effects of reality that are off: {}", names.join(", ")));
+        warnings.push(format!("disturbance effects that are off: {}", names.join(", ")));
     }
     if request.uncertainty.is_some() {
         warnings.push("the controller expects other errors than by default (--uncertainty)".to_owned());
@@ -71,9 +70,9 @@ fn has_no_errors(request: &RunRequest) -> bool {
 /// Describes the changes made by `--noise-scale`, and the errors that it leaves unscaled.
 fn noise_scale_warning(request: &RunRequest) -> Option<String> {
     if has_no_errors(request) {
-        let expects = if request.uncertainty.is_some() { "what its file says" } else { "none" };
+        let expects = if request.uncertainty.is_some() { "the errors of its file" } else { "none" };
         return Some(format!(
-            "no errors are drawn and all effects of reality are off; the controller expects {expects}"
+            "no errors are drawn and all disturbance effects are off; the controller expects {expects}"
         ));
     }
     if request.noise_scale == 1.0 {
@@ -81,15 +80,15 @@ fn noise_scale_warning(request: &RunRequest) -> Option<String> {
     }
     let stay = request.scenario().map(|scenario| scenario.effects.describe_unscaled()).unwrap_or_default();
     let stay = match stay.is_empty() {
-        true => "nothing else goes wrong".to_owned(),
+        true => "there are no other errors".to_owned(),
         false => {
-            format!("these effects are not: {} (--without switches them off, --no-errors all of it)", stay.join("; "))
+            format!("these effects are not: {} (--without switches them off, --no-errors all errors)", stay.join("; "))
         }
     };
-    Some(format!("the errors that are drawn of arm and eyes are scaled by {}; {stay}", request.noise_scale))
+    Some(format!("the random errors of arm and object detector are scaled by {}; {stay}", request.noise_scale))
 }
 
-/// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `faults.csv` if a mirror ran,
+/// Writes `trials.csv`, `tries.csv`, `ablations.csv` if there are any, `faults.csv` if fault detection ran,
 /// `summary.json` and `report.html`, each whole or not at all. `spent` is the computing time by activity, if known.
 pub fn write_results(
     done: &BTreeMap<WorkUnit, JournalEntry>,
@@ -153,10 +152,10 @@ pub fn write_results(
     Ok(summary)
 }
 
-/// Adds the provenance of the data, and the command that made the page if it was another one.
+/// Adds the provenance of the data, and the command that made the page if it is another one.
 fn add_provenance(run: &mut serde_json::Value, made: &[Provenance]) {
     match made {
-        [] => run["command of the data"] = "not known: the run is one of an older program".into(),
+        [] => run["command of the data"] = "unknown: the run was made by an older program".into(),
         [first, others @ ..] => {
             run["command"] = first.command.clone().into();
             run["version"] = first.version.clone().into();

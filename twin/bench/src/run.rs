@@ -32,12 +32,12 @@ pub struct RunOptions<'a> {
     pub quiet: bool,
     /// True to stream to a viewer as well as to files.
     pub live: bool,
-    /// Opens a source of bodies that cannot be cloned; the argument is true for a recorded unit. `None` for simulated
-    /// bodies.
+    /// Opens a factory of backends that cannot be cloned; the argument is true for a recorded unit. `None` for
+    /// simulated backends.
     pub open_factory: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BackendFactory>>> + Sync),
 }
 
-/// Name of the body whose trials are real.
+/// Name of the backend with real trials.
 const HARDWARE_BACKEND: &str = "hardware";
 
 fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
@@ -48,7 +48,7 @@ fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
     }
 }
 
-/// Plays one unit. Its recording, if `options` ask for one, goes below `folder`.
+/// Runs one unit. Its recording, if `options` request one, goes below `folder`.
 pub fn run_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -61,7 +61,7 @@ pub fn run_unit(
     play_unit(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
-/// Plays one unit and records it under `name` if `record`.
+/// Runs one unit and records it under `name` if `record`.
 fn play_unit(
     bench: &Bench,
     request: &RunRequest,
@@ -98,8 +98,8 @@ fn play_unit(
     })
 }
 
-/// Runs `play` with `recording` as its watcher, and with a mirror beside the robot if `request` asks for one.
-/// `condition` labels the diagnoses of a trial that stops.
+/// Runs `play` with `recording` as its watcher, and with fault detection if `request` asks for it. `condition` labels
+/// the faults of a trial that stops.
 fn play_with_watchers(
     bench: &Bench,
     request: &RunRequest,
@@ -116,7 +116,7 @@ fn play_with_watchers(
     Ok(TrialResults { faults: named.unwrap_or_default(), ..results? })
 }
 
-/// Writes stills of a recorded trial to `file`; none if the trial ended before there was anything to see.
+/// Writes stills of a recorded trial to `file`; none if the trial ended before its first frame.
 fn write_film_strip(bench: &Bench, unit: WorkUnit, film: &Film, file: &Path) -> Result<()> {
     if film.frames.is_empty() {
         return Ok(());
@@ -126,7 +126,7 @@ fn write_film_strip(bench: &Bench, unit: WorkUnit, film: &Film, file: &Path) -> 
     report::picture::save(&strip, file)
 }
 
-/// Plays the conditions of a unit on bodies that cannot be cloned, each with its own recording if `record`.
+/// Runs the conditions of a unit on backends that cannot be cloned, each with its own recording if `record`.
 fn run_conditions(
     bench: &Bench,
     request: &RunRequest,
@@ -157,7 +157,8 @@ fn run_conditions(
     Ok(results)
 }
 
-/// Returns the condition that the recording of a unit shows: of those played, the one that senses and decides most.
+/// Returns the condition that the recording of a unit shows: the one with the most senses and decisions among those
+/// run.
 fn shown_condition(request: &RunRequest, unit: WorkUnit) -> Condition {
     let last = request.noisy_conditions().last().copied();
     unit.trial.and(last).unwrap_or(Condition::Ideal)
@@ -174,7 +175,7 @@ fn condition_recording_name(name: &str, condition: Condition) -> String {
     format!("{name}_{condition}")
 }
 
-/// Plays into a recording that gets its name once it is complete, even if the trial was stopped.
+/// Runs `play` into a recording that gets its name once it is complete, even if the trial was stopped.
 fn play_into_recording<T>(
     name: &str,
     folder: &Path,
@@ -214,7 +215,7 @@ pub fn run(
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
             let finished = journal.lock().map_or(0, |journal| journal.done.len());
-            let resume_hint = format!("go on with `ftac bench --resume {}`", folder.display());
+            let resume_hint = format!("continue with `ftac bench --resume {}`", folder.display());
             bail!(Interrupted { done: finished, total: all.len(), pieces: "units of work are finished", resume_hint });
         }
         let start = Instant::now();
@@ -234,10 +235,10 @@ pub fn run(
     bar.finish_and_clear();
     outcome?;
     let journal = journal.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-    // Over resumptions the work done counts, not the pauses.
+    // A resumed run counts the time of work, without pauses.
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
     let wall_s = begun.elapsed().as_secs_f64().max(worked);
-    // The time that a resumed run spent before is not known.
+    // The earlier computing time of a resumed run is unknown.
     let spent = (resumed == 0).then(|| bench.profile.seconds());
     if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
         let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
@@ -251,7 +252,7 @@ pub fn run(
     results::write_results(&journal.done, request, folder, wall_s, spent.as_deref())
 }
 
-/// Saves an entry that the journal could not take among the temporary files, and adds its path to the error.
+/// Saves an entry that could not be appended to the journal among the temporary files, and adds its path to the error.
 fn save_to_temporary(entry: &JournalEntry, error: anyhow::Error) -> anyhow::Error {
     let file = std::env::temp_dir().join(format!(
         "ftac_combination_{:02}_trial_{}_{}.json",

@@ -1,10 +1,10 @@
 //! Trials: the first grasp, and from there a branch for each policy.
 //!
-//! [`setup`] begins a trial and plays its first grasp. [`on_branch`] plays one policy from there to the verdict, and
-//! [`conditions`] plays one after the other. [`run`] is a trial in progress, and [`simulated_detector`] is its prior perception.
-//! [`shared`] holds the data that all trials of a benchmark share, and [`disturbance`] applies a scenario's
-//! disturbances. [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] measures computing time, and
-//! [`held_grasp`] keeps first grasps for the evaluation of touch.
+//! [`setup`] prepares a trial and runs its first grasp. [`on_branch`] runs one policy from there to the verdict, and
+//! [`conditions`] runs one after the other. [`run`] is a trial in progress, and [`simulated_detector`] is its object
+//! detector. [`shared`] holds the data that all trials of a benchmark share, and [`disturbance`] applies a scenario's
+//! disturbances. [`watcher`] observes every tick, [`filming`] keeps it for a film, [`profile`] measures computing time,
+//! and [`held_grasp`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod capabilities;
@@ -59,11 +59,11 @@ use external_policy::message::{self, TrialInfo};
 use external_policy::{DecisionLevel, PolicyIntroduction, PolicyServer, SimulatedTimePassage};
 use robot_backends::{BackendFactory, TrialTask};
 
-/// Domain separator: makes the seeds of the user's own policies differ from those of the trials.
+/// Domain separator: gives external policies other seeds than the trials.
 const EXTERNAL_POLICY_DOMAIN: u64 = 0x6f77_6e5f_706f_6c69;
 
 impl Bench {
-    /// Plays one trial under one condition on a body from `source`.
+    /// Runs one trial under one condition on a backend from `source`.
     pub fn play(
         &self,
         task: &TrialTask,
@@ -75,7 +75,7 @@ impl Bench {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
         if source.is_real() {
-            // A real body has its own errors.
+            // A real backend has its own errors.
             noise = TrialNoise::none();
         }
         let id = TrialId { combination: task.combination, trial: task.trial, condition: task.condition };
@@ -108,15 +108,15 @@ impl Bench {
         // A full disk must not lose the operator's verdict.
         finished.with_context(|| {
             format!(
-                "the session is not whole; the verdict was {}",
+                "the session is incomplete; the verdict was {}",
                 serde_json::to_string(&outcome.record).unwrap_or_default()
             )
         })?;
         Ok(outcome)
     }
 
-    /// Plays one trial in which a policy of the user's own, represented by `server`, decides. The errors are those that
-    /// every condition of the trial meets.
+    /// Runs one trial in which an external policy, represented by `server`, decides. The errors are the same as for every
+    /// other condition of the trial.
     pub fn play_with_server(
         &self,
         combination: usize,
@@ -133,7 +133,7 @@ impl Bench {
         self.play_server_branch(&start, introduction, server, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
-    /// Plays the ideal run of a combination: no noise, blind.
+    /// Runs the ideal run of a combination: no noise, blind.
     pub fn play_ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let start = InitialConditions::planned(self, combination, TrialNoise::none(), 0)
             .play_first_grasp(self, None, watcher)?;
@@ -144,7 +144,7 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// Plays one trial: all `conditions` with the same errors, and then, unwatched, `play_touch` under `ablations`.
+    /// Runs one trial: all `conditions` with the same errors, and then, unwatched, `touch` under `ablations`.
     pub fn play_conditions(
         &self,
         combination: usize,
@@ -175,7 +175,7 @@ impl Bench {
         Ok(results)
     }
 
-    /// Returns body and controller about to begin the ideal run of a combination.
+    /// Returns backend and controller at the start of the ideal run of a combination.
     pub fn ideal_start(&self, combination: usize) -> Result<RolloutSnapshot> {
         let plan = &self.grasp_pairs.pairs[combination];
         let grasps = plan.grasps(&self.world.cell.robot.hand, &self.repertoire)?;
@@ -187,7 +187,7 @@ impl Bench {
         RolloutSnapshot::at_start(world, &start, &objects, board)
     }
 
-    /// Returns the simulated robot about to begin the ideal run of a combination.
+    /// Returns the simulated robot at the start of the ideal run of a combination.
     pub fn ideal_scene(&self, combination: usize) -> Result<SimulatedRobot> {
         Ok(self.ideal_start(combination)?.robot)
     }
@@ -206,7 +206,7 @@ impl Bench {
         }
     }
 
-    /// Plays the branch of the policy `blind`.
+    /// Runs the branch of the policy `blind`.
     fn play_blind(
         &self,
         start: &PreparedTrial,
@@ -216,7 +216,7 @@ impl Bench {
         play(start, &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
     }
 
-    /// Plays the branch of the policy `play_touch`, with the `means` that are left to it.
+    /// Runs the branch of the policy `touch`, with the `means` that are left to it.
     fn play_touch(
         &self,
         start: &PreparedTrial,
@@ -239,7 +239,7 @@ impl Bench {
         play(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
     }
 
-    /// Plays the branch of the user's own policy.
+    /// Runs the branch of the external policy.
     fn play_external_policy(
         &self,
         start: &PreparedTrial,
@@ -247,12 +247,12 @@ impl Bench {
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let own =
-            self.external_policy.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
+            self.external_policy.as_ref().context("--policy: found none, expected one for the condition `external`")?;
         let options = BranchSettings { pace: own.source.pace, ..options };
         own.with_process(|server| self.play_server_branch(start, &own.introduction, server, options, watcher))
     }
 
-    /// Plays the branch of a policy represented by `server`.
+    /// Runs the branch of a policy represented by `server`.
     fn play_server_branch(
         &self,
         start: &PreparedTrial,
@@ -294,8 +294,8 @@ impl Bench {
         play(start, &mut ChooserPolicy::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
-    /// Notes the prediction of touch for the plan after the first grasp. Notes nothing if the first object is not felt
-    /// in the hand, or if the trial does not have two objects.
+    /// Notes the prediction of touch for the planned grasp after the first one. Notes nothing if touch does not detect
+    /// the first object in the hand, or if the trial does not have two objects.
     fn note_prediction(&self, start: &PreparedTrial, options: BranchSettings, record: &mut TrialRecord) -> Result<()> {
         if start.objects.len() != 2 {
             return Ok(());
@@ -305,13 +305,12 @@ impl Bench {
         let foresees = self.rollout_model.as_ref().map(|twin| LookAheadSettings::plan_only(twin));
         let knowledge = Knowledge { look_ahead: foresees, ..self.prior_knowledge(start.prior_knowledge(), means)? };
         let decision = predict_decision(start, &mut self.touch_policy(start, knowledge, means)?, options)?;
-        // The condition carries out the plan, whatever touch would choose.
+        // The condition carries out the planned grasp, whatever touch would choose.
         note_decision(record, decision.map(|decision| FirstDecision { chosen: None, ..decision }));
         Ok(())
     }
 
-    /// Returns the expected utility of the best grasps for a policy with these `means` in a trial that begins as
-    /// `setup`.
+    /// Returns the expected score of the best grasps for a policy with these `means` in a trial that begins as `setup`.
     fn expected_score(&self, setup: &InitialConditions, means: PolicyCapabilities) -> Result<f64> {
         let (grasps, senses) = (
             setup.grasp_pair.grasps(&self.world.cell.robot.hand, &self.repertoire)?,
@@ -329,7 +328,7 @@ impl Bench {
         let PriorKnowledge { objects, grasps, reordered, sighted } = trial;
         let known = |object: &Arc<ObjectModel>| {
             let known = self.known_objects.get(&object.name);
-            known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be felt", object.name))
+            known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be registered", object.name))
         };
         Ok(Knowledge {
             cell: &self.world.cell,
@@ -351,7 +350,7 @@ impl Bench {
         })
     }
 
-    /// Creates the policy `play_touch` of a trial, with this `knowledge`.
+    /// Creates the policy `touch` of a trial, with this `knowledge`.
     fn touch_policy<'a>(
         &'a self,
         start: &'a PreparedTrial,
@@ -363,7 +362,7 @@ impl Bench {
         Ok(TouchPolicy::new(knowledge, senses, first))
     }
 
-    /// Returns the record of a trial for which touch has no strategy: it does not begin.
+    /// Returns the record of a trial for which touch has no strategy and which is not started.
     fn declined_trial(
         &self,
         setup: &InitialConditions,

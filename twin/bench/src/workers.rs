@@ -1,8 +1,8 @@
 //! Work on plain threads.
 //!
 //! Trials use rayon inside (images, pose estimates). While a thread of a work-stealing pool waits for such inner work,
-//! it would begin another trial, whose time would count towards the decision of the first. So trials run on threads of
-//! their own.
+//! it would begin another trial, whose time would count towards the decision of the first. So trials run on their own
+//! threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

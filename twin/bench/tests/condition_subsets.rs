@@ -1,5 +1,5 @@
-//! Every non-empty set of the conditions is played and resumed with every `--record`. Once a run without touch ended
-//! with "Zero width not allowed" at its first recorded trial.
+//! Every non-empty set of the conditions is run and resumed with every `--record`. A run without touch once ended with
+//! "Zero width not allowed" at its first recorded trial.
 
 use hand_model::RobotModel;
 use std::collections::BTreeSet;
@@ -70,7 +70,7 @@ fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
     trials
 }
 
-/// Plays, checks the results, and plays the last unit again from the journal.
+/// Runs, checks the results, and runs the last unit again from the journal.
 fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
@@ -99,11 +99,11 @@ fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
     let of = |names: &BTreeSet<String>, end: &str| names.iter().filter(|name| name.ends_with(end)).count();
     assert_eq!(of(&first, ".rrd"), expected, "{what}: {first:?}");
     if matches!(record, RecordingSelection::Sample | RecordingSelection::All) && noisy {
-        // The condition that senses most is shown.
+        // The condition with the most senses is shown.
         let shown = conditions.iter().max().expect("one");
         assert_eq!(of(&first, &format!("_{shown}.png")), 1, "{what}: {first:?}");
     }
-    // Killed before its last unit, the run goes on as it was begun.
+    // Killed before its last unit, the run resumes as it was started.
     let journal = fs::read_to_string(folder.join("journal.jsonl")).expect("a journal");
     let kept: String = journal.split_inclusive('\n').take(journal.lines().count() - 1).collect();
     fs::write(folder.join("journal.jsonl"), kept).expect("written");

@@ -1,4 +1,4 @@
-//! A session that ends in a failed look replays to the same failure, also in the middle of a trial.
+//! A session that ends in a failed detection replays to the same failure, also in the middle of a trial.
 
 use hand_model::RobotModel;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use sim::robot::GroundTruth;
 
 const FAILURE_MESSAGE: &str = "--detector unix:/eyes: lemon: found nothing, expected a measurement of it within 3 s";
 
-/// The simulated robot with failed eyes.
+/// The simulated robot with a failed object detector.
 struct FailedDetector(SimulatedRobot);
 
 impl TrialBackend for FailedDetector {
@@ -60,7 +60,7 @@ fn a_session_that_ends_in_a_failed_look_replays() {
     for combination in 0..4 {
         let file = folder.path().join(format!("{combination}.mcap"));
         let task = TrialTask::new("sim", 1, [combination, 0, 4], Condition::Reflex);
-        // Trials without a second look do not count.
+        // Trials without a second detection do not count.
         let Err(error) = bench.play(&task, &mut FailedDetectorFactory(&file), &mut NoWatcher) else { continue };
         assert!(error.chain().any(|cause| cause.to_string().contains(FAILURE_MESSAGE)), "{error:#}");
         ended += 1;
@@ -72,9 +72,9 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>());
         assert_eq!(failed.map(|failed| failed.0.as_str()), Some(FAILURE_MESSAGE), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));
-        let (progress, fault) = report.take().expect("played");
+        let (progress, fault) = report.take().expect("run");
         assert_eq!(fault, None);
         assert!(progress.commands > 100, "{progress:?}");
     }
-    assert!(ended > 0, "no trial looked again");
+    assert!(ended > 0, "no trial detected objects again");
 }

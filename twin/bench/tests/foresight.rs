@@ -1,4 +1,4 @@
-//! The twin of a scene, built from estimates, behaves as the scene does.
+//! A rollout in a scene built from estimates behaves like the scene.
 
 use bench::builtin::make_scene_bench;
 use control::executor::{Phase, Skill};
@@ -10,13 +10,13 @@ use hand_model::RobotModel;
 use nalgebra::Translation3;
 use scenarios::Scenario;
 
-/// With a known hold and target, the planned grasp holds in the twin as it does in the plan's own run. With the target
-/// a hand's breadth off it does not. An object that is not in the hand is not a hold.
+/// With a known hold and target, the planned grasp holds in the rollout as in the ideal run of its grasp pair. With the
+/// target a hand's breadth off it does not. An object that is not in the hand is not a hold.
 #[test]
 fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
     let bench =
         make_scene_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, 1, true).expect("the built-in benchmark");
-    // Objects in the twin are as modelled, as they are in the plan's own run.
+    // Objects in the rollout are as modelled, as in the ideal run.
     let mut world = bench.world.clone();
     world.scenario.effects.objects = None;
     for combination in 0..3 {
@@ -40,11 +40,11 @@ fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
             .expect("a scene");
         let mut going = executor.clone();
         going.continue_as_planned().expect("a path");
-        let outcomes = imagined.roll_out(&going, 0..3).expect("played");
+        let outcomes = imagined.roll_out(&going, 0..3).expect("run");
         assert_eq!(outcomes[0], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
         assert_ne!(outcomes[1], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
         assert_eq!(outcomes[2], None, "{} and {}", plan.first, plan.second);
         // A second rollout gives the same outcomes.
-        assert_eq!(imagined.roll_out(&going, 0..1).expect("played"), outcomes[..1]);
+        assert_eq!(imagined.roll_out(&going, 0..1).expect("run"), outcomes[..1]);
     }
 }

@@ -1,4 +1,4 @@
-//! The built-in plans, played in physics.
+//! The built-in grasp pairs, run in physics.
 
 use hand_model::RobotModel;
 use std::sync::Mutex;
@@ -23,7 +23,7 @@ fn all_built_in_plans_are_ideal() {
         }
         Ok(())
     })
-    .expect("played");
+    .expect("run");
     let failed = failed.into_inner().expect("no panic");
     assert!(failed.is_empty(), "{failed:?}");
 }

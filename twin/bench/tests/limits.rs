@@ -1,5 +1,5 @@
-//! Trials on the rounded robot, whose commands and measurements pass the supervisor. The supervisor stops none of them
-//! for its forces, its workspace or its set-points.
+//! Trials on the directly emulated robot, whose commands and measurements pass the supervisor. The supervisor stops
+//! none of them for its forces, its workspace or its set-points.
 
 use bench::builtin::make_bench;
 use bench::trial::NoWatcher;

@@ -1,5 +1,5 @@
-//! The mirror beside a simulated robot. The residuals of a sound robot are small in free motion, those of a broken one
-//! are not. Faults are diagnosed, a sound robot raises no alarm, and the mirror does not influence the robot.
+//! Fault detection beside a simulated robot. The residuals of a sound robot are small in free motion, those of a broken
+//! one are not. Faults are detected, a sound robot raises no alarm, and the detector does not influence the robot.
 
 use std::sync::Arc;
 
@@ -23,7 +23,8 @@ use scenarios::record::{Condition, TrialRecord};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
-/// Bound of the residual of a taut cable of a sound robot in free motion, N (recordings/log/mirror.md, rounded up).
+/// Bound of the residual of a taut cable of a sound robot in free motion, N (recordings/log/fault detector.md, rounded
+/// up).
 const SOUND_RESIDUAL_BOUND: f64 = 0.1;
 /// Time over which the cables are wound, s.
 const WINDING_TIME: f64 = 1.0;
@@ -35,7 +36,7 @@ const BREAK_TIME: f64 = 1.5;
 /// Time limit for the diagnosis of a fault, s.
 const DIAGNOSIS_TIME_LIMIT: f64 = 0.5;
 
-/// Creates the robot of `world` as drawn, with an empty hand.
+/// Creates the nominal robot of `world`, with an empty hand.
 fn robot(world: &SimulatedWorld) -> SimulatedRobot {
     let cell = &world.cell;
     let setup =
@@ -53,7 +54,7 @@ fn command(time: f64) -> RobotCommand {
 }
 
 /// Returns the residuals of the five cables, N, as means of four ticks each, with the time of the last tick (s). The
-/// robot is as drawn and closes its hand on nothing while its arm moves. Cable `broken` breaks at [`BREAK_TIME`].
+/// robot is nominal and closes its hand on nothing while its arm moves. Cable `broken` breaks at [`BREAK_TIME`].
 fn residuals(broken: Option<usize>) -> Vec<(f64, DigitVector)> {
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
@@ -79,8 +80,7 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, DigitVector)> {
     all.chunks_exact(4).map(mean).collect()
 }
 
-/// Every residual of a sound robot is small. That of a broken cable is a lasting pull, and the other cables show
-/// nothing of it.
+/// Every residual of a sound robot is small. That of a broken cable is a lasting pull; the other cables are unaffected.
 #[test]
 fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     let ring = Digit::Ring.index();
@@ -95,15 +95,15 @@ fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     }
 }
 
-/// Returns the diagnoses of a mirror for the same motion. `strike` is applied to the robot once at [`BREAK_TIME`], and
-/// `press` in each tick from then on.
+/// Returns the faults detected in the same motion. `strike` is applied to the robot once at [`BREAK_TIME`], and `press`
+/// in each tick from then on.
 fn detected_faults(
     strike: impl FnOnce(&mut SimulatedRobot),
     press: impl Fn(&mut SimulatedRobot),
 ) -> Vec<DetectedFault> {
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
-    let mut mirror = FaultDetector::new(&world, &robot.observe().arm.position).expect("a mirror");
+    let mut mirror = FaultDetector::new(&world, &robot.observe().arm.position).expect("a fault detector");
     let mut strike = Some(strike);
     while robot.time() < MOTION_DURATION {
         let seen = robot.observe();
@@ -135,7 +135,7 @@ fn a_sound_robot_raises_nothing() {
     assert_eq!(detected_faults(|_| {}, |_| {}), []);
 }
 
-/// Each fault is diagnosed once, with its digit, and in time.
+/// Each fault is detected once, with its digit, and in time.
 #[test]
 fn faults_are_named() {
     let (ring, index) = (Digit::Ring.index(), Digit::Index.index());
@@ -181,13 +181,13 @@ fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
         .collect()
 }
 
-/// Returns the mirror of the same motion seen by a busy host. `strike` is applied to the robot once at [`BREAK_TIME`], and
-/// from then on camera `frozen` sends the same image.
+/// Returns the fault detector of the same motion observed by a busy host. `strike` is applied to the robot once at
+/// [`BREAK_TIME`], and from then on camera `frozen` sends the same image.
 fn detector_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<usize>) -> FaultDetector {
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");
     let mut robot = robot(&world);
     let tick = robot.tick_length();
-    let mut mirror = FaultDetector::new(&world, &robot.observe().arm.position).expect("a mirror");
+    let mut mirror = FaultDetector::new(&world, &robot.observe().arm.position).expect("a fault detector");
     let (mut strike, mut last) = (Some(strike), 0.0);
     let mut known = images(0, None);
     for (ticks, late) in BUSY_LOAD_PATTERN.into_iter().cycle() {
@@ -223,8 +223,8 @@ fn detector_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Optio
     mirror
 }
 
-/// A busy host observes late, twice within a tick, or not at all for some ticks. The mirror follows without a reset and
-/// reports nothing on a sound robot.
+/// A busy host observes late, twice within a tick, or not at all for some ticks. The detector follows without a reset
+/// and reports nothing on a sound robot.
 #[test]
 fn late_and_dropped_ticks_are_no_restart() {
     let mirror = detector_in_real_time(|_| {}, None);
@@ -256,7 +256,7 @@ impl Watcher for RecordedStates {
         false
     }
     fn on_tick(&mut self, moment: &TickView) -> Result<()> {
-        let truth = moment.truth.expect("the simulated body's");
+        let truth = moment.truth.expect("the ground truth of the simulated backend");
         self.0.push((moment.time, truth.hand.clone(), truth.objects.clone()));
         Ok(())
     }
@@ -268,7 +268,7 @@ impl Watcher for RecordedStates {
     }
 }
 
-/// Every bit of a trial is the same with a mirror beside it.
+/// Every bit of a trial is the same with fault detection beside it.
 #[test]
 fn a_mirror_changes_no_bit_of_a_trial() {
     let bench = make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("a bench");
@@ -277,7 +277,7 @@ fn a_mirror_changes_no_bit_of_a_trial() {
     let mut mirroring = FaultDetectionWatcher::new(&bench, None);
     let with = bench.play_conditions(0, 0, &[Condition::Blind], &[], &mut Watchers(vec![&mut mirroring, &mut beside]));
     assert_eq!(without.records, with.expect("a trial").records);
-    assert!(mirroring.effort().0 as usize == beside.0.len(), "the mirror saw every tick");
+    assert!(mirroring.effort().0 as usize == beside.0.len(), "the fault detector observed every tick");
     assert_eq!(mirroring.gaps(), 0);
     assert_eq!(alone.0.len(), beside.0.len());
     assert!(alone.0 == beside.0, "joints and objects");

@@ -9,8 +9,8 @@ use scenarios::Scenario;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
 
-/// In this trial touch once palpated both objects, took in an error of a millimetre that did not exist, and touched the
-/// second object with the first one's digits. Blind never did.
+/// In this trial touch once palpated both objects, estimated an error of a millimetre that did not exist, and touched
+/// the second object with the first one's digits. Blind never did.
 #[test]
 fn feeling_costs_nothing_where_nothing_is_wrong() {
     let mut scenario = Scenario::benchmark();
@@ -18,7 +18,7 @@ fn feeling_costs_nothing_where_nothing_is_wrong() {
     scenario.effects = Effect::ALL.into_iter().fold(scenario.effects, |effects, effect| effects.without(effect));
     assert!(scenario.is_ideal());
     let mut bench = make_bench(&RobotModel::ftac_gen3(), scenario, 1, 1, true).expect("a bench");
-    set_expected_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("told");
+    set_expected_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("set");
     let results = bench.play_conditions(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
     let record = &results.records[0];
     assert!(record.clean_success, "{record:?}");

@@ -9,8 +9,8 @@ use scenarios::Scenario;
 use scenarios::disturbance::{Disturbances, FailedPadCameras};
 use scenarios::record::Condition;
 
-/// If the trial is uncertain and the other order promises more, the other object comes first. The poses, percepts and
-/// errors are those of the planned order. A disturbed scenario keeps the planned order.
+/// If the trial is uncertain and the other order has a higher expected score, the other object comes first. The poses,
+/// detections and errors are those of the planned order. A disturbed scenario keeps the planned order.
 #[test]
 fn the_other_order_leaves_everything_where_it_is() {
     let bench =

@@ -52,7 +52,7 @@ fn closed_on_nothing(
     (touches, seen, robot)
 }
 
-/// Returns the grip as felt by pads and cables.
+/// Returns the hold state perceived from pads and cables.
 fn perceived_hold_state(
     bench: &Bench,
     touches: &[PadTouch],
@@ -65,8 +65,8 @@ fn perceived_hold_state(
     HoldState::from_evidence(hand, &HoldEvidence { limits, touches, servos, q, objects, on_first: &[], sigma })
 }
 
-/// The thumb lies on the index finger and the hand is empty, although the plan has objects there: pads are pressed and
-/// the grip is empty.
+/// The thumb lies on the index finger and the hand is empty, although the grasp pair has objects there: pads are
+/// pressed and no object is held.
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
@@ -95,11 +95,11 @@ fn a_thumb_on_the_index_finger_is_no_object() {
         let grip = perceived_hold_state(&bench, &touches, &seen.servos, &[first, second].map(ExpectedHold::from_grasp));
         assert!(!grip.holds(0), "{tensions:?}, {opposition}: the hand's own contact is taken for the first object");
     }
-    assert!(loaded >= 2 && patches >= 4, "something is to be told: {loaded} postures, {patches} patches");
-    assert!(4 * own >= 3 * patches, "{own} of {patches} patches are told to be the hand's own");
+    assert!(loaded >= 2 && patches >= 4, "too few contacts to judge: {loaded} postures, {patches} patches");
+    assert!(4 * own >= 3 * patches, "{own} of {patches} patches are recognized as self-contact");
 }
 
-/// Of a held object next to nothing is mistaken for self-contact: its pose is estimated as before.
+/// Of a held object, almost nothing is mistaken for self-contact: its pose is estimated as before.
 #[test]
 fn a_held_object_is_felt_as_before() {
     // First objects that two fingers and the palm enclose: balls, a box, a polyhedron, a peanut.
@@ -108,7 +108,7 @@ fn a_held_object_is_felt_as_before() {
     let (mut held, mut marked, mut patches) = (0, 0, 0);
     let mut errors = [Vec::new(), Vec::new()];
     for combination in COMBINATIONS {
-        let Some(grasp) = bench.held_grasp(combination, 0).expect("played") else { continue };
+        let Some(grasp) = bench.held_grasp(combination, 0).expect("run") else { continue };
         held += 1;
         let known = &bench.known_objects[&grasp.object];
         let mut board = bench.cameras.with_noise(combination as u64);
@@ -135,12 +135,12 @@ fn a_held_object_is_felt_as_before() {
         assert!(perceived_hold_state(&bench, &touches, &servos, &[first]).holds(0), "combination {combination}");
     }
     assert!(held >= 4 && patches > 2 * held, "{held} {patches}");
-    assert!(20 * marked <= patches, "{marked} of {patches} patches are taken for the hand's own");
+    assert!(20 * marked <= patches, "{marked} of {patches} patches are mistaken for self-contact");
     let mean = errors.each_ref().map(|errors| 1e3 * errors.iter().sum::<f64>() / errors.len() as f64);
     assert!((mean[1] - mean[0]).abs() < 0.1 && mean[1] < 1.5, "mm before and after: {mean:?}");
 }
 
-/// Idle pads of cameras that drift by several per cent feel nothing.
+/// Idle pads of cameras that drift by several per cent report no contact.
 #[test]
 fn drift_alone_is_no_touch() {
     let bench = pads_only(1);

@@ -1,4 +1,4 @@
-//! Palpation finds an object that is not where vision sees it, in physics and from rendered images.
+//! Palpation finds an object that is not at its detected pose, in physics and from rendered images.
 
 use bench::builtin::make_bench;
 use control::detection::DetectedObject;
@@ -17,7 +17,7 @@ use world::Sensing;
 
 /// Combinations whose second objects have the top of a pear, a cylinder and a sphere.
 const COMBINATIONS: [usize; 3] = [10, 1, 15];
-/// Offset of the seen object from its true position, along the palm's x, m.
+/// Offset of the detected object from its true position, along the palm's x, m.
 const DETECTION_OFFSET: f64 = 0.012;
 
 #[test]
@@ -53,13 +53,13 @@ fn an_object_is_where_it_is_felt() {
         let held = ExpectedObject { shape: known[0], prior: default_prior(felt.estimate.palm_from_object) };
         let found = estimate_touched_pose(&senses, &executor.motion().snapshot(), known[1], &prior, Some(held))
             .expect("perceived");
-        let estimate = found.unwrap_or_else(|| panic!("combination {combination}: nothing is felt"));
+        let estimate = found.unwrap_or_else(|| panic!("combination {combination}: found no contact"));
         let truth = robot.truth();
         let real = (truth.palm.inverse() * truth.objects[1]).translation.vector;
         let believed = |pose: &nalgebra::Isometry3<f64>| (pose.translation.vector - real).x.abs();
         let (before, after) = (believed(&palm_from_object), believed(&estimate.palm_from_object));
         assert!(before > 0.008, "combination {combination}: {before}");
         assert!(after < 0.004, "combination {combination}, {}: {after}, {before} before", second.object);
-        assert!(truth.object_pairs.is_empty(), "combination {combination}: what is held touches it");
+        assert!(truth.object_pairs.is_empty(), "combination {combination}: the held object touches it");
     }
 }

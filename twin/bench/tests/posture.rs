@@ -8,19 +8,19 @@ use scenarios::Scenario;
 use scenarios::effects::Effects;
 use tactile_perception::PadTouch;
 
-/// Number of combinations whose first grasp is felt.
+/// Number of combinations whose first grasp is perceived.
 const HOLD_COUNT: usize = 60;
 /// Half width of a 95 % region, standard deviations.
 const REGION_HALF_WIDTH: f64 = 1.96;
 
-/// Joint angles of digits in contact that lie within their 95 % region.
+/// Number of joint angles of digits in contact that lie within their 95 % region.
 #[derive(Default)]
 struct Tally {
     inside: u32,
     count: u32,
 }
 
-/// The 95 % regions of the joint angles of digits in contact hold about as many of the true angles.
+/// The 95 % regions of the joint angles of digits in contact contain about as many of the true angles.
 #[test]
 fn joint_angles_are_as_uncertain_as_they_say() {
     let mut scenario = Scenario::benchmark();
@@ -29,7 +29,7 @@ fn joint_angles_are_as_uncertain_as_they_say() {
     let bench = make_bench(&RobotModel::ftac_gen3(), scenario, HOLD_COUNT, 1, true).expect("the built-in benchmark");
     let mut tally = Tally::default();
     for combination in 0..HOLD_COUNT {
-        let Some(grasp) = bench.held_grasp(combination, 0).expect("played") else { continue };
+        let Some(grasp) = bench.held_grasp(combination, 0).expect("run") else { continue };
         let known = &bench.known_objects[&grasp.object];
         let objects: [(_, Isometry3<f64>); 1] = [(&known.model.shape, grasp.truth)];
         let hand = &bench.world.cell.robot.hand;

@@ -49,7 +49,7 @@ fn over_table(arm: &Arm, hand: &Hand, height: f64) -> ArmVector {
     q
 }
 
-/// Returns the greatest and the final force on the table (N), and the final state, of a robot whose controller asks for
+/// Returns the greatest and the final force on the table (N), and the final state, of a robot whose controller commands
 /// 5 cm/s downwards.
 fn press(limits: LimitConfig) -> (f64, f64, SupervisorState) {
     let model = RobotModel::ftac_gen3();
@@ -61,7 +61,7 @@ fn press(limits: LimitConfig) -> (f64, f64, SupervisorState) {
     let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &model).expect("starts");
     let mut greatest = 0.0_f64;
     for tick in 0..TICK_COUNT {
-        // From rest, as all of our controllers begin.
+        // From rest, as all built-in controllers start.
         let speed = DOWNWARD_SPEED * (tick as f64 / 30.0).min(1.0);
         wanted = moved(&model.arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
         let servos = [ServoGoal::Current(0.0); 6].into();
@@ -74,7 +74,7 @@ fn press(limits: LimitConfig) -> (f64, f64, SupervisorState) {
     (greatest, last, robot.state())
 }
 
-/// Returns limits with only those that existed before: speed and range of the joints.
+/// Returns the former limits: speed and range of the joints only.
 fn joint_limits_only() -> LimitConfig {
     let most = 1e6;
     let arm = ArmLimitConfig {
@@ -94,8 +94,8 @@ fn joint_limits_only() -> LimitConfig {
     LimitConfig { arm, space, ..LimitConfig::default() }
 }
 
-/// An own policy asks for 5 cm/s downwards. Without limits, two joints press with full torque for as long as it asks.
-/// With them the arm is stopped as soon as it presses, reports which joint, and gives way.
+/// An external policy commands 5 cm/s downwards. Without limits, two joints press with full torque as long as it does.
+/// With them the arm is stopped as soon as it presses, reports the joint, and yields.
 #[test]
 fn an_arm_that_presses_on_the_table_is_stopped() {
     let (before, held, state) = press(joint_limits_only());
@@ -105,7 +105,7 @@ fn an_arm_that_presses_on_the_table_is_stopped() {
     assert!(after < 0.6 * before && left < 10.0, "{after} N, {left} N, {before} N without");
 }
 
-/// If the arm feels nothing, the table itself is the bound.
+/// Without torque sensing in the arm, the table itself is the bound.
 #[test]
 fn an_arm_without_torque_sensors_is_stopped_below_the_table() {
     let arm = ArmLimitConfig { residual: [1e6; 7].into(), torque: [1e6; 7].into(), ..ArmLimitConfig::default() };

@@ -1,4 +1,4 @@
-//! A trial is the same to the bit, whoever watches and whatever was played before it.
+//! A trial is the same to the bit, whatever its watchers and the trials before it.
 
 use bench::builtin::make_bench;
 use bench::trial::filming::Filming;

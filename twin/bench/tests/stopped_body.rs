@@ -1,5 +1,5 @@
-//! A trial whose body stops or cannot be reached does not count if an operator must attend to the robot, and has failed
-//! if other trials follow.
+//! A trial whose backend stops or cannot be reached does not count if an operator must attend to the robot, and counts
+//! as failed if other trials follow.
 
 use hand_model::RobotModel;
 use std::ops::Range;
@@ -17,7 +17,7 @@ use scenarios::{FailureCause, Scenario};
 use sim::SimulatedRobot;
 use sim::robot::GroundTruth;
 
-/// The simulated robot, which stops after some time (s), or is unreachable for some time.
+/// Simulated robot that stops after some time (s), or is unreachable for some time.
 struct StoppingRobot {
     robot: SimulatedRobot,
     after: f64,
@@ -27,7 +27,7 @@ struct StoppingRobot {
 impl StoppingRobot {
     fn reached(&self) -> Result<(), RobotError> {
         match self.silent.contains(&self.robot.truth().time) {
-            true => Err(RobotError::ConnectionLost("nobody answers".to_owned())),
+            true => Err(RobotError::ConnectionLost("no answer".to_owned())),
             false => Ok(()),
         }
     }
@@ -121,7 +121,7 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
 }
 
 /// A robot that is unreachable for a third of a second keeps its last command, and the trial goes on. One that stays
-/// away ends the trial with its own message.
+/// unreachable ends the trial with its own message.
 #[test]
 fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
     let mut bench =
@@ -132,6 +132,6 @@ fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
     let late = held.sim_seconds - sound.sim_seconds;
     assert!((0.2..0.4).contains(&late) && held.cause != Some(FailureCause::RobotFault), "{late} s, {:?}", held.cause);
     assert_eq!(lost.cause, Some(FailureCause::RobotFault));
-    assert!(lost.reason.contains("nobody answers"), "{}", lost.reason);
+    assert!(lost.reason.contains("no answer"), "{}", lost.reason);
     assert!((2.4..2.7).contains(&lost.sim_seconds), "{}", lost.sim_seconds);
 }

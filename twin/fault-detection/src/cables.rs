@@ -1,5 +1,4 @@
-//! Tick-by-tick detectors for a digit's cable: a cable that stays slack is broken, one that becomes taut again has
-//! slipped.
+//! Tick-by-tick detectors for a digit's cable: one that stays slack is broken, one that becomes taut again has slipped.
 
 use std::collections::VecDeque;
 
@@ -15,7 +14,7 @@ const MAX_REBOUND_TIME: f64 = 0.08;
 /// Minimum interval between two weak-servo findings of one servo, s.
 const REPORT_INTERVAL: f64 = 0.25;
 
-/// Minimum share of its tension that a taut cable keeps from one tick to the next while nothing gives way.
+/// Minimum share of its tension that a taut cable keeps from one tick to the next while nothing yields.
 const MIN_TENSION_RETENTION: f64 = 0.93;
 
 /// A finding: its kind, the measured value and the expected value.
@@ -34,7 +33,7 @@ struct SlackEpisode {
     wrench_level: WrenchLevel,
     /// True if the load vanished within one tick.
     sudden: bool,
-    /// True if the load vanished from a firm pull: no push does that.
+    /// True if the load vanished from a firm pull, which no push explains.
     firm: bool,
     reported: bool,
 }
@@ -49,9 +48,9 @@ impl SlackEpisode {
     }
 }
 
-/// True if the newest of `past` carries no load although the tick before it carried as much as the one before that. For
-/// a cable above the tension `grips`, also true if the tick before had already lost most of its load: a running spool
-/// takes two ticks to lose it.
+/// True if the newest of `past` carries no load although the two ticks before it carried the same. For a cable above
+/// the tension `grips`, also true if the tick before had already lost most of its load: a running spool takes two ticks
+/// to lose it.
 fn dropped_suddenly(past: &VecDeque<CableState>, grips: f64) -> bool {
     let [now, before, earlier, first] = newest_ticks(past);
     let bore = |cable: CableState| cable.tension > 0.4 * cable.servo_tension;
@@ -82,7 +81,7 @@ pub struct CableWatch {
 }
 
 impl CableWatch {
-    /// Processes one tick at `time` (s). `outside` is the external load on the hand.
+    /// Processes one tick at `time` (s). `outside` is the external wrench on the hand.
     pub fn update(
         &mut self,
         limits: &CableLimits,
@@ -150,7 +149,7 @@ impl CableWatch {
         Some((FaultKind::CableBroken, cable.tension.max(0.0), cable.reference_tension))
     }
 
-    /// Begins an episode of slack.
+    /// Begins a slack episode.
     fn begin_slack(&self, limits: &CableLimits, time: f64, pushed: WrenchLevel) -> SlackEpisode {
         let [now, before, earlier, _] = newest_ticks(&self.past);
         SlackEpisode {
@@ -180,7 +179,7 @@ impl CableWatch {
     /// Detects a slipped cable: slack that began suddenly and ended after a little winding.
     fn detect_slip(&mut self, limits: &CableLimits, time: f64, cable: &CableState) -> Option<Finding> {
         let (at, slack, wound) = self.ended_slack?;
-        // Only after the rebound is it certain that the spool has not gone on without its cable.
+        // The spool counts as still bearing its cable only after the rebound.
         if time < at + MAX_REBOUND_TIME {
             return None;
         }
@@ -241,17 +240,17 @@ mod tests {
         let slipped = detected_faults(&dip(6), 0.04);
         assert!(matches!(slipped[..], [(n, FaultKind::CableSlipped)] if n < 30), "{slipped:?}");
         let pushed_closed = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 30], vec![10.0; 10]].concat();
-        assert_eq!(detected_faults(&pushed_closed, 0.04), [], "somebody pushed the digit closed");
+        assert_eq!(detected_faults(&pushed_closed, 0.04), [], "a push closed the digit");
         assert_eq!(
             detected_faults_for(3.0, WrenchLevel::Moderate, &dip(6), 0.04),
             [],
-            "what pushes the hand may push a free digit closed"
+            "a push on the hand may close a free digit"
         );
         assert_eq!(detected_faults(&[10.0; 60], 0.04), []);
         let pushed_far = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 60]].concat();
         assert!(
             matches!(detected_faults(&pushed_far, 0.04)[..], [(_, FaultKind::CableBroken)]),
-            "nobody pushes a digit so far"
+            "no push moves a digit so far"
         );
     }
 
@@ -265,7 +264,7 @@ mod tests {
             [(_, FaultKind::CableSlipped)]
         ));
         let let_go = [vec![30.0; 10], vec![25.0, 20.0, 14.0, 9.0, 14.0, 20.0], vec![30.0; 20]].concat();
-        assert_eq!(detected_faults_for(30.0, WrenchLevel::Absent, &let_go, 0.04), [], "an object that goes");
+        assert_eq!(detected_faults_for(30.0, WrenchLevel::Absent, &let_go, 0.04), [], "an object that is taken away");
         let broken = [vec![10.0; 10], vec![2.0], vec![0.0; 40]].concat();
         assert!(matches!(detected_faults(&broken, 0.04)[..], [(n, FaultKind::CableBroken)] if n < 35));
     }

@@ -20,8 +20,8 @@ struct CameraState {
     newest: Option<(u64, Arc<TactileImage>)>,
     /// Samples of its first image, RGB.
     first: Vec<[u8; 3]>,
-    /// Number of images taken, by their sequence numbers. An image that got lost on the way, or was overtaken by the
-    /// next, does not count as missing.
+    /// Number of images taken, by their sequence numbers. An image lost on the way, or overtaken by the next, does not
+    /// count as missing.
     taken: u32,
     /// Number of consecutive images that repeat the one before.
     repeats: u32,
@@ -92,7 +92,7 @@ impl CameraWatch {
 
     /// Processes the newest images of all cameras at `time` (s); `asked` is true if new ones were requested. Returns
     /// the findings with their cameras, or without one if all cameras are concerned. In `real_time` the latency of
-    /// images depends on host and link, so that only a wait much longer than any before counts as silence.
+    /// images depends on host and link, so only a wait much longer than any before counts as silence.
     pub fn update(
         &mut self,
         limits: &CameraLimits,
@@ -130,7 +130,7 @@ impl CameraWatch {
         self.longest_wait = self.longest_wait.max(self.waits_since.map_or(0.0, |since| time - since));
         (self.waits_since, self.silent) = (asked.then_some(time), false);
         let usual = self.median_image_count();
-        // Without read-out noise an idle pad repeats its image; then most cameras do.
+        // Without read-out noise an idle pad repeats its image, as most cameras then do.
         let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
         let (lively, alone) = (repeating <= cameras / 2, repeating == 1);
         let missed = if real_time { limits.missed_real } else { limits.missed };
@@ -185,7 +185,7 @@ mod tests {
 
     const CAMERAS: usize = 18;
 
-    /// Returns the findings over eight captures. `image` maps capture, camera and usual image to the camera's image of
+    /// Returns the findings over eight captures. `image` maps capture, camera and usual image to the camera's image in
     /// that capture.
     fn detected_faults(
         image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>,
@@ -221,7 +221,7 @@ mod tests {
         let lossy = detected_faults(|n, camera, image| (camera != 3 || n % 2 == 1).then_some(image));
         assert_eq!(lossy, []);
         let silent = detected_faults(|n, _, image| (n < 3).then_some(image));
-        assert_eq!(silent, [(4, CAMERAS, FaultKind::CameraDead)], "nothing has come for longer than it takes");
+        assert_eq!(silent, [(4, CAMERAS, FaultKind::CameraDead)], "no image for longer than the latency");
     }
 
     /// Without noise all idle pads repeat their images, and none of them is faulty.

@@ -1,4 +1,4 @@
-//! Divergences that a mirror reports: the difference between a robot and its twin, worded for people.
+//! Faults that fault detection reports: differences between a robot and its reference model, worded for people.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use scenarios::record::{Condition, TrialId};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Kind of divergence.
+/// Kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
@@ -33,7 +33,7 @@ impl FaultKind {
         Self::CameraDead,
     ];
 
-    /// Returns the name of the kind as tables write it.
+    /// Returns the name of the kind in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::CableBroken => "cable_broken",
@@ -68,17 +68,17 @@ impl fmt::Display for FaultKind {
     }
 }
 
-/// A reported divergence.
+/// A detected fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DetectedFault {
-    /// Time of the report on the clock of the body, s.
+    /// Time of the report on the clock of the robot backend, s.
     pub time: f64,
     pub kind: FaultKind,
     /// Affected part: a digit, a camera, the hand or an object.
     pub part: String,
     /// Measured value; the unit depends on the kind.
     pub found: f64,
-    /// Value of the twin, in the same unit.
+    /// Value of the reference model, in the same unit.
     pub expected: f64,
 }
 
@@ -90,7 +90,7 @@ impl fmt::Display for DetectedFault {
     }
 }
 
-/// A divergence with the condition of its trial, a row of `faults.csv`.
+/// A detected fault with the condition of its trial, a row of `faults.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FaultRow {
     pub condition: Condition,
@@ -98,7 +98,7 @@ pub struct FaultRow {
     pub fault: DetectedFault,
 }
 
-/// Writes the table `faults.csv`, one row per divergence.
+/// Writes the table `faults.csv`, one row per fault.
 pub fn write_table<'a>(rows: impl Iterator<Item = (TrialId, &'a DetectedFault)>) -> String {
     let mut table = "combination,trial,condition,time_s,divergence,part,found,expected\n".to_owned();
     for (id, row) in rows {
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(table.lines().nth(1), Some("4,1,touch,3.2500,cable_broken,ring,0.0000,7.1250"));
     }
 
-    /// Names are those that serde writes, and all are distinct.
+    /// Names equal those written by serde, and all are distinct.
     #[test]
     fn names_are_those_of_the_journal() {
         for kind in FaultKind::ALL {

@@ -19,13 +19,13 @@ use super::steps::{PERSISTENCE_TICKS, ResidualStep, detect_step};
 const STEADY_FORCE_RANGE: f64 = 0.4;
 /// Change of force within a tenth of a second that counts as a push on the hand, N.
 const PUSH_FORCE_CHANGE: f64 = 1.5;
-/// Upward force beyond which a hand that holds something must be touching something else, too, N.
+/// Upward force beyond which a loaded hand must be touching something else, too, N.
 const MIN_UPWARD_PUSH: f64 = 0.5;
-/// Ticks for which the force must be known before it can be judged, and within which a push shows.
+/// Ticks for which the force must be known before it is judged, and within which a push shows.
 const MIN_KNOWN_TICKS: usize = 12;
-/// Ticks over which the force is averaged to weigh an object that digits have released.
+/// Ticks over which the force is averaged to measure the weight of an object that digits have released.
 const WEIGHT_AVERAGE_TICKS: usize = 4;
-/// Ticks within which a jolt of the hand shows that a digit has met something.
+/// Ticks within which a jolt of the hand shows that a digit has touched something.
 const JOLT_TICKS: usize = 6;
 /// Contacts that follow each other within this time count as one, s.
 const CONTACT_REPORT_INTERVAL: f64 = 0.3;
@@ -39,7 +39,7 @@ pub struct HandTick<'a> {
     /// Progress of the phase, 0 to 1.
     pub progress: f64,
     pub residuals: &'a Residuals,
-    /// Masses of the objects as the controller knows them, kg.
+    /// Masses of the objects as known to the controller, kg.
     pub masses: &'a [f64],
     /// Digits that grasp each of the objects.
     pub digits: &'a [&'a [Digit]],
@@ -81,7 +81,7 @@ pub struct HandWatch {
     expects_contact: bool,
 }
 
-/// Updates `since`, the time since which `now` has been true, s. Returns true if it has been for at least `long` (s).
+/// Updates `since`, the time since which `now` has been true, s. Returns true if that is at least `long` (s).
 fn has_lasted(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
     if !now {
         *since = None;
@@ -91,7 +91,7 @@ fn has_lasted(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool 
 }
 
 impl HandWatch {
-    /// Returns the external load on the hand now, or within the last hundredths of a second.
+    /// Returns the external wrench on the hand now, or within the last hundredths of a second.
     pub fn external_wrench(&self, limits: &HandLimits) -> ExternalWrench {
         let newest = self.past.iter().rev().take(JOLT_TICKS).map(|(_, force)| force);
         let changes = newest.clone().zip(newest.skip(1)).map(|(one, other)| (one - other).norm());
@@ -102,7 +102,7 @@ impl HandWatch {
     fn wrench_level(&self, limits: &HandLimits) -> WrenchLevel {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
         let empty = self.force_bias.unwrap_or_else(Vector3::zeros);
-        // Conservative: a hand about which nothing is known counts as pushed hard.
+        // Conservative: a hand of unknown load counts as strongly pushed.
         if self.past.len() < MIN_KNOWN_TICKS || self.past.iter().any(|(_, force)| (force - empty).norm() > limits.hard)
         {
             return WrenchLevel::Strong;
@@ -112,7 +112,7 @@ impl HandWatch {
         if self.contact_reported || changes { WrenchLevel::Moderate } else { WrenchLevel::Absent }
     }
 
-    /// Skips a tick in which the forces on the hand are unknown, because a joint of the arm is on its stop.
+    /// Skips a tick in which the forces on the hand are unknown because a joint of the arm is on its stop.
     pub fn skip_tick(&mut self) {
         self.past.clear();
         self.tensions.clear();
@@ -146,7 +146,7 @@ impl HandWatch {
             .or_else(|| self.detect_payload(limits, tick, &moved, (should, quiet)));
         let early = !tick.phase.has_begun_lift(0) && tick.progress < limits.empty[0];
         if should == 0 && quiet && early && !self.contact_reported && moved.norm() < limits.empty[1] {
-            // Tracks the bias of the empty hand: errors of the arm's model.
+            // Tracks the bias of the empty hand, that is, errors of the arm's model.
             let before = *self.force_bias.get_or_insert(force);
             self.force_bias = Some(before + 0.05 * (force - before));
         }
@@ -159,8 +159,8 @@ impl HandWatch {
         (count > 3).then(|| self.past.iter().take(count).map(|(_, force)| force).sum::<Vector3<f64>>() / count as f64)
     }
 
-    /// Detects a force on the hand that the phase does not expect. During grasping, and with weights that come and go,
-    /// only the horizontal component counts.
+    /// Detects a force on the hand that the phase does not expect. During grasping, and while weights change, only the
+    /// horizontal component counts.
     fn detect_contact(
         &mut self,
         limits: &HandLimits,
@@ -191,7 +191,7 @@ impl HandWatch {
     }
 
     /// True if the tension of a cable of the `holding` digits changed by more than `least_change` (N) within the
-    /// remembered span: digits feel an object leave.
+    /// remembered span, as it does when an object leaves.
     fn tension_changed(&self, least_change: f64, holding: &[&[Digit]]) -> bool {
         let changed = |n: usize| {
             let all = self.tensions.iter().map(|tensions| tensions[n]);
@@ -232,7 +232,7 @@ impl HandWatch {
         let single = tick.masses[..should].iter().copied().fold(f64::INFINITY, f64::min) * GRAVITY;
         // If the load is heavier than planned, more weight must vanish.
         let single = if should == 1 || self.overloaded { single.max(had) } else { single };
-        // A drop by more than there was is an upward push.
+        // A drop by more than the previous weight is an upward push.
         let pushed = gone > single + limits.lost_least || !self.is_steady(0.5 * limits.lost_least);
         let lost = gone > (limits.lost_share * single).max(limits.lost_least)
             && !pushed
@@ -248,7 +248,7 @@ impl HandWatch {
         None
     }
 
-    /// Detects digits that carried something and now bear no more than a free digit does.
+    /// Detects digits that carried something and now bear no more load than a free digit.
     fn detect_lost_digits(
         &mut self,
         limits: &HandLimits,
@@ -271,7 +271,7 @@ impl HandWatch {
                 dropped[n] = true;
             }
         }
-        // An object is gone when the last of its digits bears nothing.
+        // An object is lost when the last of its digits bears nothing.
         let gone = |digits: &&[Digit]| {
             let digits = digits.iter().map(|digit| digit.index());
             digits.clone().any(|n| dropped[n]) && !digits.clone().any(|n| self.carrying[n])
@@ -298,7 +298,7 @@ impl HandWatch {
         Some((FaultKind::ObjectLost, 0.0, single))
     }
 
-    /// Detects weight that comes or goes suddenly, whatever the hand carried before.
+    /// Detects weight that appears or vanishes suddenly, whatever the hand carried before.
     fn detect_weight_step(
         &mut self,
         limits: &DetectionLimits,
@@ -315,7 +315,7 @@ impl HandWatch {
         let expected = tick.masses[..should].iter().sum::<f64>();
         let pushed_up = self.force_bias.is_some_and(|empty| step.before.z > empty.z + MIN_UPWARD_PUSH);
         if step.weight < 0.0 {
-            // An obstacle that the hand meets as it arrives pushes it up.
+            // An obstacle under the arriving hand pushes it up.
             let arrives = !quiet && tick.phase.skill != Skill::Lift && tick.phase != Phase::run(Skill::Grasp, 1);
             let most = limits.step.most * GRAVITY * expected + self.excess_weight;
             if self.lost >= should || arrives || pushed_up || -step.weight > most {
@@ -343,11 +343,12 @@ impl HandWatch {
         let weight =
             self.measured_weight(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.contact_reported)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
-        // Weighed only where the object was raised: elsewhere the arm's own errors differ. A push also acts sideways.
+        // Weight is measured only where the object was raised: elsewhere the arm's own errors differ. A push also acts
+        // sideways.
         let raised = matches!(tick.phase.skill, Skill::Lift | Skill::Snapshot);
         let more = raised && weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH_FORCE_CHANGE;
         let lasts = has_lasted(&mut self.payload_since, more, tick.time, limits.payload_time);
-        // A weight comes and stays, whereas a contact pushes harder and harder.
+        // A weight appears and stays, whereas a contact force keeps growing.
         if !lasts || self.overloaded || !self.is_steady(STEADY_FORCE_RANGE) {
             return None;
         }
@@ -367,9 +368,9 @@ mod tests {
 
     const TICK: f64 = 1.0 / 120.0;
 
-    /// Returns the findings for a hand that approaches for half a second, lifts 0.1 kg as it should, and then bears an
-    /// additional `force` (N), which builds up within `ticks`. Its ring finger holds the object, and continues to if it
-    /// still `grips`. The arm's torques follow with their lag.
+    /// Returns the findings for a hand that approaches for half a second, lifts 0.1 kg as expected, and then bears an
+    /// additional `force` (N), which builds up within `ticks`. Its ring finger holds the object, and still does so
+    /// afterwards if it `grips`. The arm's torques follow with their lag.
     fn detected_faults_for(force: Vector3<f64>, ticks: usize, grips: bool) -> Vec<FaultKind> {
         let limits = DetectionLimits::standard().expect("the limits");
         let mut watch = HandWatch::default();
@@ -404,12 +405,12 @@ mod tests {
         assert_eq!(detected_faults(Vector3::zeros()), []);
         let gone = Vector3::new(0.0, 0.0, 0.1 * GRAVITY);
         assert_eq!(detected_faults_for(gone, 1, false), [FaultKind::ObjectLost]);
-        assert_eq!(detected_faults_for(gone, 1, true), [FaultKind::ObjectLost], "what goes at once is weight");
+        assert_eq!(detected_faults_for(gone, 1, true), [FaultKind::ObjectLost], "a load gone at once is weight");
         assert_eq!(detected_faults_for(gone, 20, true), [], "the arm's friction");
     }
 
-    /// A sudden load is a weight, even if it is less than that of both objects. A slow load is none until it is too
-    /// large for too long.
+    /// A sudden load is a weight, even if less than that of both objects. A slow load is none until it is too large for
+    /// too long.
     #[test]
     fn weight_that_comes_is_another_payload() {
         assert_eq!(detected_faults(Vector3::new(0.0, 0.0, -0.15 * GRAVITY)), [FaultKind::OtherPayload]);

@@ -1,12 +1,12 @@
-//! Pose estimate of the object in the hand: the pose from touch, carried along with the twin's palm, with a covariance
-//! that grows with time.
+//! Pose estimate of the object in the hand: the pose from touch, carried along with the reference model's palm, with a
+//! covariance that grows with time.
 
 use control::executor::Phase;
 use control::perception::ObjectEstimate;
 use nalgebra::{Isometry3, Matrix6};
 
-/// Random walk of a held object's pose: standard deviations after one second, m and rad. A grip that holds creeps by
-/// tenths of a millimetre a second. Larger slip is felt as such.
+/// Random walk of a held object's pose: standard deviations after one second, m and rad. In a firm grip, an object
+/// creeps by tenths of a millimetre a second. Larger slip is detected as such.
 const RANDOM_WALK_SIGMA: (f64, f64) = (0.0005, 0.01);
 
 /// Pose estimate of an object in the hand.
@@ -16,7 +16,7 @@ pub struct HeldPose {
     pub palm_from_object: Isometry3<f64>,
     /// Covariance of position (m) and rotation (rad), along the palm's axes.
     pub covariance: Matrix6<f64>,
-    /// Time at which the object was felt, s.
+    /// Time of the pose estimate from touch, s.
     pub felt_time: f64,
 }
 
@@ -30,8 +30,8 @@ pub struct HeldPoseTracker {
 }
 
 impl HeldPoseTracker {
-    /// Updates the estimate at `time` (s). A new estimate from touch replaces it, because that is itself the fusion of
-    /// all that was known at its time.
+    /// Updates the estimate at `time` (s). A new estimate from touch replaces it, because it fuses all knowledge of its
+    /// time.
     pub fn update(&mut self, time: f64, phase: Phase, felt: Option<&ObjectEstimate>) {
         let past = (time - self.time).max(0.0);
         self.time = time;

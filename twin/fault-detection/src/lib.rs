@@ -1,14 +1,15 @@
-//! The mirror: a twin that runs beside the robot as an observer, fed with the same commands and corrected by the
-//! robot's measurements, and the divergences that it reports.
+//! Fault detection: a reference model that runs beside the robot as an observer, fed with the same commands and
+//! corrected by the robot's measurements, and the faults detected from the residuals.
 //!
-//! [`reference_model`] is the observer and [`measurements`] is all of its input. [`pace`] resamples that input to even ticks if a robot
-//! runs in real time. [`residuals`] are the differences between robot and twin. [`cables`], [`torque`], [`hand`] with
-//! [`steps`], and [`cameras`] detect faults in the residuals. They use the expectations of a phase ([`expected`]), the
-//! load from [`external_wrench`], and the thresholds of [`limits`]. [`fault`] words the findings. [`held_pose`] is the pose
-//! estimate of the object in the hand.
+//! [`reference_model`] is the observer and [`measurements`] is all of its input. [`resampling`] resamples that input to
+//! even ticks if a robot runs in real time. [`residuals`] are the differences between robot and reference model.
+//! [`cables`], [`torque`], [`hand`] with [`steps`], and [`cameras`] detect faults in the residuals. They use the
+//! expectations of a phase ([`expected`]), the load from [`external_wrench`], and the thresholds of [`limits`].
+//! [`fault`] words the findings. [`held_pose`] is the pose estimate of the object in the hand.
 //!
-//! A mirror only observes. It takes measurements, sent commands and the controller's estimates ([`seen::TickMeasurements`]). It has
-//! no access to the robot's ground truth and gives nothing back to the controller.
+//! Fault detection only observes. It takes measurements, sent commands and the controller's estimates
+//! ([`measurements::TickMeasurements`]). It has no access to the robot's ground truth and no influence on the
+//! controller.
 
 pub mod cables;
 pub mod cameras;
@@ -46,7 +47,7 @@ use self::reference_model::ReferenceModel;
 use self::resampling::{Observation, Resampled, Resampler};
 use self::residuals::Residuals;
 
-/// A twin beside a robot, with all divergences reported so far.
+/// Reference model beside a robot, with all faults detected so far.
 #[derive(Clone)]
 pub struct FaultDetector {
     reference_model: ReferenceModel,
@@ -57,7 +58,7 @@ pub struct FaultDetector {
     arm: Arc<Arm>,
     kinematics: ArmKinematics,
     limits: DetectionLimits,
-    /// Masses of objects as the controller knows them, kg.
+    /// Masses of objects as known to the controller, kg.
     masses: Arc<BTreeMap<String, f64>>,
     servos_before: ActuatorVector<ServoState>,
     arm_before: ArmState,
@@ -70,8 +71,7 @@ pub struct FaultDetector {
 }
 
 impl FaultDetector {
-    /// Creates the twin of the robot as the controller of `world` knows it, its arm at rest at the measured angles
-    /// `arm` (rad).
+    /// Creates the reference model from the controller's `world`, the arm at rest at the measured angles `arm` (rad).
     pub fn new(world: &SimulatedWorld, arm: &ArmVector) -> Result<Self, LimitsError> {
         let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
         Ok(Self {
@@ -95,7 +95,7 @@ impl FaultDetector {
     }
 
     /// Processes an observation, made one tick after the last one or whenever the robot's host had the time. Returns
-    /// the new divergences.
+    /// the new faults.
     pub fn update(&mut self, seen: &TickMeasurements) -> &[DetectedFault] {
         let known = self.faults.len();
         let snapshot = Observation {
@@ -128,8 +128,8 @@ impl FaultDetector {
         &self.faults[known..]
     }
 
-    /// Lets the twin follow its last command for `ticks` ticks without observations. The detectors of cables and hand
-    /// are then reset. Those of cameras and the pose estimate are kept.
+    /// Lets the reference model follow its last command for `ticks` ticks without observations, and then resets the
+    /// detectors of cables and hand. Those of cameras and the pose estimate are kept.
     fn advance_unobserved(&mut self, ticks: usize, seen: &TickMeasurements) {
         for _ in 0..ticks {
             self.reference_model.advance();
@@ -152,8 +152,8 @@ impl FaultDetector {
             Residuals::new(&self.hand, readings, self.reference_model.tick_length(), &innovation, &jacobian);
         self.servos_before = seen.servos.iter().copied().collect();
         self.held_pose.update(seen.time, seen.phase, seen.felt);
-        // An arm that repeats its state to the last bit is no longer heard: the twin moves on, and the difference is no
-        // force.
+        // An arm that repeats its state to the last bit is disconnected: the reference model moves on, and the
+        // difference is no force.
         if std::mem::replace(&mut self.arm_before, *seen.arm) != *seen.arm {
             self.check_hand(seen);
         }
@@ -161,7 +161,7 @@ impl FaultDetector {
         self.reference_model.advance_with(seen.sent);
     }
 
-    /// Returns the number of gaps so far that made the observations before them worthless.
+    /// Returns the number of gaps so far that invalidated the observations before them.
     pub fn gaps(&self) -> u32 {
         self.gaps
     }
@@ -212,7 +212,7 @@ impl FaultDetector {
         self.faults.push(DetectedFault { time, kind, part, found, expected });
     }
 
-    /// Returns all divergences reported so far.
+    /// Returns all faults detected so far.
     pub fn faults(&self) -> &[DetectedFault] {
         &self.faults
     }
@@ -222,12 +222,12 @@ impl FaultDetector {
         &self.residuals
     }
 
-    /// Returns the twin.
+    /// Returns the reference model.
     pub fn reference_model(&self) -> &ReferenceModel {
         &self.reference_model
     }
 
-    /// Returns the pose estimate of the object in the hand, and `world_from_object` that follows from it.
+    /// Returns the pose estimate of the object in the hand, and the `world_from_object` derived from it.
     pub fn held_object(&self) -> Option<(&HeldPose, Isometry3<f64>)> {
         self.held_pose.object().map(|belief| (belief, self.reference_model.palm() * belief.palm_from_object))
     }

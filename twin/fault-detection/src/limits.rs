@@ -1,4 +1,4 @@
-//! Thresholds of the detectors. Their data file gives the unit and the source of each.
+//! Thresholds of the detectors. Their data file lists the unit and the source of each.
 
 use serde::Deserialize;
 
@@ -101,7 +101,7 @@ pub struct CameraLimits {
 }
 
 impl DetectionLimits {
-    /// Returns the limits that come with the program.
+    /// Returns the built-in limits.
     pub fn standard() -> Result<Self, LimitsError> {
         Ok(toml::from_str(include_str!("../data/mirror.toml"))?)
     }

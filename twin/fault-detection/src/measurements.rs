@@ -1,4 +1,4 @@
-//! Input of a mirror in one tick: measurements, the sent command, and the controller's estimates.
+//! Input of fault detection in one tick: measurements, the sent command, and the controller's estimates.
 
 use control::executor::{Executor, GraspTarget, Phase};
 use control::perception::ObjectEstimate;
@@ -19,11 +19,11 @@ pub struct TickMeasurements<'a> {
     pub sent: &'a RobotCommand,
     /// Phase of the controller.
     pub phase: Phase,
-    /// Share of the present path that is over, 0 to 1.
+    /// Progress of the present path, 0 to 1.
     pub progress: f64,
     /// Objects to grasp, in their order, with the intended grasps.
     pub targets: &'a [GraspTarget],
-    /// Pose estimate of the first object from touch, once there is one.
+    /// Pose estimate of the first object from touch, if any.
     pub felt: Option<&'a ObjectEstimate>,
 }
 

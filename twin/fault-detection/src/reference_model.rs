@@ -1,14 +1,14 @@
-//! The twin itself: the simulated robot as the controller knows it, moved by the same commands and kept beside the
-//! robot by its measurements.
+//! The reference model: the simulated robot as modelled in the controller, moved by the same commands and corrected by
+//! the robot's measurements.
 //!
-//! It is a Luenberger observer. Before each tick its servos are put where the robot's were measured; then both get the
-//! same command. The innovation is the difference in spool speed between robot and twin one tick later. Multiplied by
-//! the rotor's inertia over the tick, it is the torque that acted on the robot's spool and not on the twin's. The twin
-//! touches nothing. On a sound robot the innovation is therefore the effect of contact on a digit: a load, never a
-//! pull. Finger joints have no encoders; the twin's go where cables, springs and weight take them. The arm follows its
-//! own position control, and the torque of its motors beyond the twin's is the load on the robot's arm. For a robot
-//! observed at uneven times, only the torque outside the range of the twin's torques within [`MAX_LAG_TICKS`] counts as load,
-//! since each set-point reaches the robot some ticks earlier or later.
+//! It is a Luenberger observer. Before each tick its servos are set to the measured positions of the robot's servos;
+//! then both get the same command. The innovation is the difference in spool speed between robot and model one tick
+//! later. Multiplied by the rotor's inertia over the tick, it is the torque that acted on the robot's spool and not on
+//! the model's. The model touches nothing. On a sound robot the innovation is therefore the effect of contact on a
+//! digit: a load, never a pull. Finger joints have no encoders; those of the model are moved by cables, springs and
+//! weight. The arm follows its own position control, and the torque of its motors beyond the model's is the load on the
+//! robot's arm. For a robot observed at uneven times, only the torque outside the range of the model's torques within
+//! [`MAX_LAG_TICKS`] counts as load, since each set-point reaches the robot some ticks earlier or later.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -20,37 +20,37 @@ use nalgebra::Isometry3;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
-/// Innovation: the robot's motion in a tick beyond the twin's, as loads.
+/// Innovation: the robot's motion in a tick beyond the model's, as loads.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Innovation {
-    /// Load of each cable beyond the twin's, at the spool, N. A positive load holds the digit open, as a contact does.
+    /// Load of each cable beyond the model's, at the spool, N. A positive load holds the digit open, as a contact does.
     pub loads: DigitVector,
-    /// Torque on the opposition servo beyond the twin's, N m at its output.
+    /// Torque on the opposition servo beyond the model's, N m at its output.
     pub opposition: f64,
-    /// Cable tensions of the twin, N.
+    /// Cable tensions of the reference model, N.
     pub tensions: DigitVector,
-    /// Torques of the arm's joints less the twin's, N m.
+    /// Torques of the arm's joints less the model's, N m.
     pub arm_torque: ArmVector,
 }
 
-/// The simulated robot as the controller models it.
+/// The simulated robot as modelled in the controller.
 #[derive(Clone)]
 pub struct ReferenceModel {
     robot: SimulatedRobot,
     hand: Arc<Hand>,
     arm: Arc<Arm>,
     tick: f64,
-    /// Torques of the twin's arm in the newest ticks, N m, newest last.
+    /// Torques of the model's arm in the newest ticks, N m, newest last.
     torques: VecDeque<ArmVector>,
 }
 
-/// Ticks within which a robot in real time does what the twin did: a servo cycle, the arm's network, and a tick on
-/// either side.
+/// Largest delay of a robot in real time behind the reference model, ticks: a servo cycle, the arm's network, and a
+/// tick on either side.
 const MAX_LAG_TICKS: usize = 6;
 
 impl ReferenceModel {
-    /// Creates the twin with hand, arm, base and cables as the controller of `world` knows them, the arm at rest at the
-    /// measured angles `arm` (rad).
+    /// Creates the reference model with hand, arm, base and cables from the controller's `world`, the arm at rest at
+    /// the measured angles `arm` (rad).
     pub fn new(world: &SimulatedWorld, arm: &ArmVector) -> Self {
         let cell = &world.cell;
         let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
@@ -59,8 +59,8 @@ impl ReferenceModel {
         Self { robot, hand: cell.robot.hand.clone(), arm: cell.robot.arm.clone(), tick, torques: VecDeque::new() }
     }
 
-    /// Corrects the twin by the measurements at the end of a tick; `late` is true if the robot is observed at uneven
-    /// times. Returns the innovation of the tick.
+    /// Corrects the reference model by the measurements at the end of a tick; `late` is true if the robot is observed
+    /// at uneven times. Returns the innovation of the tick.
     pub fn correct(&mut self, servos: &[ServoState], arm: &ArmState, late: bool) -> Innovation {
         let own = self.robot.observe();
         self.torques.push_back(own.arm.torque);
@@ -91,23 +91,23 @@ impl ReferenceModel {
         self.tick
     }
 
-    /// Returns `world_from_palm` of the twin.
+    /// Returns `world_from_palm` of the reference model.
     pub fn palm(&self) -> Isometry3<f64> {
         self.robot.truth().palm
     }
 
-    /// Returns `world_from_link` of the twin's arm links, and of its hand links.
+    /// Returns `world_from_link` of the model's arm links, and of its hand links.
     pub fn links(&self) -> [Vec<Isometry3<f64>>; 2] {
         let truth = self.robot.truth();
         [truth.arm_links, truth.hand_links]
     }
 
-    /// Plays the next tick with the command that was sent last.
+    /// Runs the next tick with the last command.
     pub fn advance(&mut self) {
         self.robot.wait_for_tick();
     }
 
-    /// Plays the next tick with the command that was sent to the robot.
+    /// Runs the next tick with the command sent to the robot.
     pub fn advance_with(&mut self, sent: &RobotCommand) {
         self.robot.send(&RobotCommand { capture: false, ..*sent });
         self.robot.wait_for_tick();

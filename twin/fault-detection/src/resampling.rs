@@ -1,18 +1,19 @@
 //! Resampling of observations at uneven times to even ticks.
 //!
-//! Detectors compare one tick with the next, and the twin moves by ticks. A simulated robot is observed at every tick
-//! of its own, and its observations pass unchanged. A real robot is observed when its host has the time: some
+//! Detectors compare one tick with the next, and the reference model moves by ticks. A simulated robot is observed at
+//! each of its ticks, and its observations pass unchanged. A real robot is observed when its host has the time: some
 //! milliseconds early or late, or not at all for a while. Measurements between the last observation and this one are
-//! then interpolated linearly, and the command is the one that was in force at that time.
+//! then interpolated linearly, with the command that was in force at that time.
 
 use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, RobotCommand, ServoState};
 
 /// Tolerance of even observations, s: their interval differs from a tick by less than this.
 const EVEN_TOLERANCE: f64 = 1e-6;
-/// Longest interval that is interpolated, s. After a longer gap the past says nothing about the present.
+/// Longest interval that is interpolated, s. After a longer gap, earlier observations are invalid.
 const MAX_INTERPOLATION_GAP: f64 = 0.1;
-/// Maximum number of ticks for which the twin follows the last command after a longer gap: by then it has settled.
+/// Maximum number of ticks for which the reference model follows the last command after a longer gap; it has settled by
+/// then.
 const MAX_SETTLING_TICKS: usize = 30;
 
 /// One observation: measurements, and the command that was sent in response.
@@ -32,7 +33,8 @@ pub enum Resampled {
     Tick,
     /// The observation came at another time: the even ticks up to now, empty if less than one tick has passed.
     EvenTicks(Vec<Observation>),
-    /// A gap: the number of ticks for which the twin follows the last command. Observations before it are worthless.
+    /// A gap: the number of ticks for which the reference model follows the last command. Earlier observations are
+    /// invalid.
     Gap(usize),
 }
 
@@ -47,7 +49,7 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// True if observations have come at uneven times: measurements and twin may then be some ticks apart.
+    /// True if observations have come at uneven times: measurements and reference model may then be some ticks apart.
     pub fn is_uneven(&self) -> bool {
         self.uneven
     }
@@ -109,7 +111,7 @@ mod tests {
 
     const TICK: f64 = 1.0 / 120.0;
 
-    /// An observation at `time` (s) of servos that turn by one radian per second.
+    /// Returns an observation at `time` (s) of servos that turn by one radian per second.
     fn observation_at(time: f64) -> Observation {
         let servo = ServoState { position: time, velocity: 1.0, ..ServoState::default() };
         let sent = RobotCommand { arm: [time; 7].into(), servos: [ServoGoal::Current(0.0); 6].into(), capture: false };
@@ -125,8 +127,8 @@ mod tests {
         assert!(!pace.is_uneven());
     }
 
-    /// Observations that are late, early or left out make even ticks, as many as time has passed, with the state at
-    /// their times.
+    /// Observations that are late, early or left out make even ticks, one per elapsed tick, with the state at their
+    /// times.
     #[test]
     fn uneven_looks_make_even_ticks() {
         let mut pace = Resampler::default();
@@ -142,11 +144,11 @@ mod tests {
         for (n, tick) in all.iter().enumerate() {
             assert!((tick.time - (n + 1) as f64 * TICK).abs() < 1e-9);
             assert!((tick.servos[0].position - tick.time).abs() < 1e-9);
-            assert!(tick.sent.arm[0] <= tick.time + 1e-9, "no command before it was sent");
+            assert!(tick.sent.arm[0] <= tick.time + 1e-9, "a command is used only after it was sent");
         }
     }
 
-    /// Catching up after a gap takes no longer than settling, and time goes on from there.
+    /// Catching up after a gap takes no longer than settling, and time continues from there.
     #[test]
     fn a_gap_costs_a_bounded_number_of_ticks() {
         let mut pace = Resampler::default();

@@ -1,4 +1,4 @@
-//! Residuals between robot and twin, as quantities that can be told apart: cable tensions, and the force on the hand.
+//! Residuals between robot and reference model as separable quantities: cable tensions, and the force on the hand.
 
 use hand_model::arm::MAX_ARM_JOINTS;
 use hand_model::gravity::pack_torques;
@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, Vector3};
 use super::reference_model::Innovation;
 
 /// Tikhonov damping of the singular values of the arm's Jacobian. Forces along a direction in which the arm can hardly
-/// move are not observable. With a cut-off instead, the force jumped by 0.7 N as the arm went through such a posture.
+/// move are not observable. With a cut-off instead, the force jumped by 0.7 N as the arm passed through such a posture.
 const JACOBIAN_DAMPING: f64 = 0.03;
 /// Speed below which dry friction is scaled down in proportion, rad/s.
 const DRY_FRICTION_SPEED: f64 = 0.1;
@@ -20,11 +20,11 @@ pub struct CableState {
     /// Tension that the cable bears, N: that of the servo's current, less the shares of rotor inertia and bearing
     /// friction.
     pub tension: f64,
-    /// Tension of the twin's cable, N: that of a free digit with the same spool position.
+    /// Tension of the model's cable, N: that of a free digit with the same spool position.
     pub reference_tension: f64,
     /// Tension that the current would hold at rest, N.
     pub servo_tension: f64,
-    /// Increase of the tension within the tick if its digit had not moved, N.
+    /// Increase of the tension within the tick with the digit blocked, N.
     pub blocked_increase: f64,
     /// Cable on the spool, m.
     pub wound_length: f64,
@@ -36,13 +36,13 @@ pub struct CableState {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Residuals {
     pub cables: DigitVector<CableState>,
-    /// External force on the robot's hand that the twin's does not have, world axes, N.
+    /// External force on the robot's hand beyond the model's, world axes, N.
     pub force: Vector3<f64>,
 }
 
 impl Residuals {
-    /// Computes the residuals of a tick of length `tick` (s) between the readings `servos_before` and `now`, with the arm's
-    /// `jacobian` at the palm (world axes).
+    /// Computes the residuals of a tick of length `tick` (s) between the readings `servos_before` and `now`, with the
+    /// arm's `jacobian` at the palm (world axes).
     pub fn new(
         hand: &Hand,
         [before, now]: [&[ServoState]; 2],
@@ -108,7 +108,7 @@ mod tests {
         assert!(free.tension.abs() < 1e-9, "{}", free.tension);
     }
 
-    /// The torques of a force on the palm give that force back.
+    /// The torques of a force on the palm reproduce that force.
     #[test]
     fn a_force_on_the_palm_is_found() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
@@ -124,7 +124,7 @@ mod tests {
         assert!((found - force).norm() < 0.03 * force.norm(), "{found}");
     }
 
-    /// As the arm goes through a singular posture, in which it can hardly move its hand in some direction, the force
+    /// As the arm passes through a singular posture, in which it can hardly move its hand in some direction, the force
     /// for the same torques does not jump.
     #[test]
     fn a_force_does_not_jump_where_the_arm_is_singular() {

@@ -1,5 +1,5 @@
-//! Steps of the force on the hand: a weight comes or goes within two ticks and stays, whereas a contact force grows and
-//! acts sideways.
+//! Steps of the force on the hand: a weight appears or vanishes within two ticks and stays, whereas a contact force
+//! grows and acts sideways.
 
 use std::collections::VecDeque;
 
@@ -7,9 +7,9 @@ use nalgebra::Vector3;
 
 use super::limits::StepLimits;
 
-/// Ticks that a step takes to show, the newest included.
+/// Ticks until a step shows, the newest included.
 const ONSET_TICKS: usize = 3;
-/// Ticks for which the force must rest before a step.
+/// Ticks for which the force must be steady before a step.
 const REST_TICKS: usize = 12;
 /// Ticks at rest over which the force before a step is averaged.
 const BASELINE_TICKS: usize = 3;
@@ -19,7 +19,7 @@ pub const PERSISTENCE_TICKS: usize = 2;
 /// A step that has just shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualStep {
-    /// Change of weight, N, positive if weight has come.
+    /// Change of weight, N, positive if weight was added.
     pub weight: f64,
     /// Force on the hand before the step, N.
     pub before: Vector3<f64>,
@@ -34,7 +34,7 @@ fn remove_lag(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> O
 }
 
 /// Detects a step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since.
-/// The limits are those with contact `expected` or not.
+/// The limits are those with or without `expected` contact.
 pub fn detect_step(
     past: &VecDeque<(f64, Vector3<f64>)>,
     limits: &StepLimits,
@@ -45,7 +45,7 @@ pub fn detect_step(
     let (rest, after) = forces.split_at(REST_TICKS);
     let base = rest[REST_TICKS - BASELINE_TICKS..].iter().sum::<Vector3<f64>>() / BASELINE_TICKS as f64;
     let which = usize::from(expected);
-    // In the first of these ticks the step may have come at any moment.
+    // The step may have come at any moment of the first of these ticks.
     let shown = &after[1..];
     let weights: Vec<f64> = shown.iter().map(|force| base.z - force.z).collect();
     let weight = weights[0];
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
     use crate::limits::DetectionLimits;
 
-    /// Returns the weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
+    /// Returns the weight of the step that shows after `force` (N) came within `ticks`, measured with the arm's lag.
     fn shown(force: Vector3<f64>, ticks: usize) -> Option<f64> {
         let limits = DetectionLimits::standard().expect("the limits").step;
         let (mut past, mut felt) = (VecDeque::new(), Vector3::zeros());
@@ -84,7 +84,7 @@ mod tests {
         let weight = shown(Vector3::new(0.0, 0.0, -2.0), 1).expect("a step");
         assert!((weight - 2.0).abs() < 1e-9, "{weight}");
         assert_eq!(shown(Vector3::new(0.0, 0.0, -2.0), 8), None, "grows");
-        assert_eq!(shown(Vector3::new(2.5, 0.0, -2.0), 1), None, "goes sideways");
+        assert_eq!(shown(Vector3::new(2.5, 0.0, -2.0), 1), None, "acts sideways");
         assert_eq!(shown(Vector3::new(0.0, 0.0, -0.5), 1), None, "too little");
     }
 }

@@ -7,8 +7,7 @@ use super::residuals::CableState;
 
 /// Number of past ticks that are kept.
 pub const HISTORY_TICKS: usize = 8;
-/// Largest own change of a servo's current over the kept ticks, as a share, for which a step of its torque can be
-/// found.
+/// Largest change of a servo's current over the kept ticks, as a share, that permits detection of a step of its torque.
 const MAX_CURRENT_CHANGE: f64 = 0.6;
 /// Index of the tick in which a step that decays has shown.
 const DECAY_INDEX: usize = HISTORY_TICKS - 3;
@@ -44,7 +43,7 @@ fn is_reportable(
     large && (still || outside.level < WrenchLevel::Strong && !met)
 }
 
-/// Detects a step that stays: a freely moving digit bears as much as the twin's, and with a weak servo a constant share
+/// Detects a step that stays: a freely moving digit bears the model's load, and with a weak servo a constant share
 /// more.
 fn lasting_step(limits: &CableLimits, past: &[CableState; HISTORY_TICKS]) -> Option<f64> {
     let excess = past.map(|cable| (cable.tension - cable.reference_tension) / cable.servo_tension);
@@ -61,14 +60,14 @@ fn lasting_step(limits: &CableLimits, past: &[CableState; HISTORY_TICKS]) -> Opt
     stays.then_some(share)
 }
 
-/// Detects a step that decays: a gripping digit is slowed by the missing torque, and the step decays as the spool gives
-/// way.
+/// Detects a step that decays: a gripping digit is slowed by the missing torque, and the step decays as the spool
+/// yields.
 fn decaying_step(limits: &CableLimits, past: &[CableState; HISTORY_TICKS], outside: ExternalWrench) -> Option<f64> {
     const INDEX: usize = DECAY_INDEX;
     let bore = past.map(|cable| cable.tension / cable.servo_tension);
     let pulled = past[HISTORY_TICKS - 1].servo_tension;
     let step = bore[INDEX] - bore[INDEX - 1];
-    // A change that goes on as before is no step.
+    // A change that continues as before is no step.
     let bend = |n: usize| bore[n] - 2.0 * bore[n - 1] + bore[n - 2];
     let lags = past[..INDEX]
         .iter()
@@ -76,7 +75,7 @@ fn decaying_step(limits: &CableLimits, past: &[CableState; HISTORY_TICKS], outsi
     let bends = bend(INDEX) > limits.weak_step
         && (2..INDEX).all(|n| bend(n).abs() < limits.weak_before * bend(INDEX))
         && !(outside.level > WrenchLevel::Absent && lags && pulled < limits.weak_pulled);
-    // Neither is the tension that a blocked digit adds as its spool winds.
+    // Nor is the tension that a blocked digit adds as its spool winds.
     let beyond = |n: usize| (past[n].tension - past[n - 1].tension - past[n].blocked_increase) / past[n].servo_tension;
     let exceeds = beyond(INDEX) > limits.weak_step
         && beyond(INDEX - 1).max(beyond(INDEX - 2)) < limits.weak_before * beyond(INDEX)

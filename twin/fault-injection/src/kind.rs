@@ -1,4 +1,4 @@
-//! Kinds of device and host faults: how each is injected, and the outcome it must have.
+//! Kinds of device and host faults: the injection and the required outcome of each.
 
 use anyhow::Result;
 use control::executor::Executor;
@@ -13,7 +13,7 @@ use kinova_kortex::safety_bank::FOLLOWING_ERROR;
 use robot_session_log::SessionRecorder;
 use serde::{Deserialize, Serialize};
 
-/// Servo that device faults strike: the index finger's.
+/// Servo that device faults affect: the index finger's.
 const FAULTY_SERVO: u8 = 2;
 
 /// A kind of fault.
@@ -86,11 +86,11 @@ pub enum ExpectedOutcome {
 /// The party that can detect a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DetectingParty {
-    /// Nobody: the links compensate, or the host is gone. A mirror must report nothing.
+    /// Nobody: the links compensate, or the host has failed. Fault detection must report nothing.
     Nobody,
     /// The supervisor, by holding the robot.
     Supervisor,
-    /// A mirror, by this diagnosis.
+    /// Fault detection, by this kind of fault.
     FaultDetector(Divergence),
 }
 
@@ -204,14 +204,14 @@ impl InjectedFault {
         }
     }
 
-    /// Plays one tick after the fault. Returns the command that was sent, if the controller took part.
+    /// Runs one tick after the fault. Returns the sent command, if the controller took part.
     pub fn play_tick(
         self,
         recorder: &mut SessionRecorder<LockstepRobot>,
         executor: &mut Executor,
     ) -> Result<Option<RobotCommand>> {
         match self {
-            // Bypasses the recorder, which died with the host.
+            // Bypasses the recorder, which ended with the host.
             Self::HostKilled => {
                 recorder.robot().wait_for_tick();
             }
@@ -223,7 +223,7 @@ impl InjectedFault {
                 if let Ok(observation) = recorder.observe().and_then(Readings::into_observation) {
                     let mut command = executor.tick(&observation)?;
                     command.servos[0] = ServoGoal::Current(f64::NAN);
-                    // Refusal is the purpose of this fault.
+                    // The command must be refused in this fault.
                     let _ = recorder.send(&command);
                 }
                 recorder.wait_for_tick();
@@ -234,7 +234,7 @@ impl InjectedFault {
     }
 }
 
-/// Plays one tick of `robot` under `executor`, which holds if the robot fails. Returns the command that was sent.
+/// Runs one tick of `robot` under `executor`, which holds if the robot fails. Returns the sent command.
 pub(super) fn tick(robot: &mut impl RobotBackend, executor: &mut Executor) -> Result<Option<RobotCommand>> {
     let sent = match robot.observe().and_then(Readings::into_observation) {
         Ok(observation) => robot.send(&executor.tick(&observation)?).ok(),

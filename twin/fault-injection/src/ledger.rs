@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::InjectionOutcome;
 use super::kind::InjectedFault;
 
-/// File with the request: the injections that the folder is for.
+/// File of the request: the injections stored in the folder.
 const REQUEST_FILE: &str = "faults.json";
 /// File of the outcomes.
 const OUTCOMES_FILE: &str = "faults.jsonl";
@@ -34,7 +34,7 @@ pub struct MatrixRequest {
     pub kinds: Vec<InjectedFault>,
     #[serde(with = "phases")]
     pub phases: Vec<Phase>,
-    /// True if a mirror runs beside each injection.
+    /// True if fault detection runs beside each injection.
     #[serde(alias = "mirror")]
     pub detector: bool,
 }
@@ -64,7 +64,7 @@ impl Ledger {
         let lock = lock_folder(folder, "fault matrix").context("--out")?;
         if folder.join(REQUEST_FILE).exists() {
             bail!(
-                "--out: {} already holds a fault matrix; go on with --resume {0} or name another folder",
+                "--out: {} already holds a fault matrix; continue with --resume {0} or name another folder",
                 folder.display()
             );
         }
@@ -134,8 +134,7 @@ mod phases {
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Phase>, D::Error> {
         let names = Vec::<String>::deserialize(deserializer)?;
         let phase = |name: String| {
-            from_name(&name)
-                .ok_or_else(|| de::Error::custom(format!("phases: found `{name}`, expected the name of one")))
+            from_name(&name).ok_or_else(|| de::Error::custom(format!("phases: found `{name}`, expected a phase")))
         };
         names.into_iter().map(phase).collect()
     }
@@ -167,7 +166,7 @@ mod tests {
         }
     }
 
-    /// Whenever the program dies, every complete line is read back to the last bit.
+    /// Whenever the program is killed, every complete line is read back to the last bit.
     #[test]
     fn an_interrupted_matrix_goes_on() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -181,7 +180,7 @@ mod tests {
             detector: false,
         };
         let mut ledger = Ledger::create(folder.path(), &request).expect("new");
-        assert!(Ledger::resume(folder.path()).is_err(), "somebody writes into it");
+        assert!(Ledger::resume(folder.path()).is_err(), "another ledger has locked it");
         ledger.append(5, outcome(1)).expect("written");
         ledger.append(2, outcome(0)).expect("written");
         drop(ledger);

@@ -1,9 +1,9 @@
 //! Fault matrix: injects every fault into every phase of a trial on the emulated robot in lock-step, and records the
 //! outcomes.
 //!
-//! A trial without noise is played in simulation. In each of its phases, body and controller are copied and the
-//! emulated devices are put around the copy. The controller then continues through the whole hardware bridge, and a
-//! moment later the fault strikes. All times are on the emulated clock.
+//! A trial without noise is run in simulation. In each of its phases, backend and controller are copied, with the
+//! emulated devices around the copy. The controller then continues through the whole hardware bridge, and a moment
+//! later the fault is injected. All times are on the emulated clock.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -43,13 +43,13 @@ pub mod plant;
 mod recordings;
 pub mod table;
 
-/// Time limit for an answer of the servos after a fault, s of real time: any answer that comes at all comes sooner.
+/// Time limit for an answer of the servos after a fault, s of real time: every answer comes sooner, if at all.
 const SERVO_ANSWER_TIMEOUT: f64 = 0.04;
-/// Ticks played through the bridge before the fault.
+/// Ticks run through the bridge before the fault.
 const TICKS_BEFORE_FAULT: usize = 10;
-/// Ticks before the fault if a mirror runs: it feels the change of the body.
+/// Ticks before the fault with fault detection, which registers the change of the backend.
 const TICKS_BEFORE_WITH_DETECTOR: usize = 40;
-/// Ticks played after the safe state, or after a fault that the robot survives.
+/// Ticks run after the safe state, or after a fault that the robot survives.
 const TICKS_AFTER_STOP: usize = 60;
 /// Longest wait for a safe state, ticks.
 const MAX_STOP_TICKS: usize = 180;
@@ -57,11 +57,11 @@ const MAX_STOP_TICKS: usize = 180;
 pub const STANDSTILL_SPEED: f64 = 0.02;
 /// Displacement in the palm beyond which an object counts as lost, m.
 const SLIP_TOLERANCE: f64 = 0.02;
-/// Interval between the images of a mirror, s.
+/// Interval between the images for fault detection, s.
 const IMAGE_INTERVAL: f64 = 0.2;
-/// Time limit for the diagnosis of a fault, s.
+/// Time limit for the detection of a fault, s.
 pub const DIAGNOSIS_TIME_LIMIT: f64 = 0.5;
-/// Phases that have a beginning and an end.
+/// Phases with a duration.
 pub const PHASES: [Phase; 12] = [
     Phase::run(Skill::Approach, 0),
     Phase::run(Skill::Grasp, 0),
@@ -84,13 +84,13 @@ pub struct InjectionOutcome {
     #[serde(with = "ledger::phase")]
     pub phase: Phase,
     pub round: usize,
-    /// Final state of the supervisor, as it words it.
+    /// Final state of the supervisor, in its words.
     pub state: String,
     pub as_expected: bool,
     /// Time from the fault until the supervisor holds, or until servos and arm have stopped by themselves, ms. `None`
-    /// if the robot rightly went on.
+    /// if the robot rightly continued.
     pub stopped_ms: Option<f64>,
-    /// Time from the fault until the arm stands still as well, ms. `None` also if it never did.
+    /// Time from the fault until the arm stands still as well, ms; also `None` if it never did.
     pub safe_ms: Option<f64>,
     /// Speed of the fastest arm joint when the robot stopped ([`InjectionOutcome::stopped_ms`]), rad/s.
     pub speed: f64,
@@ -106,24 +106,24 @@ pub struct InjectionOutcome {
     pub moved: f64,
     /// True if the recording could be read to its last tick.
     pub intact: bool,
-    /// Diagnosis of the fault, if a mirror ran.
+    /// Diagnosis of the fault, if fault detection ran.
     #[serde(alias = "mirrored")]
     pub diagnosis: Option<InjectionDiagnosis>,
 }
 
-/// Diagnosis of one injection by a mirror or the supervisor.
+/// Diagnosis of one injection by fault detection or the supervisor.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct InjectionDiagnosis {
-    /// Time from the fault to its diagnosis by the party that can detect it ([`InjectedFault::detecting_party`]), ms. `None` if there was
-    /// none within [`DIAGNOSIS_TIME_LIMIT`].
+    /// Time from the fault to its detection by the party that can detect it ([`InjectedFault::detecting_party`]), ms.
+    /// `None` if there was none within [`DIAGNOSIS_TIME_LIMIT`].
     #[serde(alias = "told_ms")]
     pub detected_ms: Option<f64>,
-    /// Diagnoses of the mirror other than that of the fault.
+    /// Reports of fault detection other than that of the fault.
     pub wrong: Vec<String>,
 }
 
 impl InjectionDiagnosis {
-    /// True if the fault was diagnosed, or rightly was not, and nothing else was reported.
+    /// True if the fault was detected, or rightly was not, and nothing else was reported.
     pub fn is_correct(&self, kind: InjectedFault) -> bool {
         self.wrong.is_empty() && (kind.detecting_party() == DetectingParty::Nobody || self.detected_ms.is_some())
     }
@@ -134,7 +134,7 @@ fn ticks_before(mirrored: bool) -> usize {
     if mirrored { TICKS_BEFORE_WITH_DETECTOR } else { TICKS_BEFORE_FAULT }
 }
 
-/// Plan of a fault matrix: the faults and the phases that they strike in.
+/// Request of a fault matrix: the faults, and the phases in which they are injected.
 pub struct FaultMatrix<'a> {
     /// Trials and their world.
     pub bench: &'a Bench,
@@ -151,12 +151,12 @@ pub struct FaultMatrix<'a> {
     pub record: Option<PathBuf>,
     /// True if each injection is also streamed to a viewer.
     pub live: bool,
-    /// True if a mirror runs beside each injection.
+    /// True if fault detection runs beside each injection.
     pub with_detector: bool,
 }
 
 /// Injects the `kinds` of faults into the `phases` of `rounds` trials, except those that `ledger` already has. Each
-/// outcome is written to the ledger as it comes. Returns all outcomes in the order of the injections. Ends early once
+/// outcome is written to the ledger at once. Returns all outcomes in the order of the injections. Ends early once
 /// `interrupted` returns true.
 pub fn inject_all(
     plan: &FaultMatrix,
@@ -180,7 +180,7 @@ pub fn inject_all(
     workers::for_each(*threads, &open, |_, (n, (kind, phase, moment, round))| {
         if interrupted() {
             let ledger = ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-            let resume_hint = format!("go on with `ftac bridge faults --resume {}`", ledger.folder.display());
+            let resume_hint = format!("continue with `ftac bridge faults --resume {}`", ledger.folder.display());
             bail!(Interrupted { done: ledger.done.len(), total, pieces: "injections are done", resume_hint });
         }
         let file = place.path().join(format!("{n}.mcap"));
@@ -196,7 +196,7 @@ pub fn inject_all(
     Ok(ledger.done.into_values().collect())
 }
 
-/// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.
+/// One injection: a copy of backend and controller at a moment of a trial, with the emulated devices around it.
 struct Experiment {
     kind: InjectedFault,
     executor: Executor,
@@ -210,9 +210,9 @@ struct Experiment {
     watcher: Option<Recording>,
     /// State that was last reported to the viewer recording.
     reported_state: SupervisorState,
-    /// Mirror, which observes as long as the robot follows its commands.
+    /// Fault detector, which observes as long as the robot follows its commands.
     detector: Option<FaultDetector>,
-    /// Diagnoses of the mirror since the fault.
+    /// Faults detected since the injection.
     faults: Vec<DetectedFault>,
     /// Time at which the supervisor first stopped the robot, s.
     hold_time: Option<f64>,
@@ -230,8 +230,8 @@ struct StopTimes {
 }
 
 impl Experiment {
-    /// Plays the ticks before the fault ([`TICKS_BEFORE_FAULT`], or [`TICKS_BEFORE_WITH_DETECTOR`] with a mirror) through the bridge and
-    /// records them to `file`.
+    /// Runs the ticks before the fault ([`TICKS_BEFORE_FAULT`], or [`TICKS_BEFORE_WITH_DETECTOR`] with fault detection)
+    /// through the bridge and records them to `file`.
     fn begin(
         world: &SimulatedWorld,
         kind: InjectedFault,
@@ -283,7 +283,7 @@ impl Experiment {
         })
     }
 
-    /// Injects the fault and plays until the robot stands still or the time limit is reached.
+    /// Injects the fault and runs until the robot stands still or the time limit is reached.
     fn inject_and_play(&mut self, since: f64) -> Result<StopTimes> {
         self.recorder.robot().set_slack(SERVO_ANSWER_TIMEOUT);
         self.kind.inject(self.recorder.robot());
@@ -338,8 +338,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// Shows the mirror the tick in which `sent` was sent. The mirror ends with the first tick in which the robot does
-    /// not follow its commands: from there on the supervisor reports the fault.
+    /// Passes the tick in which `sent` was sent to the fault detector. Fault detection ends with the first tick in
+    /// which the robot does not follow its commands: from there on the supervisor reports the fault.
     fn update_detector(&mut self, sent: Option<&RobotCommand>) {
         if self.recorder.robot().state() != SupervisorState::Running {
             self.hold_time = self.hold_time.or_else(|| Some(self.plant.lock().time()));
@@ -354,7 +354,7 @@ impl Experiment {
         )));
     }
 
-    /// Summarises the diagnosis of a fault that struck at `since` (s).
+    /// Summarises the diagnosis of a fault injected at `since` (s).
     fn diagnosis(&self, since: f64) -> Option<InjectionDiagnosis> {
         self.detector.as_ref()?;
         let teller = self.kind.detecting_party();
@@ -377,7 +377,7 @@ impl Experiment {
         let Self { kind, recorder, ticks, watcher, .. } = self;
         watcher.map_or(Ok(()), Recording::finish)?;
         let intact = if kind.ends_host_program() {
-            // The part of the file that the operating system has when the program dies.
+            // The part of the file that the operating system has when the program is killed.
             let copy = file.with_extension("killed.mcap");
             std::fs::copy(file, &copy)?;
             let read = ticks_in(&copy)?;
@@ -395,7 +395,7 @@ impl Experiment {
     }
 }
 
-/// Plays one injection and evaluates its outcome.
+/// Runs one injection and evaluates its outcome.
 fn inject(
     bench: &Bench,
     injection: (InjectedFault, Phase, usize),
@@ -407,7 +407,7 @@ fn inject(
     let mut experiment = Experiment::begin(&bench.world, kind, moment, file, seed)?;
     experiment.watcher = watcher;
     let truth = experiment.plant.lock().truth();
-    // Height does not tell which objects are held: the hand goes down to the second object with the first in it.
+    // Height does not show which objects are held: the hand goes down to the second object with the first in it.
     let held: Vec<(usize, Isometry3<f64>)> = (0..2)
         .filter(|object| in_grip(&truth, *object))
         .map(|object| (object, palm_from_object(&truth, object)))
@@ -415,7 +415,7 @@ fn inject(
     let since = truth.time;
     let StopTimes { stopped, safe, speed } = experiment.inject_and_play(since)?;
     let truth = experiment.plant.lock().truth();
-    // A robot that goes on may release an object on purpose.
+    // A robot that continues may release an object on purpose.
     let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
         let way = (palm_from_object(&truth, *object).translation.vector - before.translation.vector).norm();
         (truth.touched_by[*object] != 0).then_some(way).filter(|way| *way < SLIP_TOLERANCE)
@@ -443,8 +443,8 @@ fn inject(
     })
 }
 
-/// True if no command moves the robot any more: the supervisor holds, or, with the host gone, servos and arm have
-/// stopped by themselves.
+/// True if no command moves the robot any more: the supervisor holds, or, without the host, servos and arm have stopped
+/// by themselves.
 fn is_stopped(kind: InjectedFault, robot: &mut LockstepRobot) -> bool {
     if kind.ends_host_program() {
         let by_itself = robot.arm().status().events.iter().any(|event| event.what == EventKind::Watchdog);

@@ -13,7 +13,7 @@ pub struct LimitWatch {
     limits: LimitConfig,
     arm: ServoingLimits,
     goals_before: Option<Vec<f64>>,
-    /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
+    /// Ticks since each goal last changed: a delayed write has had longer for its step.
     unchanged: [u32; 6],
     /// Number of goals checked against their limits.
     pub checked: u64,

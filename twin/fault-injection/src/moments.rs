@@ -1,4 +1,5 @@
-//! Snapshots of body, controller and mirror at drawn moments of a trial without noise, from which faults are injected.
+//! Snapshots of backend, controller and fault detector at random moments of a trial without noise, for the injection of
+//! faults.
 
 use anyhow::Result;
 use bench::trial::Bench;
@@ -12,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use super::kind::tick;
 use super::{IMAGE_INTERVAL, PHASES, ticks_before};
 
-/// Snapshot of body and controller, with the mirror that observes them.
+/// Snapshot of backend and controller, with the fault detector that observes them.
 #[derive(Clone)]
 pub struct TrialSnapshot {
     pub snapshot: RolloutSnapshot,
@@ -20,7 +21,7 @@ pub struct TrialSnapshot {
 }
 
 impl TrialSnapshot {
-    /// Begins the ideal run of a combination.
+    /// Starts the ideal run of a combination.
     fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<Self> {
         let mut snapshot = bench.ideal_start(combination)?;
         snapshot.executor.take_planned(0)?;
@@ -47,7 +48,8 @@ impl TrialSnapshot {
     }
 }
 
-/// Returns snapshots of body, controller and mirror at a drawn moment in each phase of a combination's ideal run.
+/// Returns snapshots of backend, controller and fault detector at a random moment in each phase of a combination's
+/// ideal run.
 pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> Result<Vec<(Phase, TrialSnapshot)>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut lengths = Counts::default();
@@ -55,7 +57,7 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
     play_put_down((bench, combination, false), &mut count)?;
     play_ideal((bench, combination, false), &mut count)?;
     let before = ticks_before(mirrored);
-    // The last ticks are excluded: the fault must strike within the phase.
+    // The last ticks are excluded: the fault must be injected within the phase.
     let mut drawn = lengths;
     for (_, length) in &mut drawn.0 {
         *length = rng.random_range(1..=length.saturating_sub(before + 5).max(1));
@@ -88,7 +90,7 @@ impl Counts {
     }
 }
 
-/// Plays the ideal run of a combination in simulation, with or without a mirror. Calls `see` in every tick.
+/// Runs the ideal run of a combination in simulation, with or without fault detection. Calls `see` in every tick.
 fn play_ideal(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),
@@ -102,7 +104,7 @@ fn play_ideal(
     Ok(())
 }
 
-/// Plays up to the decision and puts the first object down again, as the touch condition does after losing its grip.
+/// Runs up to the decision and puts the first object down again, as the touch condition does after losing its grip.
 /// Calls `see` in every tick of the put-down.
 fn play_put_down(
     (bench, combination, mirrored): (&Bench, usize, bool),

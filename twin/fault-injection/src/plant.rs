@@ -10,7 +10,7 @@ use plant::CameraFailure;
 use robot_backends::wire_emulation::SharedPlant;
 use sim::SimulatedRobot;
 
-/// Position to which a snatched object is moved, beside the middle of the table, m.
+/// Position of a snatched object, beside the middle of the table, m.
 const SNATCHED_POSITION: [f64; 3] = [0.3, 0.6, 0.1];
 /// Duration of a push given as text, s.
 const PUSH_DURATION: f64 = 0.5;
@@ -36,7 +36,7 @@ pub enum PlantFault {
     /// Object, and added mass, kg.
     Heavy(usize, f64),
     Snatch(usize),
-    /// Force on the palm, N, for as long as the push lasts.
+    /// Force on the palm, N, for the duration of the push.
     Push(Vector3<f64>),
     Freeze(usize),
     Blind(usize, CameraFailure),
@@ -54,7 +54,7 @@ pub struct PlantSyntaxError {
 }
 
 impl PlantFault {
-    /// Parses a fault such as `slip=ring:3`. Returns `None` if its name is none of those in [`FAULT_SYNTAX`].
+    /// Parses a fault such as `slip=ring:3`. Returns `None` if its name is not in [`FAULT_SYNTAX`].
     pub fn parse(text: &str, hand: &Hand) -> Result<Option<Self>, PlantSyntaxError> {
         let Some((name, value)) = text.split_once('=') else { return Ok(None) };
         let (first, rest) = value.split_once(':').map_or((value, None), |(first, rest)| (first, Some(rest)));
@@ -82,7 +82,7 @@ impl PlantFault {
         let object = || match first {
             "1" => Ok(0),
             "2" => Ok(1),
-            _ => Err(wrong(first, "an object, 1 or 2 in the order in which they stand")),
+            _ => Err(wrong(first, "an object, 1 or 2 in their order on the table")),
         };
         let fault = match name {
             "break" => alone(Self::Break(digit()?))?,

@@ -11,7 +11,7 @@ use super::FaultMatrix;
 use super::kind::InjectedFault;
 
 impl FaultMatrix<'_> {
-    /// Opens the recording of an injection, if one was asked for.
+    /// Opens the recording of an injection, if one was requested.
     pub(super) fn open_recording(&self, kind: InjectedFault, phase: Phase, round: usize) -> Result<Option<Recording>> {
         let file = self.record.as_ref().map(|folder| {
             let name = format!("{}_{}_{round}.rrd", phase.name(), kind.name());

@@ -19,7 +19,7 @@ pub struct FaultTable {
     goals_checked: u64,
     /// One entry per row of the table.
     rows: Vec<Row>,
-    /// Events that should not have happened, one line each.
+    /// Unexpected events, one line each.
     pub wrong: Vec<String>,
 }
 
@@ -32,7 +32,7 @@ struct Row {
     expected: &'static str,
     /// Faults injected.
     injected: usize,
-    /// Faults that ended as they should.
+    /// Faults with the expected outcome.
     as_expected: usize,
     /// Faults after which the robot stood.
     stopped: usize,
@@ -42,13 +42,13 @@ struct Row {
     stopped_ms_max: Option<f64>,
     /// Phase of the slowest stop.
     slowest_in: Option<String>,
-    /// Speed of the arm as the slowest stop began, rad/s.
+    /// Speed of the arm at the start of the slowest stop, rad/s.
     slowest_began_at_rad_s: Option<f64>,
     /// Median time from fault to a safe state, ms.
     safe_ms_median: Option<f64>,
     /// Longest time from fault to a safe state, ms.
     safe_ms_max: Option<f64>,
-    /// Times a limit was exceeded.
+    /// Number of exceeded limits.
     outside_limits: u64,
     /// Objects that were held.
     held: usize,
@@ -64,20 +64,20 @@ struct Row {
     diagnosis: Option<Diagnosis>,
 }
 
-/// Diagnosis by a twin beside the robot, or by the supervisor.
+/// Diagnosis by fault detection beside the robot, or by the supervisor.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Diagnosis {
-    /// The party that can detect the fault: nobody, supervisor or mirror.
+    /// Party that can detect the fault: nobody, supervisor or detector.
     detected_by: &'static str,
-    /// Faults that were diagnosed in time, or rightly were not, without any other diagnosis.
+    /// Faults that were detected in time, or rightly were not, without any other report.
     rightly: usize,
-    /// Median time from fault to diagnosis, ms.
+    /// Median time from fault to detection, ms.
     detected_ms_median: Option<f64>,
-    /// Longest time from fault to diagnosis, ms.
+    /// Longest time from fault to detection, ms.
     detected_ms_max: Option<f64>,
-    /// Faults for which the mirror reported something else.
+    /// Faults for which fault detection reported another one.
     wrongly: usize,
-    /// Other faults that the mirror reported.
+    /// Other faults that fault detection reported.
     wrong: Vec<String>,
 }
 
@@ -117,18 +117,18 @@ impl FaultTable {
             text += &row.text_line();
         }
         text += &self.diagnosis_table();
-        text += "a fault with which the robot `goes on` may end in a hold as well\n";
-        text += "* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold\n";
+        text += "a fault with which the robot `goes on` may also end in a hold\n";
+        text += "* the fault itself removes a servo's torque: objects held by that digit may fall\n";
         text += &format!(
-            "{} faults in {} phases, {} goals of servos and joints held to their limits; times on the emulated clock: until the \
+            "{} faults in {} phases, {} goals of servos and joints checked; times on the emulated clock: until the \
              supervisor holds (or servos and arm have stopped by themselves), and until the arm stands\n",
             self.injected, self.phases, self.goals_checked
         );
         text
     }
 
-    /// Formats the table of diagnoses: by whom each fault is diagnosed, how often, how soon, and how often wrongly.
-    /// Empty if no mirror ran.
+    /// Formats the table of diagnoses: detecting party, number, time and false reports of each fault. Empty if fault
+    /// detection did not run.
     fn diagnosis_table(&self) -> String {
         let named = || self.rows.iter().filter_map(|row| Some((row, row.diagnosis.as_ref()?)));
         if named().next().is_none() {
@@ -136,7 +136,7 @@ impl FaultTable {
         }
         let mut text = format!(
             "\n{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
-            "fault", "told by", "injected", "rightly", "ms to name (max)", "wrongly"
+            "fault", "detected by", "injected", "rightly", "ms (max)", "wrongly"
         );
         for (row, name) in named() {
             text += &format!(
@@ -150,14 +150,14 @@ impl FaultTable {
             );
         }
         text += &format!(
-            "{} of {} named rightly within {DIAGNOSIS_TIME_LIMIT} s and nothing else beside them\n\n",
+            "{} of {} detected rightly within {DIAGNOSIS_TIME_LIMIT} s, without other reports\n\n",
             named().map(|(_, name)| name.rightly).sum::<usize>(),
             self.injected
         );
         text
     }
 
-    /// Returns the first event that should not have happened, and the number of others.
+    /// Returns the first unexpected event, and the number of others.
     pub fn shortfall(&self) -> Option<String> {
         let first = self.wrong.first()?;
         let more = self.wrong.len() - 1;
@@ -224,7 +224,7 @@ fn row(kind: InjectedFault, outcomes: &[FaultOutcome]) -> Row {
     }
 }
 
-/// Aggregates the diagnoses of the outcomes `of` one fault. None if no mirror ran.
+/// Aggregates the diagnoses of the outcomes `of` one fault. None if fault detection did not run.
 fn diagnosis(kind: InjectedFault, of: &[&FaultOutcome]) -> Option<Diagnosis> {
     let all: Vec<&InjectionDiagnosis> = of.iter().filter_map(|outcome| outcome.diagnosis.as_ref()).collect();
     if all.is_empty() {
@@ -236,7 +236,7 @@ fn diagnosis(kind: InjectedFault, of: &[&FaultOutcome]) -> Option<Diagnosis> {
         detected_by: match kind.detecting_party() {
             DetectingParty::Nobody => "nobody",
             DetectingParty::Supervisor => "supervisor",
-            DetectingParty::FaultDetector(_) => "mirror",
+            DetectingParty::FaultDetector(_) => "detector",
         },
         rightly: all.iter().filter(|mirrored| mirrored.is_correct(kind)).count(),
         detected_ms_median: times.get(times.len() / 2).copied(),

@@ -5,10 +5,10 @@ use hand_model::robot::ArmState;
 use hand_model::{Arm, GRAVITY, RobotModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-/// Share of an object's weight that must be felt for it to count as in the hand.
+/// Minimum share of an object's weight on the hand for it to count as held.
 const MIN_WEIGHT_SHARE: f64 = 0.5;
 
-/// Returns the pose of the palm in the frame of the arm's base for a robot whose encoders show `angles`.
+/// Returns the pose of the palm in the frame of the arm's base for a robot with encoder angles `angles`.
 pub(crate) fn palm_pose(robot: &RobotModel, angles: &[f64]) -> Isometry3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     arm.tool_pose(angles) * hand.palm_from_flange.inverse()
@@ -36,8 +36,8 @@ pub(crate) fn holding_torques(
 }
 
 /// Estimates the external force (N, axes of the arm's base) at `point` of the hand that best explains the change of the
-/// arm's torques from `before` contact to `now`. It is a pure force without a torque. None if the posture of the arm
-/// does not determine it.
+/// arm's torques from `before` contact to `now`. It is a pure force without a torque. Returns none if the posture of
+/// the arm does not determine it.
 pub fn estimate_force(robot: &RobotModel, [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
     let arm = &robot.arm;
     let heavier = gravity_torques(robot, &now.position) - gravity_torques(robot, &before.position);

@@ -1,8 +1,8 @@
 //! Ball on which pads are pressed: its parameters in the script, and the arm motions that bring a pad onto it.
 //!
-//! A ball is fixed on a thin post within the hand's workspace. Each camera's part of its pad is pressed on it at several spots,
-//! each time with another heading and tilt of the hand. The touches then identify the arm's joints and the hand's mount as well
-//! as the links of the fingers, which are pushed onto their stops.
+//! A ball is fixed on a thin post within the hand's workspace. Each camera's part of its pad is pressed on it at
+//! several spots, each time with another heading and tilt of the hand. The touches then identify the arm's joints, the
+//! hand's mount, and the links of the fingers, which are pushed onto their stops.
 
 use control::inverse_kinematics::{ArmKinematics, ArmMount, Joints};
 use hand_model::hand::CoverShape;
@@ -12,29 +12,29 @@ use serde::{Deserialize, Serialize};
 
 /// Number of headings of the hand about the vertical that are tried for a press.
 const HEADING_COUNT: usize = 16;
-/// Shares of the press's tilt that are tried.
+/// Tried shares of the press's tilt.
 const TILT_SHARES: [f64; 3] = [1.0, 0.5, 0.0];
 /// Increments of heading, tilt and tilt direction between successive presses: low-discrepancy fractions from the golden
-/// ratio and its relatives of higher degree (Roberts 2018).
+/// ratio and its generalizations to higher degrees (Roberts 2018).
 const LOW_DISCREPANCY_STEPS: [f64; 3] = [0.819_173, 0.671_044, 0.549_701];
-/// Least clearance of other links from the ball during a press, m.
+/// Minimum clearance of other links from the ball during a press, m.
 const PRESS_CLEARANCE: f64 = 0.002;
-/// Least clearance of all links from the ball on the way between presses, m: half of a usual standoff.
+/// Minimum clearance of all links from the ball between presses, m: half of a usual standoff.
 const TRAVEL_CLEARANCE: f64 = 0.02;
-/// Least distance of links from the centre line of the post below the ball, m.
+/// Minimum distance of links from the centre line of the post below the ball, m.
 const POST_CLEARANCE: f64 = 0.012;
-/// Least height of links above the table on which the arm stands, m.
+/// Minimum height of links above the table on which the arm stands, m.
 const TABLE_CLEARANCE: f64 = 0.03;
-/// Greatest rotation of the joints before the wrist from their start angles, rad: more would bring the elbow to the
+/// Maximum rotation of the joints before the wrist from their start angles, rad: more would bring the elbow to the
 /// other side.
 const MAX_ARM_ROTATION: f64 = 1.5;
 /// Number of joints before the wrist.
 const JOINTS_BEFORE_WRIST: usize = 4;
-/// Heights by which the hand rises if the straight way between presses is blocked, m; below, the greatest rotation of a
-/// joint for such a rise, rad.
+/// Rise heights of the hand if the straight path between presses is blocked, m; below, the maximum rotation of a joint
+/// for such a rise, rad.
 const RISE_HEIGHTS: [f64; 3] = [0.06, 0.1, 0.15];
 const MAX_RISE_ROTATION: f64 = 0.8;
-/// Number of intervals of such a way that are checked for collisions.
+/// Number of intervals of such a path that are checked for collisions.
 const CHECKED_INTERVALS: usize = 12;
 /// Points on each side of the centre along each axis of a cover that are checked for collisions.
 const GRID_HALF_COUNT: i32 = 3;
@@ -47,17 +47,17 @@ pub struct CalibrationBall {
     pub radius: f64,
     /// Measured position of its centre in the frame of the arm's base, m.
     pub place: [f64; 3],
-    /// Standard deviation of `parameter_index` along each axis, m.
+    /// Standard deviation of `place` along each axis, m.
     pub uncertain: f64,
     /// Spots at which a camera's part of its pad is pressed, as shares of its width and height from its centre.
     pub spots: Vec<[f64; 2]>,
-    /// Greatest angle between the pressing direction and the vertical, rad.
+    /// Maximum angle between the pressing direction and the vertical, rad.
     pub tilt: f64,
     /// Standoff: distance from the ball at which the arm moves between presses, m.
     pub standoff: f64,
-    /// Distance between two looks at the pad, m.
+    /// Distance between two snapshots of the pad, m.
     pub stride: f64,
-    /// Settling time of the arm before a look, s.
+    /// Settling time of the arm before a snapshot, s.
     pub settle: f64,
     /// Penetration at which a press ends, m.
     pub depth: f64,
@@ -92,7 +92,7 @@ pub struct PadPress {
 /// Arm trajectory of a press.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PressApproach {
-    /// Waypoints on the way there, if the straight way is blocked.
+    /// Waypoints to the ball, if the straight path is blocked.
     pub waypoints: Vec<Joints>,
     /// Posture at the standoff.
     pub hover: Joints,
@@ -134,9 +134,9 @@ pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
     ArmKinematics::new((**arm).clone(), ArmMount::for_hand(hand, 0.0))
 }
 
-/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. It looks from `early` (m)
-/// before the expected contact to as much beyond the greatest depth. Uses the first heading that the arm reaches with
-/// everything else clear; none if there is no such heading.
+/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. Snapshots are taken from
+/// `early` (m) before the expected contact to as much beyond the maximum depth. Uses the first heading that the arm
+/// reaches with everything else clear; returns none if there is no such heading.
 pub fn plan_approach(
     robot: &RobotModel,
     ball: &CalibrationBall,
@@ -181,7 +181,7 @@ pub fn plan_approach(
         for snapshot in 0..=looks {
             let seed = way.last().unwrap_or(&hover);
             let next = kinematics.solve(&palm_at(&turn, early - snapshot as f64 * ball.stride), seed)?;
-            // A jump to another branch of the inverse kinematics is not a straight way.
+            // A jump to another branch of the inverse kinematics is not a straight path.
             if (0..next.len()).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
                 return None;
             }
@@ -236,8 +236,8 @@ pub(crate) fn posed_covers<'a>(
     std::iter::once((None, palm, &hand.palm_cover)).chain(fingers)
 }
 
-/// Plans waypoints between two postures beside the ball: none if the straight way is free, otherwise up and down again.
-/// `None` if that is blocked, too.
+/// Plans waypoints between two postures beside the ball: none if the straight path is free, otherwise up and down
+/// again. `None` if that is blocked, too.
 pub fn plan_detour(
     robot: &RobotModel,
     ball: &CalibrationBall,

@@ -5,7 +5,7 @@ use hand_model::Hand;
 use hand_model::hand::MassProperties;
 use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
-/// Greatest number of joints between palm and fingertip.
+/// Maximum number of joints between palm and fingertip.
 pub const MAX_LINKS: usize = 4;
 
 /// Drive of a joint during a step.

@@ -14,7 +14,7 @@ pub enum IdentificationError {
     Session(#[from] SessionLogError),
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
-    /// The session is not that of an excitation.
+    /// The session does not belong to an excitation.
     #[error("{path}: {field}: found {found}, expected {expected}")]
     NotAnExcitation { path: PathBuf, field: String, found: String, expected: String },
     /// No session moves this actuator.

@@ -1,4 +1,4 @@
-//! Comparison of identified parameters with the truth, for robots whose parameters were drawn and are therefore known.
+//! Comparison of identified parameters with the truth, for simulated robot instances with known parameters.
 
 use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
@@ -31,14 +31,14 @@ const STEEL_DENSITY: f64 = 7850.0;
 const BALL_FRICTION: f64 = 0.8;
 /// Random stream for the ball's position.
 const BALL_STREAM: u64 = (1 << 20) + 1;
-/// Random stream for the mass and position of the weighed object.
+/// Random stream for the mass and position of the payload.
 const PAYLOAD_STREAM: u64 = (1 << 20) + 2;
 /// Number of arm postures in which fingertip positions are compared.
 const REACH_POSTURE_COUNT: usize = 40;
 /// Half width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.959_964;
 
-/// Coverage: the number of parameters that lie in their 95 % intervals.
+/// Coverage: the number of parameters within their 95 % intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub struct Coverage {
     /// Number of parameters whose true value is in the 95 % interval.
@@ -75,7 +75,7 @@ pub fn coverage(found: &IdentifiedRobot, truth: &RobotInstance) -> [Coverage; 2]
     counts
 }
 
-/// Differences between the free motion of the true robot and that of a model.
+/// Differences in free motion between the true robot and a model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MotionDifferences {
     /// Differences of every moving joint at every sample, rad.
@@ -99,7 +99,7 @@ pub fn median(values: &[f64]) -> f64 {
     percentile(values, 50.0).unwrap_or(f64::NAN)
 }
 
-/// Returns the simulated robot of an individual with its hand open and nothing in reach. The arm's encoders show the
+/// Returns the simulated robot of an instance with its hand open and nothing in reach. The arm's encoders show the
 /// posture `start`.
 pub fn simulated_robot(
     instance: &RobotInstance,
@@ -111,10 +111,10 @@ pub fn simulated_robot(
     SimulatedRobot::new(&instance.apply_to_robot(nominal), &setup, TactileBoard::blank())
 }
 
-/// Environment of an individual during its excitation. The emulator knows it; everything else must not.
+/// Environment of an instance during its excitation. Only the emulator may use it.
 #[derive(Clone)]
 pub struct Surroundings {
-    /// The individual's own tactile cameras.
+    /// The instance's own tactile cameras.
     pub cameras: TactileBoard,
     /// Viscoelasticity of its covers.
     pub gel: Option<GelViscoelasticity>,
@@ -134,7 +134,7 @@ pub struct TrueBall {
 }
 
 impl TrueBall {
-    /// Draws the ball of individual `number` around the measured values.
+    /// Draws the ball of instance `number` around the measured values.
     pub fn draw(ball: &CalibrationBall, number: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(BALL_STREAM);
@@ -147,7 +147,7 @@ impl TrueBall {
     }
 }
 
-/// True weighed object and its true place.
+/// True payload and its true pose.
 #[derive(Debug, Clone)]
 pub struct TruePayload {
     /// Object model with the true mass; its friction is that on a nominal pad.
@@ -157,7 +157,7 @@ pub struct TruePayload {
 }
 
 impl TruePayload {
-    /// Draws the object of individual `number` around the measured mass and place. None for an unknown object.
+    /// Draws the payload of instance `number` around the measured mass and place. None for an unknown object.
     pub fn draw(weight: &Payload, number: u64) -> Option<Self> {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(PAYLOAD_STREAM);
@@ -170,7 +170,7 @@ impl TruePayload {
     }
 }
 
-/// Returns the simulated robot of an individual in its environment during the excitation.
+/// Returns the simulated robot of an instance in its environment during the excitation.
 pub fn excited_robot(
     instance: &RobotInstance,
     nominal: &RobotModel,
@@ -207,9 +207,9 @@ pub fn excited_robot(
 }
 
 /// Returns the distances between true and modelled fingertips in the frame of the arm's base, m: all fingertips of the
-/// hand with its joints at `bend` (rad), in `REACH_POSTURE_COUNT` postures of the arm about `start`. The encoder of joint 1 is
-/// taken as known: it rotates the whole robot about its base, which is a matter of where the base stands and not a
-/// property of the robot.
+/// hand with its joints at `bend` (rad), in `REACH_POSTURE_COUNT` postures of the arm about `start`. The encoder of
+/// joint 1 is taken as known: it rotates the whole robot about its base, so it belongs to the pose of the base and not
+/// to the robot.
 pub fn fingertip_distances(
     truth: &RobotInstance,
     believed: &RobotInstance,
@@ -240,7 +240,7 @@ pub fn fingertip_distances(
     errors
 }
 
-/// Motions that were not used for identification: stairs of currents (A), 0.4 s each, one actuator after another.
+/// Currents of the stairs (A), 0.4 s each, one actuator after another: motions not used for identification.
 const STAIR_CURRENTS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
 /// Duration of a stair, s.
 const STAIR_DURATION: f64 = 0.4;
@@ -249,8 +249,8 @@ const LEAD_IN_DURATION: f64 = 1.0;
 /// Angles added to the last two joints of the arm's posture for the stairs, rad: not a posture of the script.
 const STAIR_POSTURE_OFFSETS: [f64; 2] = [0.4, 0.8];
 
-/// Plays the stairs on the true robot and on the digital twins of the hands `believed`, and compares them. `start` is
-/// the arm's ready posture.
+/// Runs the stairs on the true robot and on models of the hands `believed`, and compares them. `start` is the arm's
+/// ready posture.
 pub fn compare(
     truth: &RobotInstance,
     nominal: &RobotModel,
@@ -276,8 +276,8 @@ pub fn compare(
 
 type Angles = Vec<HandVector>;
 
-/// Plays the stairs with one actuator. Returns the measured motion, and the true joint angles before each tick after
-/// the lead-in.
+/// Runs the stairs with one actuator. Returns the measured motion, and the true joint angles before each tick after the
+/// lead-in.
 fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
@@ -310,8 +310,7 @@ fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel
     (motion, angles)
 }
 
-/// Adds the differences between the digital twin of `own` and the `real` hand, whose joints were at `angles` in
-/// `motion`.
+/// Adds the differences between the model of `own` and the `real` hand, whose joints were at `angles` in `motion`.
 fn add_differences(
     own: &Hand,
     real: &Hand,

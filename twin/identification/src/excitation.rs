@@ -1,4 +1,4 @@
-//! Excitation: moves a robot by a [`ExcitationScript`], whether simulated, emulated or real. Limits are enforced by the robot
+//! Excitation: moves a simulated, emulated or real robot by an [`ExcitationScript`]. Limits are enforced by the robot
 //! itself.
 
 mod lifting;
@@ -15,19 +15,19 @@ use crate::script::{ExcitationScript, ExcitationStep, WindingMotion, actuator};
 use crate::touches::{PRESS_PAUSE, PressImages};
 use lifting::LiftOutcome;
 
-/// Tolerance of the set-points for having reached a posture, rad.
+/// Tolerance of the set-points at a requested posture, rad.
 const REACH_TOLERANCE: f64 = 1e-4;
 
-/// Greatest time to wait for images, s.
+/// Maximum time to wait for images, s.
 const IMAGE_TIMEOUT: f64 = 0.3;
 
-/// Number of images of a look; below, the ticks between them: an odd number, so that an oscillation from tick to tick
-/// averages out.
+/// Number of images of a snapshot; below, the ticks between them: an odd number, so that an oscillation from tick to
+/// tick averages out.
 const IMAGES_PER_SNAPSHOT: usize = 2;
 const TICKS_BETWEEN_IMAGES: usize = 5;
 
 /// Force on the arm at which a press ends, N, whatever the images show: four times the force of the deepest press. A
-/// joint near its stop may look like 9 N.
+/// joint near its stop may snapshot like 9 N.
 const MAX_PRESS_FORCE: f64 = 12.0;
 /// Speed of the fastest joint towards the ball, rad/s: about 2 cm/s of the hand, so that early contact is noticed in
 /// time.
@@ -40,10 +40,10 @@ const HOLD_BACK_TOLERANCE: f64 = 0.02;
 /// Time for which that difference must persist, s.
 const HOLD_BACK_TIME: f64 = 1.0;
 
-/// The robot holds the arm back: continuing would show other postures than the script's.
+/// The robot holds the arm back: continuing would reach other postures than the script's.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "joint {joint} of the arm is held by the robot: asked for {requested:.3} rad, sent {sent:.3} rad, since {since:.1} s of the session; its limits let no arm go there, or not so fast"
+    "joint {joint} of the arm is held by the robot: asked for {requested:.3} rad, sent {sent:.3} rad, since {since:.1} s of the session; position or velocity limit reached"
 )]
 pub struct ArmHeldBack {
     /// Number of the joint, from 1.
@@ -52,7 +52,7 @@ pub struct ArmHeldBack {
     pub requested: f64,
     /// Set-point that the robot sent instead, rad.
     pub sent: f64,
-    /// Time at which that began, s.
+    /// Start time of the deviation, s.
     pub since: f64,
 }
 
@@ -75,14 +75,14 @@ pub enum ExcitationProgress {
     Done(usize),
     /// The arm cannot reach the posture with everything clear; the step is skipped.
     OutOfReach(usize),
-    /// No weight is felt in the hand; the step is skipped.
+    /// The arm bears no weight in the hand; the step is skipped.
     NotLifted(usize),
     /// The robot held the arm back, and the arm has returned; the rest of the step is skipped.
     Blocked(usize, ArmHeldBack),
 }
 
 impl ExcitationProgress {
-    /// Returns the step that is finished with this event, whether played or skipped.
+    /// Returns the step that is finished with this event, whether run or skipped.
     pub fn finished_step(self) -> Option<usize> {
         match self {
             Self::Begins(_) => None,
@@ -91,8 +91,9 @@ impl ExcitationProgress {
     }
 }
 
-/// Plays the script's steps from `first` on, from wherever the robot stands. Calls `heard` with the progress of each step, and
-/// `goes_on` at each tick to ask whether to continue. Returns true if all steps were played. The hand is open at the end.
+/// Runs the script's steps from `first` on, from any posture of the robot. Calls `heard` with the progress of each
+/// step, and `goes_on` at each tick to ask whether to continue. Returns true if all steps were run. The hand is open at
+/// the end.
 ///
 /// # Errors
 /// Errors of `heard`, and [`ExcitationError`].
@@ -189,12 +190,12 @@ struct ScriptPlayer<'a, R> {
     images: PressImages,
     /// Goals of servos that hold something; none if the hand is open.
     grip: Option<ActuatorVector<ServoGoal>>,
-    /// Deviation of the sent set-points from the requested ones, as long as it lasts.
+    /// Deviation of the sent set-points from the requested ones, while it lasts.
     deviation: Option<ArmHeldBack>,
     /// The same deviation once it has lasted too long.
     held_back: Option<ArmHeldBack>,
     outage: Outage,
-    /// Error for which the robot can no longer observe or send.
+    /// Error that prevents further observations or commands.
     failure: Option<RobotError>,
 }
 
@@ -241,7 +242,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         Ok(true)
     }
 
-    /// Moves an arm that the robot held back to where the way was free, starting from where the robot has it.
+    /// Moves an arm that the robot held back to the last free posture, starting from its present one.
     fn return_to(&mut self, to: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         (self.held_back, self.deviation, self.grip) = (None, None, None);
         self.arm = self.arm_state.position;
@@ -297,7 +298,8 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         }
     }
 
-    /// Presses a pad on the ball, deeper from look to look until it is deep enough, slides over the ball, and retreats.
+    /// Presses a pad on the ball, deeper from snapshot to snapshot until it is deep enough, slides over the ball, and
+    /// retreats.
     fn play_press(
         &mut self,
         press: &PadPress,
@@ -305,7 +307,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         aim: &mut PressAim,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {
-        // The first look after a pause is at untouched pads.
+        // The first snapshot after a pause shows untouched pads.
         let hovers = approach.waypoints.iter().chain([&approach.hover]).all(|at| self.move_to(at, goes_on));
         if !hovers || !self.hold_hand(PRESS_PAUSE + IMAGE_TIMEOUT, goes_on) || !self.take_snapshot(goes_on) {
             return false;
@@ -359,7 +361,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
     }
 
     /// Moves slowly, and stops if `met` holds for the state of the arm for a few ticks. Returns true if it stopped for
-    /// that, and none if it was told to stop.
+    /// that, and none if `goes_on` ended it.
     fn move_until(
         &mut self,
         target: &[f64],
@@ -405,7 +407,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
     }
 }
 
-/// Describes the script for the operator before anything moves, one line per step.
+/// Describes the script for the operator before any motion, one line per step.
 pub fn describe(script: &ExcitationScript, hand: &Hand) -> Vec<String> {
     let line = |(n, step): (usize, ExcitationStep)| {
         let (what, how) = match &step {
@@ -418,7 +420,7 @@ pub fn describe(script: &ExcitationScript, hand: &Hand) -> Vec<String> {
                 format!("at {:+.2} {:+.2}, {:.1} mm deep", press.spot[0], press.spot[1], 1e3 * ball.depth),
             ),
             ExcitationStep::CalibratePayload(weight, PayloadStep::Empty(posture)) => (
-                format!("{:26} {:32}", weight.posture[*posture].name, "weighing, hand empty"),
+                format!("{:26} {:32}", weight.posture[*posture].name, "calibration, hand empty"),
                 format!("stands for {:.1} s", weight.hold),
             ),
             ExcitationStep::CalibratePayload(weight, PayloadStep::Lifted) => (

@@ -11,10 +11,10 @@ use crate::script::ExcitationScript;
 #[derive(Debug, Clone, Copy)]
 pub struct ExcitationSetup<'a> {
     pub robot: &'a RobotModel,
-    /// Calibration for images of pressed pads: that of the nominal pads, as long as there is no other.
+    /// Calibration for images of pressed pads: that of the nominal pads, unless there is another.
     pub pads: &'a PhotometricCalibration,
     pub script: &'a ExcitationScript,
-    /// Grasps of the weighed object, best first.
+    /// Grasps of the payload, best first.
     pub grasps: &'a [Grasp],
     /// Nominal friction in the cable guides, which the servo forces compensate.
     pub friction: CableFriction,

@@ -1,14 +1,15 @@
-//! Fit of one actuator's parameters, such that the digital twin of its digit moves as in a session.
+//! Fit of one actuator's parameters, such that the model of its digit moves as in a session.
 //!
-//! Least squares over the servo's angle at every few ticks, with a prior from the nominal model: each deviation is searched in
-//! units of its standard deviation and counts as one more residual. The residuals of the twin are not white noise: errors of
-//! neighbouring samples are correlated. They are therefore weighted by their own standard deviation times the square root of
-//! their correlation length in samples, both estimated in the previous round. The covariance is that of the last round and
-//! includes the parameters that the fit does not search ([`interval`](crate::interval)).
+//! Minimum squares over the servo's angle at every few ticks, with a prior from the nominal model: each deviation is
+//! searched in units of its standard deviation and counts as one more residual. The residuals of the model are not
+//! white noise: errors of neighbouring samples are correlated. They are therefore weighted by their own standard
+//! deviation times the square root of their correlation length in samples, both estimated in the previous round. The
+//! covariance is that of the last round and includes the parameters that the fit does not search
+//! ([`interval`](crate::interval)).
 //!
-//! The cost has several minima: only small differences tell which joint of a digit leaves its stop first. The search is therefore
-//! restarted with the spring rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough, so
-//! slopes are those of secants.
+//! The cost has several minima: only small differences reveal which joint of a digit leaves its stop first. The search
+//! is therefore restarted with the spring rests of neighbouring joints moved apart, in both directions. Dry friction
+//! makes the residuals rough, so slopes are those of secants.
 
 use ftac_least_squares::{FitProblem, FitResult, SolverOptions};
 use hand_model::transmission::friction::CableLosses;
@@ -26,7 +27,7 @@ use crate::kinematic_calibration::KinematicCalibration;
 const TICKS_PER_SAMPLE: usize = 6;
 /// Standard deviation of an angle in the first round, rad.
 const INITIAL_SIGMA: f64 = 0.01;
-/// Standard deviation of the encoder's quantisation at 4096 steps per turn, rad: the least one of a residual.
+/// Standard deviation of the encoder's quantisation at 4096 steps per turn, rad: the minimum for a residual.
 const QUANTISATION_SIGMA: f64 = 0.000_443;
 /// Outlier threshold of the residuals, in standard deviations.
 const OUTLIER_THRESHOLD: f64 = 4.0;
@@ -40,10 +41,10 @@ const SECANT_STEP: f64 = 0.1;
 const SECANT_HALF_WIDTH: f64 = 2.0;
 /// Bounds of that half width, in prior standard deviations.
 const SECANT_BOUNDS: [f64; 2] = [0.02, 0.5];
-/// Greatest number of steps of a search.
+/// Maximum number of steps of a search.
 const MAX_STEPS: usize = 12;
-/// Number of rounds of the search: residuals are weighted by those of the round before, which is right for the last
-/// round only.
+/// Number of rounds of the search. Each round weights its residuals by those of the round before, which is correct for
+/// the last round only.
 const ROUND_COUNT: usize = 4;
 /// Distance by which the rests of neighbouring joints are moved apart for another start, in prior standard deviations.
 const START_OFFSET: f64 = 1.0;
@@ -53,7 +54,7 @@ const POSTURE_TOLERANCE: f64 = 0.05;
 /// Result of the fit of one actuator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorFit {
-    /// Places of the searched parameters in the individual.
+    /// Indices of the searched parameters in the instance.
     pub parameter_indices: Vec<usize>,
     /// Their deviations.
     pub deviations: Vec<f64>,
@@ -71,7 +72,7 @@ pub struct ActuatorFit {
     pub motions: usize,
 }
 
-/// Returns the places of all parameters of `actuator` that a free motion may identify.
+/// Returns the indices of all parameters of `actuator` that a free motion may identify.
 fn searched_parameters(individual: &RobotInstance, hand: &Hand, actuator: usize) -> Vec<usize> {
     let joints: Vec<usize> = match hand.transmission.cables.get(actuator) {
         Some(path) => path.joints.iter().map(|crossing| crossing.joint).collect(),
@@ -90,7 +91,7 @@ fn searched_parameters(individual: &RobotInstance, hand: &Hand, actuator: usize)
     places
 }
 
-/// Returns the places of parameters that influence a free motion of `actuator` but cannot be identified from it:
+/// Returns the indices of parameters that influence a free motion of `actuator` but cannot be identified from it:
 /// direction of gravity, and links on their stops.
 fn unsearched_parameters(individual: &RobotInstance, hand: &Hand, actuator: usize) -> Vec<usize> {
     let cables = &hand.transmission.cables;
@@ -115,7 +116,7 @@ struct MotionSearch<'a> {
 }
 
 impl MotionSearch<'_> {
-    /// Returns the individual with deviations at `p`, in standard deviations from their means.
+    /// Returns the instance with deviations at `p`, in standard deviations from their means.
     fn robot_instance(&self, p: &[f64]) -> RobotInstance {
         let mut individual = self.from.clone();
         for (place, z) in self.places.iter().zip(p) {
@@ -208,7 +209,7 @@ fn samples(motion: &FreeMotion) -> impl Iterator<Item = usize> + '_ {
     (0..angles.len()).step_by(TICKS_PER_SAMPLE).filter(move |n| std::mem::replace(&mut last, angles[*n]) != angles[*n])
 }
 
-/// Returns the residuals of the samples of `motions`: angle of the digital twin of `hand` less the measured angle, rad.
+/// Returns the residuals of the samples of `motions`: angle of the model of `hand` less the measured angle, rad.
 fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
         let shown = simulate_motion(hand, losses, motion);
@@ -217,8 +218,8 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
     motions.iter().flat_map(of).collect()
 }
 
-/// Fits the parameters of one actuator to its `motions`, starting from the individual `from` as the prior. `touches`
-/// gives the uncertainty of arm, mount and links.
+/// Fits the parameters of one actuator to its `motions`, with the instance `from` as the prior. `touches` gives the
+/// uncertainty of arm, mount and links.
 pub fn fit_actuator(
     robot: &RobotModel,
     losses: CableLosses,
@@ -293,8 +294,8 @@ pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Returns the correlation length of a series in samples: the two-sided sum of its autocorrelation up to where it first
-/// falls below 0.05.
+/// Returns the correlation length of a series in samples: the two-sided sum of its autocorrelation up to its first
+/// value below 0.05.
 fn series_correlation_length(series: &[f64]) -> f64 {
     let power: f64 = series.iter().map(|value| value * value).sum();
     if power <= 0.0 {
@@ -321,7 +322,7 @@ mod tests {
         assert!((series_correlation_length(&mean) / 8.0 - 1.0).abs() < 0.15, "{}", series_correlation_length(&mean));
     }
 
-    /// Returns a motion of the digital twin of `hand` as an encoder shows it. The current rises and falls in `time` (s)
+    /// Returns a motion of the model of `hand` as measured by an encoder. The current rises and falls in `time` (s)
     /// each; `gravity` is in palm axes.
     fn shown(hand: &Hand, losses: CableLosses, actuator: usize, time: f64, gravity: Vector3<f64>) -> FreeMotion {
         let tick = 1.0 / 120.0;
@@ -339,7 +340,7 @@ mod tests {
         motion
     }
 
-    /// The joint that leaves its stop first is found, although the search begins where both leave at the same time.
+    /// The joint that leaves its stop first is found, although the search starts with both leaving at the same time.
     #[test]
     fn springs_whose_rests_are_far_apart_are_found() {
         let robot = RobotModel::ftac_gen3();

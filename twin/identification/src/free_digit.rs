@@ -1,8 +1,8 @@
-//! Digital twin of one digit that moves freely: its servo, its cable and its joints, without the rest of the robot.
+//! Model of one digit that moves freely: its servo, its cable and its joints, without the rest of the robot.
 //!
 //! The servo model is the simulator's. Dynamic coupling between the joints of a digit is in the mass matrix of its
-//! [`chain`](crate::chain); compliance of the arm is neglected. Before a motion, the digit is led as the robot was: its servo
-//! follows the encoder, so that cable, guides and gear reach the same state of their hystereses.
+//! [`chain`](crate::chain); compliance of the arm is neglected. Before a motion, the digit is led like the robot: its
+//! servo follows the encoder, so that cable, guides and gear reach the same state of their hystereses.
 
 use hand_model::Hand;
 use hand_model::robot::ServoGoal;
@@ -22,7 +22,7 @@ const STEPS_PER_TICK: usize = 2;
 /// Time for which a digit settles before the lead-in, s.
 const SETTLING_TIME: f64 = 0.8;
 
-/// State of the digital twin before a tick.
+/// State of the digit model before a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DigitState {
     /// Output angle of the servo, rad.
@@ -39,14 +39,14 @@ struct FreeDigit<'a> {
     actuator: usize,
     losses: CableLosses,
     chain: DigitChain<'a>,
-    /// Places in the chain of the joints that the actuator moves.
+    /// Indices in the chain of the joints that the actuator moves.
     moved_joints: Vec<usize>,
     slides: [f64; MAX_SPANS],
     servo: ServoModel,
 }
 
-/// Plays a motion on the digital twin of `hand` with `losses` in its guides and gears. Returns the state before each
-/// tick after the lead-in.
+/// Runs a motion on the model of `hand` with `losses` in its guides and gears. Returns the state before each tick after
+/// the lead-in.
 pub fn simulate_motion(hand: &Hand, losses: CableLosses, motion: &FreeMotion) -> Vec<DigitState> {
     let mut digit = FreeDigit::at_rest(hand, losses, motion);
     for n in 0..motion.lead_in {
@@ -181,7 +181,7 @@ impl<'a> FreeDigit<'a> {
         drives
     }
 
-    /// Returns the drives by the springs alone.
+    /// Returns the drives by the springs only.
     fn spring_drives(&self) -> [JointDrive; MAX_LINKS] {
         let mut drives = [JointDrive::PrescribedSpeed(0.0); MAX_LINKS];
         for ((drive, link), angle) in drives.iter_mut().zip(&self.chain.links).zip(&self.chain.angles) {

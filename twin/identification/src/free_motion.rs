@@ -1,5 +1,4 @@
-//! Free motions: pieces of a session in which one actuator winds under current control against nothing but its own
-//! digit.
+//! Free motions: pieces of a session in which one actuator winds under current control against its own digit only.
 
 use hand_model::robot::{Observation, ServoGoal};
 use hand_model::{ArmVector, GRAVITY, RobotModel};
@@ -23,15 +22,15 @@ pub struct FreeMotion {
     pub angles: Vec<f64>,
     /// Angle of the opposition servo, rad.
     pub opposition: Vec<f64>,
-    /// Joint angles that the arm's encoders showed, rad.
+    /// Joint angles measured by the arm's encoders, rad.
     pub arm: Vec<ArmVector>,
     /// Gravity along the palm's axes, m/s2.
     pub gravity: Vec<Vector3<f64>>,
 }
 
-/// Least length of a motion, ticks.
+/// Minimum length of a motion, ticks.
 const MIN_MOTION_TICKS: usize = 60;
-/// Greatest length of a lead-in, s.
+/// Maximum length of a lead-in, s.
 const MAX_LEAD_IN: f64 = 6.0;
 
 /// Returns all motions of `actuator` in a session, with gravity according to the model `robot`.
@@ -87,7 +86,7 @@ impl FreeMotion {
     }
 }
 
-/// Returns gravity along the palm's axes for an arm whose encoders show `shown`, m/s2. The base is upright.
+/// Returns gravity along the palm's axes for an arm with encoder angles `shown`, m/s2. The base is upright.
 fn gravity(robot: &RobotModel, shown: &[f64]) -> Vector3<f64> {
     let RobotModel { hand, arm, .. } = robot;
     let palm: Isometry3<f64> = arm.tool_pose(shown) * hand.palm_from_flange.inverse();

@@ -36,15 +36,15 @@ pub struct Identification {
     pub fits: Vec<ActuatorFit>,
     /// Kinematic calibration from touches of a ball; the prior if there are none.
     pub kinematics: KinematicCalibration,
-    /// Torque gains from a weighed object; the prior if there is none.
+    /// Torque gains from a payload; the prior if there is none.
     pub gains: TorqueGains,
 }
 
-/// Identifies the individual of `robot` that recorded `traces`. `losses` are the nominal losses in guides and gears; `pads` is the
-/// calibration for images of pressed pads. All touches are of one ball in one place.
+/// Identifies the instance of `robot` that recorded `traces`. `losses` are the nominal losses in guides and gears;
+/// `pads` is the calibration for images of pressed pads. All touches are of one ball in one place.
 ///
 /// # Errors
-/// An actuator that no session moves.
+/// Fails for an actuator that no session moves.
 pub fn identify(
     robot: &RobotModel,
     losses: CableLosses,
@@ -66,7 +66,7 @@ pub fn identify(
     };
     // The direction of gravity follows from the calibration of arm and mount.
     let mut prior = kinematics.robot_instance.clone();
-    // Each weighing has its own grip; of several, the last one is used.
+    // Each payload calibration has its own grip; of several, the last one is used.
     let weighed = distinct.values().filter_map(|trace| Some((trace.payload_rows.as_ref()?, trace.tick)));
     let gains = weighed.filter_map(|weighed| identify_gains(robot, &kinematics, weighed)).next_back();
     let gains = gains.unwrap_or_else(|| TorqueGains::from_prior(&prior));
@@ -104,7 +104,7 @@ pub fn identify(
         .par_iter()
         .map(|own| fit_actuator(robot, losses, own, &prior, &kinematics))
         .collect();
-    // The opposition servo turns the thumb as it hangs on its springs.
+    // The opposition servo turns the thumb, which hangs on its springs.
     let mut known = prior.clone();
     for fit in &fits {
         fit.parameter_indices.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
@@ -160,11 +160,11 @@ pub fn identify(
     Ok(Identification { robot, fits, kinematics, gains })
 }
 
-/// Calibrates the pads that the sessions press on a ball photometrically, starting from the calibration `pads` of others. None if no
-/// pad is pressed.
+/// Calibrates the pads that the sessions press on a ball photometrically, starting from the calibration `pads` of
+/// others. Returns none if no pad is pressed.
 ///
 /// # Errors
-/// A result that is no better than `pads`.
+/// Fails if the result is no better than `pads`.
 pub fn calibrate_pads(
     hand: &Hand,
     pads: &PhotometricCalibration,
@@ -188,7 +188,7 @@ fn named_covariance(estimates: &[ParameterEstimate], places: &[usize], covarianc
     }
 }
 
-/// Returns the prior before any session: the mean of all robots built from the nominal model.
+/// Returns the prior before any session: the mean of all instances of the nominal model.
 fn prior_instance(robot: &RobotModel) -> RobotInstance {
     let mut prior = RobotInstance::nominal(robot);
     for place in 0..prior.parameters().len() {

@@ -1,8 +1,9 @@
 //! Uncertainty of a fit's parameters, including the effect of parameters that the fit does not search.
 //!
-//! The covariance of least squares assumes that all other parameters have their nominal values. In fact these have a spread, too,
-//! which adds to the uncertainty of the estimate. Such parameters are called "considered" (S. F. Schmidt, 1966): each shifts the
-//! estimate by the fit's response to its effect, weighted by its spread.
+//! The covariance of least squares assumes that all other parameters have their nominal values. In fact these are
+//! uncertain, too, which adds to the uncertainty of the estimate. Such parameters are called "considered" (S. F.
+//! Schmidt, 1966): each shifts the estimate by the fit's response to its effect, weighted by its prior standard
+//! deviation.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,11 +15,11 @@ pub type SampleCluster = Vec<(usize, f64)>;
 
 /// Returns the covariance of the parameters of a fit.
 ///
-/// `slopes` are those of the residuals at the minimum: one row per residual, the prior's last, and one column per parameter.
-/// `unsearched` holds the changes of the samples' residuals per standard deviation of each parameter that is not searched, one
-/// column each. `clusters` are the samples' residuals in groups with correlated model errors. If their gradients scatter by more
-/// than those of independent samples would, the standard deviations are increased accordingly (the sandwich estimator of Liang
-/// and Zeger 1986).
+/// `slopes` are those of the residuals at the minimum: one row per residual, the prior's last, and one column per
+/// parameter. `unsearched` holds the changes of the samples' residuals per standard deviation of each parameter that is
+/// not searched, one column each. `clusters` are the samples' residuals in groups with correlated model errors. If
+/// their gradients scatter by more than those of independent samples would, the standard deviations are increased
+/// accordingly (the sandwich estimator of Liang and Zeger 1986).
 pub fn covariance(slopes: &DMatrix<f64>, unsearched: &DMatrix<f64>, clusters: &[SampleCluster]) -> DMatrix<f64> {
     let n = slopes.ncols();
     // Positive definite: the prior's rows are an identity matrix.
@@ -48,7 +49,7 @@ mod tests {
 
     use super::*;
 
-    /// Number of samples of the line; the noise of each has a standard deviation of one.
+    /// Number of samples of the line; each has noise with a standard deviation of one.
     const SAMPLES: usize = 50;
 
     fn x(n: usize) -> f64 {

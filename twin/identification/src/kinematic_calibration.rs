@@ -1,9 +1,10 @@
-//! Kinematic calibration: the arm's encoders, the hand's mount and the links' stops, from touches of one fixed ball by pads.
+//! Kinematic calibration: the arm's encoders, the hand's mount and the links' stops, from touches of one fixed ball by
+//! pads.
 //!
-//! If a pad feels the ball's centre, forward kinematics give the position of that centre in the frame of the arm's
+//! A pad measures the ball's centre, and forward kinematics give the position of that centre in the frame of the arm's
 //! base. For the true robot, all touches give the same position. This is calibration by a single endpoint constraint
-//! (Meggiolaro, Scriffignano and Dubowsky 2000), here with a sensor that measures where the end touches. The estimate
-//! is by least squares over encoders, mount, stops and the ball's position, each with its prior.
+//! (Meggiolaro, Scriffignano and Dubowsky 2000), here with a sensor that measures the position of the contact. The
+//! estimate is by least squares over encoders, mount, stops and the ball's position, each with its prior.
 
 use crate::script::OPPOSITION_ACTUATOR;
 use control::inverse_kinematics::Joints;
@@ -19,18 +20,18 @@ use crate::interval::IDENTIFIED_RATIO;
 
 /// Standard deviation of the unmodelled error of a touch, m: along the pad, and along its normal.
 const UNMODELLED_SIGMA: [f64; 2] = [2e-4, 1e-4];
-/// Standard deviation of the error common to all touches of a pad, m along each axis: its camera is displaced, its gel
-/// differs in thickness.
+/// Standard deviation of the error common to all touches of a pad, m along each axis: displacement of its camera,
+/// thickness of its gel.
 const PAD_SIGMA: [f64; 3] = [2e-4, 2.5e-4, 1.5e-4];
 /// Standard deviation of the error common to all touches, m along each axis: the gel of all pads is of one batch.
 const COMMON_SIGMA: [f64; 3] = [1e-4, 1e-4, 2e-4];
 /// Standard deviation of the error common to all touches by links, m along each axis: a link swings onto its stop while
 /// its cover already sticks to the ball, which shears the cover.
 const LINK_SIGMA: [f64; 3] = [2e-4, 6e-4, 2e-4];
-/// Greatest closing angle at which a joint's spring is at rest, rad: three standard deviations of the rest angle, and a
+/// Maximum closing angle at which a joint's spring is at rest, rad: three standard deviations of the rest angle, and a
 /// margin for the spring rate.
 const MAX_REST_ANGLE: f64 = 0.18;
-/// Torque that the weight of the links adds, N m.
+/// Additional torque from the weight of the links, N m.
 const LINK_WEIGHT_TORQUE: f64 = 0.004;
 /// Outlier threshold of the residuals, in standard deviations.
 const OUTLIER_THRESHOLD: f64 = 3.0;
@@ -42,9 +43,9 @@ const FINITE_DIFFERENCE_STEP: f64 = 1e-3;
 /// One touch of the ball by a pad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BallTouch {
-    /// Index of the camera that saw it.
+    /// Index of the camera that took it.
     pub camera: usize,
-    /// Joint angles that the arm's encoders showed, rad.
+    /// Joint angles measured by the arm's encoders, rad.
     pub arm: Joints,
     /// Angle of the opposition servo, rad.
     pub opposition: f64,
@@ -83,9 +84,9 @@ impl BallTouch {
 /// Result of the kinematic calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KinematicCalibration {
-    /// Calibrated robot; parameters that were not searched are as in the individual from which the search began.
+    /// Calibrated robot; parameters that were not searched are as in the instance at the start of the search.
     pub robot_instance: RobotInstance,
-    /// Places of the searched parameters in the individual.
+    /// Indices of the searched parameters in the instance.
     pub parameter_indices: Vec<usize>,
     /// Covariance of their deviations.
     pub covariance: DMatrix<f64>,
@@ -95,13 +96,13 @@ pub struct KinematicCalibration {
     estimates: Vec<f64>,
     /// Covariance of `estimates`.
     estimate_covariance: DMatrix<f64>,
-    /// Root mean square distance between the ball's centre and the positions that the touches give, m: for the prior
-    /// model with the ball at its best-fitting position, and for the calibrated robot.
+    /// Root mean square distance between the ball's centre and the positions from the touches, m: for the prior model
+    /// with the ball at its best-fitting position, and for the calibrated robot.
     pub residuals: [f64; 2],
     pub touches: usize,
 }
 
-/// Returns the places of an individual's kinematic parameters.
+/// Returns the indices of an instance's kinematic parameters.
 pub fn kinematic_parameters(instance: &RobotInstance) -> Vec<usize> {
     let kinematic = |quantity| {
         use Quantity::{ArmEncoder, JointZero, MountPosition, MountTurn};
@@ -111,8 +112,8 @@ pub fn kinematic_parameters(instance: &RobotInstance) -> Vec<usize> {
     (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
 }
 
-/// Returns the centre of the ball that a pad feels, according to `robot`, in the frame of the arm's base, with the pose
-/// of the pad.
+/// Returns the centre of the ball that a pad measures, according to `robot`, in the frame of the arm's base, with the
+/// pose of the pad.
 fn felt_center(robot: &RobotModel, touch: &BallTouch) -> (Point3<f64>, Isometry3<f64>) {
     let RobotModel { hand, arm, .. } = robot;
     let pad = &hand.pads[hand.cameras[touch.camera].pad];
@@ -149,8 +150,8 @@ impl CalibrationSearch<'_> {
         self.ball.center() + self.ball.uncertain * self.vector(p, 0)
     }
 
-    /// Returns the `n`-th vector after the individual's parameters: the ball's position, the error common to all
-    /// touches, that of links, and that of each pad.
+    /// Returns the `n`-th vector after the instance's parameters: the ball's position, the error common to all touches,
+    /// that of links, and that of each pad.
     fn vector(&self, p: &[f64], n: usize) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| p[self.places.len() + 3 * n + axis])
     }
@@ -160,7 +161,7 @@ impl CalibrationSearch<'_> {
         self.places.len() + 3 * (3 + self.robot.hand.pads.len())
     }
 
-    /// Returns the vector from the ball's centre to the centre that each touch gives, m, with its covariance, m2.
+    /// Returns the vector from the ball's centre to the centre from each touch, m, with its covariance, m2.
     fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
         let instance = self.instance_at(p);
         let (robot, middle) = (instance.apply_to_robot(self.robot), self.ball_center(p));
@@ -202,7 +203,7 @@ fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
     (sum / distances.len().max(1) as f64).sqrt()
 }
 
-/// Calibrates the individual `from` of `robot` by its touches of a ball. Only touches that push the links onto their
+/// Calibrates the instance `from` of `robot` by its touches of a ball. Only touches that push the links onto their
 /// stops are used. Without touches, the result is the prior.
 pub fn calibrate(
     robot: &RobotModel,
@@ -268,8 +269,8 @@ impl KinematicCalibration {
         }
     }
 
-    /// Returns the standard deviation of where a pad will feel the ball along its normal, m, when the arm's encoders
-    /// show `shown`. `robot` is the nominal model.
+    /// Returns the standard deviation of the expected contact of a pad with the ball along its normal, m, at encoder
+    /// angles `shown`. `robot` is the nominal model.
     pub fn normal_sigma(&self, robot: &RobotModel, ball: &CalibrationBall, camera: usize, shown: &Joints) -> f64 {
         let own = self.robot_instance.apply_to_robot(robot);
         let touch =
@@ -294,7 +295,7 @@ impl KinematicCalibration {
         (slopes.tr_mul(&self.estimate_covariance) * &slopes)[(0, 0)].max(0.0).sqrt()
     }
 
-    /// Returns a square root of the covariance of the parameters at these places of the individual, in prior standard
+    /// Returns a square root of the covariance of the parameters at these indices of the instance, in prior standard
     /// deviations. Its columns are independent errors.
     pub fn covariance_root(&self, places: &[usize]) -> DMatrix<f64> {
         let own: Vec<Option<usize>> =
@@ -307,7 +308,7 @@ impl KinematicCalibration {
         covariance.cholesky().map_or_else(|| DMatrix::identity(places.len(), places.len()), |root| root.l())
     }
 
-    /// True if the touches tell more about the parameter at `n` of [`Self::parameter_indices`] than the prior.
+    /// True if the touches determine the parameter at `n` of [`Self::parameter_indices`] better than the prior.
     pub fn is_identified(&self, n: usize) -> bool {
         self.estimate_covariance[(n, n)].sqrt() < IDENTIFIED_RATIO
     }
@@ -356,7 +357,7 @@ mod tests {
         let truth = RobotInstance::sample(&RobotModel::ftac_gen3(), 9);
         let (robot, mut touches) = touched(&truth, &ball);
         let hand = &robot.hand;
-        // A link that a touch does not push onto its stop tells nothing, so only the palm's touches are used.
+        // A link that a touch does not push onto its stop is undetermined, so only the palm's touches are used.
         touches.retain(|touch| hand.pads[hand.cameras[touch.camera].pad].link.is_none());
         let found = calibrate(&robot, &ball, &designed, &touches);
         assert_eq!(found.touches, touches.len());
@@ -377,7 +378,7 @@ mod tests {
         }
     }
 
-    /// Without touches, everything keeps its prior value and spread.
+    /// Without touches, everything keeps its prior mean and standard deviation.
     #[test]
     fn no_touches_say_nothing() {
         let ball = ExcitationScript::standard(&RobotModel::ftac_gen3()).expect("valid").ball.expect("a ball");

@@ -1,13 +1,14 @@
-//! Identification of an individual robot among those built from one nominal model.
+//! System identification: how a robot instance differs from its nominal model.
 //!
-//! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a [`ball`], and
-//! how to lift a [`payload`]. [`excitation`] plays the script, and [`pressing`] aims the presses. [`trace`] reads such a session back
-//! and cuts the [`free_motion`]s and the [`deepest_touches`] out of it.
+//! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a
+//! [`ball`], and how to lift a [`payload`]. [`excitation`] runs the script, and [`pressing`] aims the presses.
+//! [`trace`] reads such a session back and extracts its [`free_motion`]s and [`deepest_touches`].
 //!
-//! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`payload_calibration`] estimates the gains of the
-//! arm's torque sensors from a known weight. [`free_digit`] is the digital twin of one digit that moves freely, a [`chain`] on its
-//! servo. [`fit_actuator`] finds the parameters with which it moves as in the session, and [`identify`](mod@identify) does so for all
-//! actuators. [`interval`] computes their uncertainty. [`evaluation`] compares the result with the truth, where that is known.
+//! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`payload_calibration`]
+//! estimates the gains of the arm's torque sensors from a known weight. [`free_digit`] is the model of one digit that
+//! moves freely, a [`chain`] on its servo. [`fit_actuator`] finds the parameters with which it moves as in the session,
+//! and [`identify`](mod@identify) does so for all actuators. [`interval`] computes their uncertainty. [`evaluation`]
+//! compares the result with the truth, if known.
 
 pub mod arm_load;
 pub mod ball;

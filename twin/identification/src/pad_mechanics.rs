@@ -1,9 +1,10 @@
-//! Stiffness of the gel and friction of the pads, from the arm's torques while pads of the palm press on a ball and slide over it.
+//! Stiffness of the gel and friction of the pads, from the arm's torques while pads of the palm press on a ball and
+//! slide over it.
 //!
 //! A pad of the palm is rigidly connected to the arm, so the load on it follows from the joint torques
-//! ([`arm_load`](crate::arm_load)). Its image gives the penetration of the ball, from which the gel's law predicts the nominal
-//! load. The ratio of the two is the ratio of the stiffnesses. While the pad slides, friction over normal force is the
-//! coefficient of friction (Coulomb).
+//! ([`arm_load`](crate::arm_load)). Its image gives the penetration of the ball, from which the gel's law predicts the
+//! nominal load. The ratio of the two is the ratio of the stiffnesses. While the pad slides, friction over normal force
+//! is the coefficient of friction (Coulomb).
 
 use std::collections::BTreeMap;
 
@@ -20,21 +21,21 @@ use crate::tick_record::TickRecord;
 use crate::touches::SnapshotContact;
 use crate::trace::Trace;
 
-/// Distance from the ball beyond which a look shows an unloaded pad, m.
+/// Distance from the ball beyond which a snapshot shows an unloaded pad, m.
 const UNLOADED_DISTANCE: f64 = 4e-4;
-/// Least depth at which an image gives the force, m: a relative depth error counts twice.
+/// Minimum depth at which an image gives the force, m: a relative depth error counts twice.
 const MIN_FORCE_DEPTH: f64 = 1e-3;
 /// Length of a slide after which the ball has left its dent in the gel, m.
 const MIN_SLIDE_LENGTH: f64 = 2.5e-3;
 /// Change of height beyond which a pad no longer counts as sliding, m.
 const MAX_SLIDE_RISE: f64 = 3e-4;
-/// Least duration of a slide, ticks.
+/// Minimum duration of a slide, ticks.
 const MIN_SLIDE_TICKS: usize = 20;
 /// Relative standard deviation of the stiffness error common to all presses: depths from images are 2 to 3 % off. Set
-/// by hand, from individuals 1 to 3.
+/// by hand, from instances 1 to 3.
 const COMMON_STIFFNESS_SIGMA: f64 = 0.03;
-/// Least relative standard deviation of one press: stiffness, friction. It is set by hand, from individuals 1 to 3,
-/// because the scatter of a few presses tells little.
+/// Minimum relative standard deviation of one press: stiffness, friction. Set by hand, from instances 1 to 3, because a
+/// few presses do not determine the scatter.
 const MIN_PRESS_SIGMA: [f64; 2] = [0.05, 0.015];
 /// Spacing of the points over which pressure is summed, m.
 const GRID_SPACING: f64 = 1e-4;
@@ -171,14 +172,14 @@ struct PressSegment<'a> {
     middle: &'a Point3<f64>,
     trace: &'a Trace,
     pad: &'a Pad,
-    /// State of the arm before anything touched the pad.
+    /// State of the arm before the first contact of the pad.
     before: ArmState,
     /// Number of the press.
     press: usize,
 }
 
 impl<'a> PressSegment<'a> {
-    /// Returns none if no look shows the pad clear of the ball.
+    /// Returns none if no snapshot shows the pad clear of the ball.
     fn new(
         own: &'a RobotModel,
         (ball, middle): (&CalibrationBall, &'a Point3<f64>),
@@ -197,7 +198,7 @@ impl<'a> PressSegment<'a> {
         Some(pressing)
     }
 
-    /// Returns `base_from_pad` for the state that the arm shows.
+    /// Returns `base_from_pad` for the measured state `shown` of the arm.
     fn pose(&self, shown: &ArmState) -> Isometry3<f64> {
         let RobotModel { hand, arm, .. } = self.own;
         arm.tool_pose(&shown.position) * hand.palm_from_flange.inverse() * self.pad.link_from_pad
@@ -212,7 +213,7 @@ impl<'a> PressSegment<'a> {
         &self.trace.rows[at(from)..at(to).max(at(from))]
     }
 
-    /// Returns the mean state of the arm during a look.
+    /// Returns the mean state of the arm during a snapshot.
     fn mean_arm_state(&self, look: usize) -> Option<ArmState> {
         let [from, to] = self.trace.snapshots.get(look)?.times;
         let half = 0.5 * self.trace.tick;
@@ -238,8 +239,8 @@ impl<'a> PressSegment<'a> {
         self.load(&self.mean_arm_state(look)?)
     }
 
-    /// Returns the median of friction over normal force during the ticks after the last look in which the pad slides;
-    /// none if there are too few.
+    /// Returns the median of friction over normal force during the ticks after the last snapshot in which the pad
+    /// slides; none if there are too few.
     fn slide_friction(&self) -> Option<f64> {
         let looks = &self.trace.snapshots;
         let last = looks.iter().rposition(|look| look.press == self.press)?;
@@ -291,8 +292,8 @@ mod tests {
         assert_eq!(wider.friction, found.friction);
     }
 
-    /// One outlying press hardly moves the median and makes it less certain. The common error remains, however many
-    /// presses there are.
+    /// One outlying press hardly moves the median and makes it less certain. The common error remains for any number of
+    /// presses.
     #[test]
     fn a_factor_is_the_median_of_its_presses() {
         let presses: Vec<f64> = (0..100).map(|n| 0.1 + 0.01 * f64::from(n % 5 - 2)).chain([9.0]).collect();

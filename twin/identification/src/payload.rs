@@ -1,8 +1,8 @@
-//! Weighed object that the hand lifts: its parameters in the script, and the arm motions that pick it up.
+//! Payload that the hand lifts: its parameters in the script, and the arm motions that pick it up.
 //!
-//! The arm stands in some postures with an empty hand, and in the same ones with the object in it. The difference of its torques
-//! is due to the weight of the object, which is known from a scale. It gives the gains of the torque sensors
-//! ([`payload_calibration`](crate::weighing)).
+//! The arm stands in some postures with an empty hand, and in the same ones with the payload in it. The difference of
+//! its torques is due to the weight of the payload, which is known from a scale. It gives the gains of the torque
+//! sensors ([`payload_calibration`](crate::payload_calibration)).
 
 use std::path::Path;
 
@@ -27,18 +27,19 @@ pub struct ScriptPosture {
     pub turn: ArmVector,
 }
 
-/// Least difference of some joint between two postures of a script, rad, so that a session can tell them apart.
+/// Minimum difference of some joint between two postures of a script, rad, so that they can be distinguished in a
+/// session.
 pub const MIN_POSTURE_DIFFERENCE: f64 = 0.05;
-/// Number of headings of the hand that are tried about an object that looks the same from all sides.
+/// Number of headings of the hand that are tried about a rotationally symmetric object.
 const HEADING_COUNT: usize = 16;
-/// Length of a piece of the straight way to the object and up from it, m.
+/// Length of a piece of the straight path to the object and up from it, m.
 const PATH_STEP: f64 = 0.005;
-/// Greatest rotation of a joint between two pieces, rad: a jump to another branch of the inverse kinematics is not a
-/// straight way.
+/// Maximum rotation of a joint between two pieces, rad: a jump to another branch of the inverse kinematics is not a
+/// straight path.
 const MAX_JOINT_STEP: f64 = 0.3;
-/// Least clearance of the hand's links from the table on the way to the object, m.
+/// Minimum clearance of the hand's links from the table on the path to the object, m.
 const TABLE_CLEARANCE: f64 = 0.01;
-/// Number of places of the way at which the clearance is checked.
+/// Number of points of the path at which the clearance is checked.
 const CLEARANCE_CHECK_COUNT: usize = 20;
 
 /// An object of known mass that is lifted.
@@ -49,12 +50,12 @@ pub struct Payload {
     pub object: String,
     /// Mass measured by a scale, kg.
     pub mass: f64,
-    /// Standard deviation of `mass_index`, kg.
+    /// Standard deviation of `mass`, kg.
     pub mass_uncertain: f64,
-    /// Position of its centre on the table on which the arm stands, in the frame of the arm's base, m; its yaw is 0. An
-    /// operator places it there.
+    /// Position of its centre on the arm's table, in the frame of the arm's base, m; its yaw is 0. An operator places
+    /// it there.
     pub place: [f64; 2],
-    /// Standard deviation of `parameter_index` along each axis, m.
+    /// Standard deviation of `place` along each axis, m.
     pub place_uncertain: f64,
     /// Height by which it is lifted before it is carried, m.
     pub lift: f64,
@@ -64,7 +65,7 @@ pub struct Payload {
     pub posture: Vec<ScriptPosture>,
 }
 
-/// Part of weighing that is done in one step.
+/// Part of payload calibration that is done in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PayloadStep {
     /// The arm stands in the posture of this index with an empty hand.
@@ -77,7 +78,7 @@ pub enum PayloadStep {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PickUpPath {
     pub grasp: Grasp,
-    /// Postures from before the object to where the digits close.
+    /// Postures from before the object to the closing of the digits.
     pub approach: Vec<Joints>,
     /// Postures from there on, while the digits close.
     pub raise: Vec<Joints>,
@@ -101,7 +102,7 @@ impl Payload {
         ready.iter().zip(self.posture[n].turn).map(|(ready, turn)| ready + turn).collect()
     }
 
-    /// Refuses an object that cannot be lifted. `others` are the script's other postures; `path` is named in errors.
+    /// Refuses an object that cannot be lifted. `others` are the script's other postures; `path` is used in errors.
     pub fn check(&self, others: &[ScriptPosture], path: &Path) -> Result<(), DataError> {
         let fault =
             |field: String, found: String, expected: String| Err(DataError::field(path, field, found, expected));

@@ -1,9 +1,9 @@
-//! Gains of the arm's torque sensors, from a known weight.
+//! Payload calibration: gains of the arm's torque sensors, from a known weight.
 //!
-//! The difference of a joint's torque between a full and an empty hand, in the same posture, is its gain times the torque of the
-//! weight. One scale gives all gains a common unit (drive gains by a known payload: Gautier and Briot 2011). The point at which
-//! the object's weight acts is not known. Its position in the hand is estimated too, and it may move slightly from posture to
-//! posture, with the digits. The estimate is by least squares with priors.
+//! The difference of a joint's torque between a full and an empty hand, in the same posture, is its gain times the
+//! torque of the weight. One scale gives all gains a common unit (drive gains by a known payload: Gautier and Briot
+//! 2011). The weight's point of action is unknown. Its position in the hand is estimated too, and it may move slightly
+//! from posture to posture, with the digits. The estimate is by least squares with priors.
 
 use ftac_least_squares::{FitProblem, SolverOptions, forward_differences};
 use hand_model::gravity::{ArmTorques, pack_torques};
@@ -19,19 +19,18 @@ use crate::kinematic_calibration::KinematicCalibration;
 use crate::payload::Payload;
 use crate::tick_record::{PayloadRow, TickRecord};
 
-/// Tolerance of the encoder angles for the arm to count as standing in a posture, rad.
+/// Tolerance of the encoder angles for an arm at rest in a posture, rad.
 const POSTURE_TOLERANCE: f64 = 0.01;
-/// Least duration of a stand, as a share of the script's time.
+/// Minimum duration of a stand, as a share of the script's time.
 const MIN_STAND_SHARE: f64 = 0.8;
-/// Part of a stand that is evaluated, as shares of its duration: the arm settles before, and sets off after.
+/// Part of a stand that is evaluated, as shares of its duration: the arm settles before it, and starts moving after it.
 const EVALUATED_SHARES: [f64; 2] = [0.5, 0.9];
-/// Prior standard deviation of the weight's point of action about the palm's origin along each axis, m: it is somewhere
-/// in the hand.
+/// Prior standard deviation of the weight's point of action about the palm's origin along each axis, m.
 const ACTION_POINT_SIGMA: f64 = 0.06;
 /// Standard deviation of that point's motion between postures along each axis, m: the object moves in its grip, and
 /// empty digits hang differently.
 const ACTION_POINT_MOTION_SIGMA: f64 = 0.003;
-/// Least standard deviation of torques in one posture between repetitions, N m: joints settle slightly differently.
+/// Minimum standard deviation of torques in one posture between repetitions, N m: joints settle slightly differently.
 const MIN_TORQUE_SIGMA: f64 = 0.003;
 /// Bounds of the search for deviations, in prior standard deviations.
 const SEARCH_RANGE: f64 = 5.0;
@@ -41,7 +40,7 @@ const OUTLIER_THRESHOLD: f64 = 1e6;
 /// Step of the finite differences, in prior standard deviations.
 const FINITE_DIFFERENCE_STEP: f64 = 1e-3;
 
-/// Torque sensor gains identified by weighing.
+/// Torque sensor gains from payload calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueGains {
     /// Logarithm of each joint's gain.
@@ -55,7 +54,7 @@ pub struct TorqueGains {
 }
 
 impl TorqueGains {
-    /// Returns the prior gains of an arm that has weighed nothing.
+    /// Returns the prior gains of an arm without payload calibration.
     pub fn from_prior(prior: &RobotInstance) -> Self {
         let spread = gain_priors(prior);
         let variances = DMatrix::from_diagonal(&DVector::from_iterator(
@@ -70,13 +69,13 @@ impl TorqueGains {
         }
     }
 
-    /// True if the weight tells more about a joint's gain than the prior.
+    /// True if the weight determines a joint's gain better than the prior.
     pub fn is_identified(&self, joint: usize, prior: &RobotInstance) -> bool {
         self.covariance[(joint, joint)].sqrt() < IDENTIFIED_RATIO * gain_priors(prior)[joint].1
     }
 }
 
-/// Returns mean and standard deviation of the logarithms of the gains among robots.
+/// Returns mean and standard deviation of the logarithms of the gains among instances.
 fn gain_priors(prior: &RobotInstance) -> ArmVector<(f64, f64)> {
     let gains = prior.parameters().iter().filter(|parameter| parameter.quantity == Quantity::ArmTorqueGain);
     gains.map(|parameter| (parameter.prior.mean, parameter.prior.sigma)).collect()
@@ -292,7 +291,7 @@ impl<'a> GainSearch<'a> {
 }
 
 /// Identifies the torque gains of the arm of `robot`, whose kinematics are known up to the covariance of `kinematics`.
-/// None if no object was in the hand.
+/// Returns none if no object was in the hand.
 pub fn identify_gains(
     robot: &RobotModel,
     kinematics: &KinematicCalibration,
@@ -400,8 +399,8 @@ mod tests {
         identify_gains(&robot, &known, (weighed, TICK))
     }
 
-    /// Gains are recovered wherever in the hand the weight acts. The gain of joint 1, whose axis is vertical, keeps its
-    /// prior value and is reported as such.
+    /// Gains are recovered for any point of action of the weight. The gain of joint 1, whose axis is vertical, keeps
+    /// its prior value and is reported accordingly.
     #[test]
     fn gains_are_found_again() {
         let deviations = [0.04, -0.03, 0.05, 0.03, -0.04, 0.06, 0.01];

@@ -1,7 +1,7 @@
 //! Aiming of presses, by a model of the robot that is refined with each press.
 //!
-//! The nominal model misses a ball by a good part of a pad's width. Each press is aimed with the kinematic calibration from the
-//! presses before it. It begins as far before the ball as that calibration is uncertain.
+//! The nominal model misses a ball by a good part of a pad's width. Each press is aimed with the kinematic calibration
+//! from the presses before it, and starts in front of the ball by that calibration's uncertainty.
 
 use control::inverse_kinematics::Joints;
 use hand_model::RobotModel;
@@ -15,7 +15,7 @@ use crate::excitation_setup::ExcitationSetup;
 use crate::kinematic_calibration::{BallTouch, KinematicCalibration, calibrate};
 use crate::touches::{PressImages, deepest_touches};
 
-/// Distance before the ball at which a press begins, in standard deviations of the expected contact.
+/// Distance before the ball at which a press starts, in standard deviations of the expected contact.
 const APPROACH_MARGIN_SIGMAS: f64 = 3.0;
 /// Bounds of that distance, m.
 const APPROACH_MARGIN_BOUNDS: [f64; 2] = [0.001, 0.02];
@@ -54,7 +54,7 @@ impl<'a> PressAim<'a> {
         self.ball
     }
 
-    /// Plans the way from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
+    /// Plans the path from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
     /// joints do not wind up from press to press.
     pub fn plan_press(&self, press: &PadPress, from: &Joints) -> Option<PressApproach> {
         let way =
@@ -77,7 +77,7 @@ impl<'a> PressAim<'a> {
         plan_slide(self.robot_model(), self.ball, press, at)
     }
 
-    /// True if the newest look of `camera` shows the ball deep enough in its pad.
+    /// True if the newest snapshot of `camera` shows the ball deep enough in its pad.
     pub fn is_deep(&self, camera: usize, images: &PressImages) -> bool {
         let newest = images.of_snapshot().filter(|image| image.camera == camera);
         let touch = deepest_touches(&self.robot.hand, self.pads, self.ball.radius, newest);

@@ -12,7 +12,7 @@ use crate::payload::{MIN_POSTURE_DIFFERENCE, Payload, PayloadStep, ScriptPosture
 
 /// Index of the actuator that turns the thumb of the F-TAC Hand.
 pub const OPPOSITION_ACTUATOR: usize = MAX_DIGITS;
-/// Greatest current of a motion, A: no more is needed to bend a free finger.
+/// Maximum current of a motion, A: no more is needed to bend a free finger.
 const MAX_CURRENT: f64 = 0.2;
 
 /// Winding of some cables under a current that rises and falls.
@@ -21,14 +21,13 @@ const MAX_CURRENT: f64 = 0.2;
 pub struct WindingMotion {
     /// Names of the actuators.
     pub actuators: Vec<String>,
-    /// Greatest current, A.
+    /// Maximum current, A.
     pub current: f64,
     /// Time in which the current rises, and in which it falls again, s.
     pub time: f64,
 }
 
-/// All motions in all postures, presses of all pads on a ball if there is one, and the lifting of a weighed object if
-/// there is one.
+/// All motions in all postures, presses of all pads on a ball, if any, and the lifting of a payload, if any.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationScript {
@@ -66,12 +65,12 @@ pub enum ExcitationStep<'a> {
     Motion(&'a ScriptPosture, &'a WindingMotion),
     /// One press on the ball.
     Press(&'a CalibrationBall, PadPress),
-    /// One part of weighing.
+    /// One part of payload calibration.
     CalibratePayload(&'a Payload, PayloadStep),
 }
 
 impl ExcitationScript {
-    /// Returns the script that comes with the program.
+    /// Returns the built-in script.
     ///
     /// # Errors
     /// [`TaxonomyError`] for a robot that lacks an item named in the script.
@@ -79,7 +78,7 @@ impl ExcitationScript {
         Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), robot)
     }
 
-    /// Reads and checks a script's text; `path` is named in errors.
+    /// Reads and checks a script's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path, robot: &RobotModel) -> Result<Self, DataError> {
         let RobotModel { hand, arm, .. } = robot;
         let script: Self = parse_toml(text, path)?;
@@ -139,7 +138,7 @@ impl ExcitationScript {
     }
 
     /// Returns the steps for `hand` in order. Motions come first, so that the ball can be put in its place when they
-    /// are done. The weighed object comes last, because the arm is calibrated by then.
+    /// are done. The payload comes last, because the arm is calibrated by then.
     pub fn steps(&self, hand: &Hand) -> Vec<ExcitationStep<'_>> {
         let of = |posture| self.motion.iter().map(move |motion| ExcitationStep::Motion(posture, motion));
         let motions = self.posture.iter().flat_map(of);
@@ -154,8 +153,8 @@ impl ExcitationScript {
         motions.chain(on).chain(weighing).collect()
     }
 
-    /// Returns the current (A) of a motion `elapsed` (s) after its beginning, rounded to whole milliamperes, the
-    /// resolution of a servo; none when the motion is over.
+    /// Returns the current (A) of a motion `elapsed` (s) after its start, rounded to whole milliamperes, the resolution
+    /// of a servo; none when the motion is over.
     pub fn current(&self, motion: &WindingMotion, elapsed: f64) -> Option<f64> {
         let falls = motion.time + self.stay;
         let share = match elapsed {
@@ -168,8 +167,8 @@ impl ExcitationScript {
         Some((1e3 * share * motion.current).round() / 1e3)
     }
 
-    /// Returns the duration of a step without the arm's travel, s. For a press, the ball is assumed to be felt where it
-    /// is expected.
+    /// Returns the duration of a step without the arm's travel, s. For a press, contact is assumed at the expected
+    /// position.
     pub fn step_duration(&self, step: &ExcitationStep, hand: &Hand) -> f64 {
         match step {
             ExcitationStep::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,

@@ -5,7 +5,7 @@ use hand_model::{ActuatorVector, ArmVector};
 
 use crate::payload::Payload;
 
-/// One tick: the values measured at its beginning, and the goals sent then.
+/// One tick: the values measured at its start, and the goals sent then.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TickRecord {
     /// Time, s.
@@ -15,7 +15,7 @@ pub struct TickRecord {
     pub goals: ActuatorVector<ServoGoal>,
 }
 
-/// Weighed object of a session, and the ticks of weighing.
+/// Payload of a session, and the ticks of payload calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PayloadRow {
     pub payload: Payload,

@@ -1,4 +1,4 @@
-//! Images of pads that are pressed on the ball, from a session, and the ball positions that they show.
+//! Images of pads pressed on the ball, from a session, and the ball positions measured in them.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -17,10 +17,10 @@ use tactile_perception::{PhotometricCalibration, StereoOptions};
 
 use crate::kinematic_calibration::BallTouch;
 
-/// Pause between images after which the next press begins, s. The next images are of untouched pads.
+/// Pause between images after which the next press starts, s. The next images are of untouched pads.
 pub const PRESS_PAUSE: f64 = 0.6;
 
-/// Pause between images after which the next look begins, s.
+/// Pause between images after which the next snapshot starts, s.
 const SNAPSHOT_PAUSE: f64 = 0.1;
 
 /// Image of a pressed pad.
@@ -28,10 +28,10 @@ const SNAPSHOT_PAUSE: f64 = 0.1;
 pub struct PressImage {
     /// Number of the press, in the order of the session.
     pub press: usize,
-    /// Index of the look; the arm stands still during a look.
+    /// Index of the snapshot; the arm stands still during a snapshot.
     pub snapshot: usize,
     pub camera: usize,
-    /// Joint angles that the arm's encoders showed, rad.
+    /// Joint angles measured by the arm's encoders, rad.
     pub arm: Joints,
     /// Angle of the opposition servo, rad.
     pub opposition: f64,
@@ -55,7 +55,7 @@ impl Default for Backgrounds {
 }
 
 impl Backgrounds {
-    /// Notes that images came at `time` (s). Returns true if that was after a pause.
+    /// Notes images at `time` (s). Returns true if they came after a pause.
     fn note_images(&mut self, time: f64) -> bool {
         let paused = time > self.last + PRESS_PAUSE;
         if paused {
@@ -83,13 +83,13 @@ impl Backgrounds {
 enum BackgroundComparison<'a> {
     /// The frame is the first one: the untouched pad itself.
     First,
-    /// The frame looks like the untouched pad.
+    /// The frame snapshots like the untouched pad.
     Same,
     /// The frame differs from this background.
     Changed(&'a Arc<TactileImage>),
 }
 
-/// Look: times of images that belong together; the arm stood still meanwhile.
+/// Snapshot: times of images that belong together, with the arm at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SnapshotTimes {
     /// Number of the press, in the order of the session.
@@ -134,7 +134,7 @@ impl PressImages {
         }
     }
 
-    /// Returns all images and all looks.
+    /// Returns all images and all snapshots.
     pub fn into_all(self) -> (Vec<PressImage>, Vec<SnapshotTimes>) {
         (self.images, self.snapshots)
     }
@@ -144,7 +144,7 @@ impl PressImages {
         self.images.iter().rev().take_while(|image| image.press == self.press)
     }
 
-    /// Returns the images of the newest look, newest first.
+    /// Returns the images of the newest snapshot, newest first.
     pub fn of_snapshot(&self) -> impl Iterator<Item = &PressImage> {
         self.images.iter().rev().take_while(|image| image.snapshot + 1 == self.snapshots.len())
     }
@@ -155,8 +155,8 @@ impl PressImages {
     }
 }
 
-/// A robot wrapper that passes on only informative images: those of untouched pads after a pause, and those of pads
-/// that have changed since. Its sessions have a twentieth of the images.
+/// Robot wrapper that passes on only informative images: those of untouched pads after a pause, and those of pads that
+/// have changed since. Its sessions have a twentieth of the images.
 pub struct ImageFilter<R> {
     robot: R,
     backgrounds: Backgrounds,
@@ -184,7 +184,7 @@ impl<R: RobotBackend> RobotBackend for ImageFilter<R> {
         let mut readings = self.robot.observe()?;
         if !readings.tactile.is_empty() {
             self.backgrounds.note_images(readings.time);
-            // At least one frame is passed on, to show that images came.
+            // At least one frame is passed on as a sign that images arrived.
             let mut passed = 0;
             readings.tactile.retain(|frame| {
                 let says = !matches!(self.backgrounds.compare(frame), BackgroundComparison::Same) || passed == 0;
@@ -215,17 +215,17 @@ impl PressImage {
     }
 }
 
-/// Touch that a camera shows in one look.
+/// Contact that a camera shows in one snapshot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SnapshotContact {
     /// Number of the press.
     pub press: usize,
-    /// Index of the look.
+    /// Index of the snapshot.
     pub look: usize,
     pub touch: BallTouch,
 }
 
-/// Returns the mean touch of each camera in each look in which it can locate the ball, in the order of presses and
+/// Returns the mean touch of each camera in each snapshot in which it can locate the ball, in the order of presses and
 /// cameras.
 pub fn snapshot_contacts<'a>(
     hand: &Hand,
@@ -247,7 +247,7 @@ pub fn snapshot_contacts<'a>(
     looks.iter().filter_map(of).collect()
 }
 
-/// Returns one touch of each camera in each press, from the look that shows the deepest contact.
+/// Returns one touch of each camera in each press, from the snapshot with the deepest contact.
 pub fn deepest(looks: &[SnapshotContact]) -> Vec<BallTouch> {
     let mut deepest: BTreeMap<(usize, usize), BallTouch> = BTreeMap::new();
     for SnapshotContact { press, touch, .. } in looks {
@@ -259,7 +259,7 @@ pub fn deepest(looks: &[SnapshotContact]) -> Vec<BallTouch> {
     deepest.into_values().collect()
 }
 
-/// Returns the [`deepest`] touches of some images.
+/// Returns the [`deepest`] touches of the images.
 pub fn deepest_touches<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
@@ -269,10 +269,10 @@ pub fn deepest_touches<'a>(
     deepest(&snapshot_contacts(hand, calibration, radius, images))
 }
 
-/// Images of a camera in a look in which the ball was located.
+/// Images of a camera in a snapshot in which the ball was located.
 type CameraImages<'a> = Vec<(&'a PressImage, BallEstimate)>;
 
-/// Averages the images of a look. Their errors are common, from calibration and lens, so the covariance does not
+/// Averages the images of a snapshot. Their errors are common, from calibration and lens, so the covariance does not
 /// shrink.
 fn mean_touch(look: &CameraImages) -> Option<BallTouch> {
     let (first, place) = look.first()?;

@@ -20,15 +20,15 @@ use crate::touches::{PressImage, PressImages, SnapshotTimes};
 /// Data of a robot in a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
-    /// All ticks but those of weighing.
+    /// All ticks but those of payload calibration.
     pub rows: Vec<TickRecord>,
     /// Images of pressed pads.
     pub pressed: Vec<PressImage>,
-    /// Looks: times at which images of the pads were taken.
+    /// Snapshots: times at which images of the pads were taken.
     pub snapshots: Vec<SnapshotTimes>,
     /// Ball on which pads were pressed, if any.
     pub ball: Option<CalibrationBall>,
-    /// Weighed object, if any.
+    /// Payload, if any.
     pub payload_rows: Option<PayloadRow>,
     /// Length of a tick, s.
     pub tick: f64,
@@ -99,7 +99,7 @@ impl RecordedTicks {
     }
 }
 
-/// A robot wrapper that keeps its ticks in memory instead of in a file.
+/// Robot wrapper that keeps its ticks in memory instead of in a file.
 pub struct TraceRecorder<R> {
     robot: R,
     ticks: RecordedTicks,
@@ -124,8 +124,8 @@ impl<R: RobotBackend> TraceRecorder<R> {
     }
 }
 
-/// Splits the ticks into those before weighing and those of weighing. The postures of weighing are relative to the
-/// posture `ready` (rad).
+/// Splits the ticks into those before payload calibration and those of it. Its postures are relative to the posture
+/// `ready` (rad).
 fn split_payload_rows(
     mut rows: Vec<TickRecord>,
     script: &ExcitationScript,

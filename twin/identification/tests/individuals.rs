@@ -44,7 +44,7 @@ fn excited(truth: &RobotInstance, script: &ExcitationScript) -> Trace {
     kept.trace(&robot, "sim", script)
 }
 
-/// With the true parameters, the digital twin of a digit moves as the simulated robot does.
+/// With the true parameters, the model of a digit moves like the simulated robot.
 #[test]
 fn the_twin_that_knows_all_moves_as_the_robot_does() {
     let (robot, losses) = nominal_model();
@@ -71,7 +71,7 @@ fn an_instance_is_found() {
     // Without the uncertainty of unsearched parameters, 40 of 66 would be inside their intervals.
     assert!(identified.of > 30 && identified.share() > 0.75, "{identified:?} {others:?}");
     // Joint zeros, the arm and its torque sensors have no effect on free motion. They keep the prior and are reported
-    // as such.
+    // accordingly.
     for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.instance.parameters()) {
         if ["joint_zero", "encoder", "position", "turn", "torque_gain"].contains(&parameter.quantity.name()) {
             assert!(!estimate.identified, "{}", estimate.name);

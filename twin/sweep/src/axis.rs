@@ -19,19 +19,19 @@ const FIELD_NAMES: [&str; 9] =
     ["seed", "policy", "ablation", "robot", "robot_model", "scenario", "noise_scale", "without", "uncertainty"];
 /// Prefix of the name of an axis over a field of the scenario.
 const SCENARIO_PREFIX: &str = "scenario.";
-/// Bodies on which a sweep can be played: those that need no operator.
+/// Robot backends on which a sweep can be run: those that need no operator.
 const ROBOT_BACKENDS: [&str; 3] = ["sim", "emulated", "direct"];
 
-/// Name of the robot that comes with the program.
+/// Name of the built-in robot.
 const BUILTIN_ROBOT: &str = "builtin";
 
 /// Quantity that an axis varies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AxisField {
     Seed,
-    /// Conditions of a trial: they are played with the same errors and are compared trial by trial.
+    /// Conditions of a trial: they are run with the same errors and are compared trial by trial.
     Policy,
-    /// Ablations: the policy `touch` without one of its means, on the same trials.
+    /// Ablations: the policy `touch` without one of its capabilities, on the same trials.
     Ablation,
     Robot,
     /// Robot files.
@@ -73,7 +73,7 @@ impl AxisField {
                         FIELD_NAMES.join(", "),
                         near.join(", ")
                     );
-                    return Err(DataError::field(path, format!("axes.{name}"), "a name of no field", expected));
+                    return Err(DataError::field(path, format!("axes.{name}"), "an unknown field", expected));
                 }
             },
         })
@@ -153,7 +153,7 @@ impl RunDraft {
         DataError::field(&self.file, format!("axes.{name}"), found, expected)
     }
 
-    /// Resolves a file that the sweep's file names: it must lie below the folder of that.
+    /// Resolves a file named in the sweep's file: it must lie below that file's folder.
     fn resolve_file(&self, axis: &str, name: &str) -> Result<PathBuf, DataError> {
         FileAccess::in_folder_of(&self.file).resolve(&self.file, &format!("axes.{axis}"), Path::new(name))
     }
@@ -226,7 +226,7 @@ impl RunDraft {
                 return Err(self.value_error("scenario", other, "names of scenario files, or \"benchmark\""));
             }
             (AxisField::OfScenario(field), level) => self.scenario_settings.push((field.clone(), level.clone())),
-            // All of these are played within one run.
+            // All of these are run together.
             (AxisField::Policy | AxisField::Ablation, _) => {}
         }
         Ok(self)
@@ -251,21 +251,21 @@ impl RunDraft {
             ];
             if let Some((_, what)) = other.iter().find(|(is, _)| *is) {
                 let found = format!("{} with {what}", request.robot);
-                return Err(self.value_error("robot", found, "sim, the only body that it can be done with"));
+                return Err(self.value_error("robot", found, "sim"));
             }
         }
         if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
-            return Err(self.value_error("ablation", "a scenario with disabled_digits", "one of them"));
+            return Err(self.value_error("ablation", "a scenario with disabled_digits", "one of the two"));
         }
         Ok(self.request)
     }
 
-    /// Returns the text of the scenario with the fields that are set.
+    /// Returns the text of the scenario with the changed fields.
     fn scenario_text(&self) -> Result<String, DataError> {
         let scenario = Scenario::parse(&self.request.scenario, &self.file)?;
         let table = |scenario: &Scenario| {
             Table::try_from(scenario)
-                .map_err(|error| DataError::field(&self.file, "scenario", error, "what TOML holds"))
+                .map_err(|error| DataError::field(&self.file, "scenario", error, "a TOML document"))
         };
         let mut edited = table(&scenario)?;
         for (field, level) in &self.scenario_settings {
@@ -280,10 +280,10 @@ impl RunDraft {
             let unknown = error.to_string().contains("unknown field");
             match self.scenario_settings.iter().find(|(field, _)| unknown && !has_field(&scenario, field)) {
                 Some((field, _)) => self.unknown_field_error(&scenario, field),
-                None => DataError::field(&self.file, names.join(", "), error, "values that the scenario takes"),
+                None => DataError::field(&self.file, names.join(", "), error, "values valid in the scenario"),
             }
         })?;
-        // A field that the scenario does not know would be swept without effect.
+        // A field unknown to the scenario would be swept without effect.
         let mut read_back = table(&parsed)?;
         for (field, level) in &self.scenario_settings {
             let found = set_value(&mut read_back, field, level.value());
@@ -305,7 +305,7 @@ impl RunDraft {
             "a field of the scenario; near it: {}",
             nearest_names(field, fields.iter().map(String::as_str)).join(", ")
         );
-        DataError::field(&self.file, format!("axes.{SCENARIO_PREFIX}{field}"), "a name of no field", expected)
+        DataError::field(&self.file, format!("axes.{SCENARIO_PREFIX}{field}"), "an unknown field", expected)
     }
 }
 
@@ -373,7 +373,7 @@ where
     Ok(found)
 }
 
-/// Parses [`parse_names`] of built-in conditions: a sweep has no file of a user's own policy.
+/// Parses [`parse_names`] of built-in conditions: a sweep has no external policy.
 pub fn policies(levels: &[AxisLevel], file: &Path) -> Result<Vec<Condition>, DataError> {
     let policies = parse_names("policy", levels, file)?;
     if policies.contains(&Condition::External) {

@@ -1,9 +1,9 @@
-//! Claims (leases) of units of work, so that no two workers play the same unit.
+//! Claims (leases) of units of work, so that no two workers run the same unit.
 //!
-//! A claim is a file that names its holder and that the holder keeps locked. The operating system, or the server of a
-//! network file system, releases the lock when the holder is gone, however it ended. The claim may then be taken over.
+//! A claim is a file that names its holder, who keeps it locked. The operating system, or the server of a network file
+//! system, releases the lock when the holder has ended, in any way. The claim may then be taken over.
 //!
-//! A claim only saves work. If two workers do play the same unit (on a file system that does not pass locks on to other
+//! A claim only saves work. If two workers do run the same unit (on a file system that does not pass locks on to other
 //! machines), both write the same results.
 
 use std::fs::{self, File, OpenOptions};
@@ -52,7 +52,7 @@ pub struct Claims {
     holder: ClaimHolder,
 }
 
-/// An exclusive claim of a unit, held as long as this value lives.
+/// An exclusive claim of a unit, held during the lifetime of this value.
 pub struct Claim {
     path: PathBuf,
     _lock: File,
@@ -90,7 +90,7 @@ impl Claims {
         Ok(lock.map(|lock| Claim { path, _lock: lock }))
     }
 
-    /// Returns all claims that are held now: unit and holder.
+    /// Returns all present claims: unit and holder.
     pub fn all(sweep: &Path) -> Result<Vec<(String, ClaimHolder)>> {
         let folder = sweep.join("claims");
         let mut found = Vec::new();

@@ -86,7 +86,7 @@ pub const WALL_TIME_COLUMNS: [&str; 1] = ["decision_ms"];
 /// Columns that locate a row in the sweep.
 pub const PLACE_COLUMNS: [(&str, ColumnKind, &str); 4] = [
     ("point", Whole, "number of the point, from 0: one value of each axis but seed, policy and ablation"),
-    ("unit", Text, "the unit of work that played it"),
+    ("unit", Text, "unit of work of the trial"),
     ("robot", Text, "robot backend: sim, emulated or direct"),
     ("seed", Whole, "seed of everything random"),
 ];
@@ -102,30 +102,30 @@ const TRIAL_COLUMNS: [(&str, ColumnKind, &str); 25] = [
     ID_COLUMNS[0],
     ID_COLUMNS[1],
     ID_COLUMNS[2],
-    ("ablation", Text, "what was taken from touch; empty where nothing was"),
+    ("ablation", Text, "capability removed from touch; empty if none was"),
     ("first", Text, "first object"),
     ("second", Text, "second object"),
     ("contact", Flag, "an unwanted contact in any try"),
-    ("contact_with", Text, "with what the first one was; empty without"),
-    ("contact_s", Number, "when, s since the trial began; empty without"),
-    ("contact_n", Number, "its greatest force, N; empty without"),
+    ("contact_with", Text, "part in the first unwanted contact; empty without"),
+    ("contact_s", Number, "time of the contact, s since the start of the trial; empty without"),
+    ("contact_n", Number, "maximum force of the contact, N; empty without"),
     ("success", Flag, "both objects held at the end"),
     ("clean_success", Flag, "success without any unwanted contact"),
     ("cause", Text, "cause of a failure; empty on success"),
     ("switched", Flag, "the policy left the planned strategy"),
-    ("retries", Whole, "how often a grasp was tried again"),
-    ("reason", Text, "why the policy switched and tried again, or did not"),
-    ("disturbance", Text, "what was done to the trial beside noise"),
-    ("risk", Number, "predicted probability of an unwanted contact; empty where none was made"),
+    ("retries", Whole, "number of repeated tries of a grasp"),
+    ("reason", Text, "reason for switching and trying again, or for not doing so"),
+    ("disturbance", Text, "disturbances of the trial in addition to noise"),
+    ("risk", Number, "predicted probability of an unwanted contact; empty if none was made"),
     (
         "plan_separation_mm",
         Number,
-        "predicted between the objects at the planned grasp, mm; negative is a collision; empty where none was made",
+        "predicted between the objects at the planned grasp, mm; negative is a collision; empty if none was made",
     ),
-    ("chosen_separation_mm", Number, "the same at the chosen grasp; empty where none was chosen"),
-    ("pose_error_mm", Number, "of the first object in the hand, mm; empty where it was not felt"),
+    ("chosen_separation_mm", Number, "the same at the chosen grasp; empty if none was chosen"),
+    ("pose_error_mm", Number, "error of the estimate of the first object in the hand, mm; empty without an estimate"),
     ("pose_error_deg", Number, "the same, deg"),
-    ("prior_error_mm", Number, "of the plan's guess, mm"),
+    ("prior_error_mm", Number, "error of the planned pose, mm"),
     ("sim_seconds", Number, "simulated time, s"),
     ("decision_ms", Number, "slowest decision, ms of wall time: differs from run to run; empty without a decision"),
 ];
@@ -138,38 +138,38 @@ const TRY_COLUMNS: [(&str, ColumnKind, &str); 26] = [
     ("try", Whole, "number within its trial, from 0"),
     ("object", Text, "first or second"),
     ("grasp", Whole, "number of the grasp"),
-    ("why", Text, "why this grasp"),
+    ("why", Text, "reason for this grasp"),
     ("clearance_mm", Number, "predicted, mm; may be empty"),
     ("risk", Number, "predicted probability of an unwanted contact; may be empty"),
-    ("felt_x", Number, "first object as felt, m, palm frame; the six are empty where it was not felt"),
+    ("felt_x", Number, "estimated pose of the first object, m, palm frame; the six are empty without an estimate"),
     ("felt_y", Number, "m"),
     ("felt_z", Number, "m"),
     ("felt_rx", Number, "rotation vector, rad"),
     ("felt_ry", Number, "rad"),
     ("felt_rz", Number, "rad"),
-    ("contact_with", Text, "with what the first unwanted contact was; empty without, and so are the next"),
-    ("contact_by", Text, "what touched: first_object, palm, or a link by its number"),
-    ("contact_s", Number, "when, s since the trial began"),
-    ("contact_phase", Text, "in which phase"),
-    ("contact_x", Number, "where, m, world"),
+    ("contact_with", Text, "part in the first unwanted contact; empty without, as are the next"),
+    ("contact_by", Text, "touching part: first_object, palm, or a link by its number"),
+    ("contact_s", Number, "time of the contact, s since the start of the trial"),
+    ("contact_phase", Text, "phase of the contact"),
+    ("contact_x", Number, "position of the contact, m, world"),
     ("contact_y", Number, "m"),
     ("contact_z", Number, "m"),
-    ("contact_n", Number, "greatest force, N"),
-    ("picked", Flag, "the object was in the hand when its lift had ended; empty where it was not lifted"),
-    ("begun_s", Number, "s since the trial began"),
-    ("ended_s", Number, "s since the trial began"),
+    ("contact_n", Number, "maximum force of the contact, N"),
+    ("picked", Flag, "the object was in the hand at the end of its lift; empty if it was not lifted"),
+    ("begun_s", Number, "start, s since the start of the trial"),
+    ("ended_s", Number, "end, s since the start of the trial"),
 ];
 
-/// Names of the felt pose's six coordinates.
+/// Names of the estimated pose's six coordinates.
 pub const POSE_COORDINATES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// Returns the columns of the upper triangle of the felt pose's covariance, row by row.
+/// Returns the columns of the upper triangle of the estimated pose's covariance, row by row.
 fn covariance() -> impl Iterator<Item = TableColumn> {
     let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (POSE_COORDINATES[row], POSE_COORDINATES[column])));
     pairs.map(|(row, column)| TableColumn {
         name: format!("cov_{row}_{column}"),
         kind: ColumnKind::Number,
-        description: "covariance of the felt pose, m and rad",
+        description: "covariance of the estimated pose, m and rad",
     })
 }
 

@@ -3,7 +3,7 @@
 //! Trials of one pair of objects are correlated, so the pair is the unit of sampling. A rate is the mean over pairs of
 //! each pair's share of trials. A contrast is the mean over pairs of each pair's mean difference between trials with
 //! the same errors. The 95 % intervals are Student's t over pairs, clipped to the possible range. There is none for
-//! fewer than [`MIN_SAMPLES`] pairs, or if all pairs are alike.
+//! fewer than [`MIN_SAMPLES`] pairs, or if all pairs are equal.
 
 use statistics::{CONSTANT_SD_TOLERANCE, MIN_SAMPLES, MeanSd};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -124,7 +124,7 @@ pub struct Contrast {
     pub what: String,
     /// Axis and level of the comparison, or `all points`.
     pub at: String,
-    /// Outcome, as tables write it.
+    /// Name of the outcome in tables.
     pub outcome: &'static str,
     #[serde(flatten)]
     pub estimate: RateEstimate,
@@ -173,16 +173,16 @@ mod tests {
         let mut outcomes = outcomes(6);
         play(&mut outcomes);
         assert_eq!(outcomes.played(), 288);
-        let noisy = rate(&outcomes, Some((0, 1)), 1, ReportedOutcome::CleanSuccess).expect("played");
+        let noisy = rate(&outcomes, Some((0, 1)), 1, ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((noisy.value, noisy.n), (0.5, 48));
         // The means are 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; clipped to
         // a share.
         assert_eq!((noisy.low, noisy.high), (Some(0.0), Some(1.0)));
-        let gain = contrast_arms(&outcomes, None, (1, 0), ReportedOutcome::CleanSuccess).expect("played");
+        let gain = contrast_arms(&outcomes, None, (1, 0), ReportedOutcome::CleanSuccess).expect("run");
         assert!((gain.value - 1.0 / 3.0).abs() < 1e-12 && gain.n == 144, "{gain:?}");
         let reach = 2.570_581_8 * (0.3_f64 * 4.0 / 9.0 / 6.0).sqrt();
         assert!((gain.high.expect("six pairs") - gain.value - reach).abs() < 1e-6, "{gain:?}");
-        let noise = contrast_levels(&outcomes, 0, (2, 0), 1, ReportedOutcome::CleanSuccess).expect("played");
+        let noise = contrast_levels(&outcomes, 0, (2, 0), 1, ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((noise.value, noise.low, noise.high.map(|high| high < 0.1)), (-0.5, Some(-1.0), Some(true)));
     }
 
@@ -191,7 +191,7 @@ mod tests {
     fn no_interval_comes_out_of_nothing() {
         let mut six = outcomes(6);
         play(&mut six);
-        let lost = contrast_levels(&six, 0, (2, 0), 0, ReportedOutcome::CleanSuccess).expect("played");
+        let lost = contrast_levels(&six, 0, (2, 0), 0, ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((lost.value, lost.low, lost.high, lost.n), (-1.0, None, None, 48));
         assert_eq!(
             rate(&six, None, 0, ReportedOutcome::Contact).map(|none| (none.value, none.high)),
@@ -199,7 +199,7 @@ mod tests {
         );
         let mut four = outcomes(4);
         play(&mut four);
-        let gain = contrast_arms(&four, None, (1, 0), ReportedOutcome::CleanSuccess).expect("played");
+        let gain = contrast_arms(&four, None, (1, 0), ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((gain.low, gain.high), (None, None));
     }
 }

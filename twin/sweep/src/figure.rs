@@ -30,7 +30,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Draws the figure for a page that brings the report's style.
+    /// Draws the figure for a page that includes the report's style.
     pub fn draw(&self) -> Markup {
         let places = || self.lines.iter().flat_map(|line| &line.points).map(|(x, _)| *x);
         let span = places().fold(f64::NEG_INFINITY, f64::max) - places().fold(f64::INFINITY, f64::min);

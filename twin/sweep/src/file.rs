@@ -50,9 +50,9 @@ pub struct SweepAxis {
 /// A sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sweep {
-    /// Path of the file, for errors and for files that it names.
+    /// Path of the file, for errors and for files named in it.
     pub file: PathBuf,
-    /// Name for people.
+    /// Name for display.
     pub name: String,
     /// Number of pairs of objects at every point.
     pub combos: usize,
@@ -70,7 +70,7 @@ impl Sweep {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Parses a file's text; `path` is used in errors, and files that it names are looked for beside it.
+    /// Parses a file's text; `path` is used in errors, and files named in it are relative to its folder.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let file: SweepFile = parse_toml(text, path)?;
         let wrong = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));

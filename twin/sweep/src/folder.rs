@@ -8,7 +8,7 @@
 //! | `plan.json` | the sweep, as planned |
 //! | `units/trials/ID_COLUMNS.parquet` | trials of a finished unit; it is written last, so that a unit with this file is finished |
 //! | `units/tries/ID_COLUMNS.parquet` | their tries |
-//! | `claims/ID_COLUMNS` | a worker plays this unit now ([`crate::claim`]) |
+//! | `claims/ID_COLUMNS` | a worker runs this unit now ([`crate::claim`]) |
 //! | `failed/ID_COLUMNS.json` | the last attempt at this unit failed, with the reason |
 //! | `corrupt/` | units' files that were found broken |
 //! | `merged/trials/`, `merged/tries/`, `merged/units.csv` | rows of all units, one file per point; the units' times ([`crate::merge`]) |
@@ -32,7 +32,7 @@ use crate::table::ParquetReader;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     pub reason: String,
-    /// Worker that tried: machine, process, job.
+    /// Worker of the attempt: machine, process, job.
     pub by: String,
 }
 
@@ -63,7 +63,7 @@ impl SweepFolder {
         Ok(Self { path: path.to_owned(), plan })
     }
 
-    /// Creates the folder for `plan`, or opens the one that holds this sweep already. Refuses the folder of another
+    /// Creates the folder for `plan`, or opens the one that already holds this sweep. Refuses the folder of another
     /// sweep.
     pub fn join(path: &Path, plan: SweepPlan) -> Result<Self> {
         if !Self::is_at(path) {
@@ -72,7 +72,7 @@ impl SweepFolder {
                 fs::create_dir_all(&folder)
                     .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
             }
-            // Of two workers that begin at the same time, one is first.
+            // Of two workers that start at the same time, one is first.
             let mut draft = tempfile::NamedTempFile::new_in(path).with_context(|| path.display().to_string())?;
             std::io::Write::write_all(&mut draft, plan.to_json()?.as_bytes())?;
             draft.as_file().sync_all()?;
@@ -98,7 +98,7 @@ impl SweepFolder {
         self.path.join("units").join(which.name()).join(format!("{id}.parquet"))
     }
 
-    /// True if a unit is finished, by the present state of the file system.
+    /// True if a unit is finished, according to the present file system.
     pub fn is_finished(&self, id: &str) -> bool {
         self.unit_path(TableKind::Trials, id).is_file()
     }
@@ -153,7 +153,7 @@ impl SweepFolder {
         Ok(reader)
     }
 
-    /// Moves the files of a unit aside, so that it is played again.
+    /// Moves the files of a unit aside, so that it is run again.
     pub fn set_aside(&self, id: &str) -> Result<PathBuf> {
         let aside = self.path.join("corrupt");
         fs::create_dir_all(&aside).with_context(|| aside.display().to_string())?;

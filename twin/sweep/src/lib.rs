@@ -1,10 +1,10 @@
 //! Sweeps: many benchmarks along axes, in units of a few minutes, on one machine or on a cluster.
 //!
-//! [`mod@file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives the
-//! units of work. [`folder`] is the result folder, the only thing that workers share, and [`claim`] keeps two of them
-//! from playing the same unit. [`play`] plays one unit, and [`work`] all that are left. [`columns`] defines the results
-//! that are kept of a trial, [`table`] stores them as Parquet, and [`rows`] makes them from records. [`merge`] joins
-//! the units' files, [`slurm`] submits the work to a cluster, and [`status`] reports its progress. [`outcomes`],
+//! [`mod@file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives
+//! the units of work. [`folder`] is the result folder, the only thing that workers share, and [`claim`] keeps two of
+//! them from running the same unit. [`play`] runs one unit, and [`work`] all that are left. [`columns`] defines the
+//! results that are kept of a trial, [`table`] stores them as Parquet, and [`rows`] makes them from records. [`merge`]
+//! joins the units' files, [`slurm`] submits the work to a cluster, and [`status`] reports its progress. [`outcomes`],
 //! [`curve`] and [`page`] make the report. [`makespan`] replays recorded unit times on more cores.
 
 // Printed text may come from third parties: this `eprintln!` makes it printable.

@@ -1,9 +1,9 @@
 //! Predicted duration (makespan) of a sweep on more cores: a replay of its units' recorded times.
 //!
-//! Workers take the units in the plan's order, each the next one as soon as it is free. A worker needs `start_s` before
-//! its first unit. The file system serves one operation after the other at a given rate. If the workers together ask
-//! for more, units end later by the excess. The times are those recorded where the units were played. Cores that share
-//! memory channels are slower together; the replay does not model this.
+//! Free workers take the units in the plan's order. A worker needs `start_s` before its first unit. The file system
+//! serves one operation after the other at a given rate. If the workers together request more, units end later by the
+//! excess. The times are those recorded during the run of the units. Cores that share memory channels are slower
+//! together; the replay does not model this.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -20,12 +20,12 @@ pub struct Assumptions {
     pub operations: f64,
     /// Rate at which the file system serves them, all workers together, 1/s.
     pub operations_per_s: f64,
-    /// Number of these operations that each worker needs, per unit of the plan, to look for open units.
+    /// Number of these operations per worker and unit of the plan in the search for open units.
     pub looks: f64,
 }
 
 impl Assumptions {
-    /// Typical values: a small NFS server, and workers that begin within seconds.
+    /// Typical values: a small NFS server, and workers that start within seconds.
     pub const TYPICAL: Self = Self { start_s: 10.0, operations: 16.0, operations_per_s: 500.0, looks: 0.01 };
 }
 
@@ -59,7 +59,7 @@ pub fn replay(units: &[f64], cores: usize, assumed: &Assumptions) -> MakespanPoi
         server = server.max(at) + count * served;
         server
     };
-    // Each worker looks at the folder once when it begins.
+    // Each worker reads the folder once at its start.
     free = free.into_iter().map(|Reverse(at)| Reverse(whole(ask(at as f64 / 1e6, look)))).collect();
     let (mut last, mut first_idle) = (0, u64::MAX);
     for seconds in units {
@@ -112,7 +112,7 @@ mod tests {
         }
     }
 
-    /// 100 units of 1 s and 10 operations each cannot end sooner than the server has done 1000 operations.
+    /// 100 units of 1 s and 10 operations each cannot end before the server has done 1000 operations.
     #[test]
     fn the_file_system_is_a_limit() {
         let assumed = Assumptions { operations: 10.0, operations_per_s: 20.0, ..NO_OVERHEAD };

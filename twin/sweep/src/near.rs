@@ -6,7 +6,7 @@ use strsim::levenshtein;
 pub fn nearest_names<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let last = |name: &'a str| name.rsplit('.').next().unwrap_or(name);
     let own = wanted.rsplit('.').next().unwrap_or(wanted);
-    // A field is often named without the table that contains it.
+    // A field is often named without its table.
     let mut ranked: Vec<(usize, &str)> =
         known.into_iter().map(|name| (levenshtein(wanted, name).min(1 + levenshtein(own, last(name))), name)).collect();
     ranked.sort();

@@ -1,6 +1,6 @@
 //! Outcomes of every trial of a sweep, one byte each: a grid over points, seeds, pairs of objects, trials and arms.
 //!
-//! An arm is a policy, or `touch` without one of its means. A million trials take a megabyte.
+//! An arm is a policy, or `touch` without one of its capabilities. A million trials take a megabyte.
 
 use std::collections::BTreeMap;
 
@@ -50,7 +50,7 @@ impl ReportedOutcome {
     }
 }
 
-/// Bit that is set if a trial was played.
+/// Bit that is set if a trial was run.
 const PLAYED_BIT: u8 = 1;
 
 /// Grid of outcomes.
@@ -86,7 +86,7 @@ impl Outcomes {
         }
     }
 
-    /// Reads all outcomes of a sweep. Its units are merged first if that has not been done since the last of them was
+    /// Reads all outcomes of a sweep. Its units are merged first, unless this was done after the last of them was
     /// finished.
     pub fn read(folder: &SweepFolder, quiet: bool) -> Result<Self> {
         let times = std::fs::read_to_string(folder.path.join("merged/units.csv")).unwrap_or_default();
@@ -171,13 +171,13 @@ impl Outcomes {
         self.bits[at] = outcomes.iter().fold(PLAYED_BIT, |bits, outcome| bits | outcome.bit());
     }
 
-    /// Returns an outcome of a trial; none if the trial was not played.
+    /// Returns an outcome of a trial; none if the trial was not run.
     pub fn get(&self, point: usize, place: TrialPlace, arm: usize, outcome: ReportedOutcome) -> Option<bool> {
         let bits = *self.bits.get(self.at(point, place, arm)?)?;
         (bits & PLAYED_BIT != 0).then_some(bits & outcome.bit() != 0)
     }
 
-    /// Returns the number of trials that were played.
+    /// Returns the number of trials that were run.
     pub fn played(&self) -> usize {
         self.bits.iter().filter(|bits| **bits != 0).count()
     }

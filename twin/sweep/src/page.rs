@@ -30,7 +30,7 @@ pub struct SweepReport {
 pub struct Results {
     /// Name of the sweep.
     sweep: String,
-    /// Number of trials that were played.
+    /// Number of trials that were run.
     pub trials: usize,
     /// Number of finished units.
     units: usize,
@@ -82,7 +82,7 @@ pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
         }
         h2 { "Contrasts" }
         (contrast_table(&contrasts))
-        h2 { "How these numbers are made" }
+        h2 { "Method" }
         p { (METHOD_TEXT) }
     };
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
@@ -115,9 +115,9 @@ pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
 const ALL_POINTS: &str = "all points";
 
 const METHOD_TEXT: &str = "A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
-    is the mean over pairs of each pair's mean difference between trials that met the same errors (the same point but for what is compared, seed, \
-    pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike; there is none of fewer than five pairs, or of pairs \
-    that are all alike. Many contrasts are shown: of \
+    is the mean over pairs of each pair's mean difference between trials with the same errors (the same point but for what is compared, seed, \
+    pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are correlated; there is none for fewer than five pairs, or of pairs \
+    that are all equal. Many contrasts are shown: of \
     twenty without any effect one excludes 0 by chance.";
 
 fn line(what: &str, estimate: &RateEstimate) -> String {
@@ -216,7 +216,7 @@ fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
         );
     }
     let touch = outcomes.arms.iter().position(|arm| arm == "touch");
-    // The base is touch if it was played, else the first arm.
+    // The base is touch if it was run, else the first arm.
     let base = touch.unwrap_or(0);
     for (arm, name) in outcomes.arms.iter().enumerate().filter(|(arm, _)| *arm != base) {
         for (of, at) in &places {
@@ -292,9 +292,8 @@ fn comma_separated<'a, const N: usize>(
 /// there are `trials`; `join` neighbouring units are taken as one.
 pub fn makespan(folder: &SweepFolder, trials: Option<usize>, join: usize) -> Result<(Vec<MakespanPoint>, String)> {
     let file = folder.path.join("merged/units.csv");
-    let text = std::fs::read_to_string(&file).with_context(|| {
-        format!("{}: found no times, expected those that `ftac sweep merge` leaves", file.display())
-    })?;
+    let text = std::fs::read_to_string(&file)
+        .with_context(|| format!("{}: found no times, expected those of `ftac sweep merge`", file.display()))?;
     let mut recorded = Vec::new();
     for (n, row) in text.lines().enumerate().skip(1) {
         let cells: Vec<&str> = row.split(',').collect();
@@ -359,23 +358,23 @@ pub fn makespan(folder: &SweepFolder, trials: Option<usize>, join: usize) -> Res
     let body = html! {
         p {
             (format_duration(work)) " of work in " (count_with_noun(units.len(), "unit")) " (" (count_with_noun(count, "trial")) "), the longest " (format_duration(longest)) ". "
-            (limit) " at least 80 % of the cores' time is work; beyond, a worker has too few units: what is left at the end is one unit's time, and "
+            (limit) " at least 80 % of the cores' time is work; with more, each worker has too few units: the end is one unit's time, and "
             (count_with_noun(CORE_COUNTS[CORE_COUNTS.len() - 1], "worker")) " begin only after " (start) " s of start."
         }
         (table)
         h2 { "Assumptions" }
         ul {
             li {
-                "Times are those recorded when the units were played, in the plan's order"
+                "Times are those recorded during the run of the units, in the plan's order"
                 @if wanted > own { ", repeated until there are as many trials" }
                 @if join > 1 { ", " (join) " neighbours taken as one unit" }
-                "; they hold for such a core under such a load."
+                "; they are valid for this kind of core under this load."
             }
-            li { "A worker begins " (start) " s after it is submitted; a real queue may take hours, which is not in it." }
+            li { "A worker starts " (start) " s after its submission; hours in a real queue are not included." }
             li {
-                (assumed.operations) " metadata operations of the file system a unit (claim, two temporary files, renames, removal), and one look a \
-                worker at the folder, " (assumed.looks) " operations a unit of the plan; the server does " (assumed.operations_per_s)
-                " in a second, one after the other."
+                (assumed.operations) " metadata operations of the file system per unit (claim, two temporary files, renames, removal), and one search per \
+                worker in the folder, " (assumed.looks) " operations per unit of the plan; the server does " (assumed.operations_per_s)
+                " per second, one after the other."
             }
             li { "No node is lost. A lost one costs its unit in progress, and the wait until Slurm requeues it." }
         }

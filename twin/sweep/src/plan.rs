@@ -20,7 +20,7 @@ use crate::axis::{self, AxisField, AxisLevel, PlannedAxis, RunDraft};
 use crate::columns;
 use crate::file::Sweep;
 
-/// Cost of trials, as measured on the machine that the file names.
+/// Cost of trials, as measured on the machine named in the file.
 const COST_TOML: &str = include_str!("../data/cost.toml");
 
 /// Largest number of trials of a sweep.
@@ -32,7 +32,7 @@ const MAX_TRIALS: f64 = 1e8;
 pub struct TrialCost {
     /// Time of a trial under each condition, s of one core.
     trial_s: BTreeMap<String, f64>,
-    /// Factor of that time on other bodies than the simulated one.
+    /// Factor of that time on robot backends other than the simulated one.
     other_body: f64,
     /// Time of a run before its first trial, s of one core.
     run_s: f64,
@@ -41,7 +41,7 @@ pub struct TrialCost {
 }
 
 impl TrialCost {
-    /// Returns the costs that come with the program.
+    /// Returns the built-in costs.
     pub fn builtin() -> Result<Self, DataError> {
         ftac_platform::data::parse_toml(COST_TOML, Path::new("data/cost.toml"))
     }
@@ -103,7 +103,7 @@ pub struct SweepPlan {
     pub trials: usize,
     /// Expected time of all units on one core, s.
     pub core_s: f64,
-    /// Distinct texts of the runs' scenarios. A run's request holds the index of its own.
+    /// Distinct texts of the runs' scenarios. A run's request holds the index of its text.
     pub scenarios: Vec<String>,
     pub runs: Vec<SweepRun>,
     pub units: Vec<SweepUnit>,
@@ -307,7 +307,7 @@ fn grid(sizes: &[usize]) -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-/// Names the columns of the axes: by the last word of the path if that is unique.
+/// Names the columns of the axes by the last word of the path if that is unique.
 fn columns_of(axes: &[&crate::file::SweepAxis]) -> Vec<PlannedAxis> {
     let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
     axes.iter()

@@ -1,4 +1,4 @@
-//! Plays a unit of a sweep with the functions of the benchmark.
+//! Runs a unit of a sweep with the functions of the benchmark.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -24,12 +24,12 @@ pub struct PlayedTables {
     pub seconds: f64,
 }
 
-/// Cache of benches: units of one run need the same.
+/// Cache of benches, which units of one run share.
 pub struct BenchCache {
     made: Mutex<Vec<(String, Slot)>>,
     /// Capacity of the cache.
     capacity: usize,
-    /// True to hide the progress of a search for plans that do not come with the program.
+    /// True to hide the progress of the search for grasp pairs that are not built in.
     quiet: bool,
 }
 
@@ -66,7 +66,7 @@ impl BenchCache {
     }
 }
 
-/// Returns a source of bodies that cannot be cloned; none for simulated ones.
+/// Returns a factory of robot backends that cannot be cloned; none for simulated ones.
 fn backend_factory(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BackendFactory>>> {
     let model = bench.world.cell.robot.clone();
     Ok(match robot {
@@ -77,7 +77,7 @@ fn backend_factory(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BackendF
     })
 }
 
-/// Plays all trials of a unit. `stop` may end it between two trials; the result is then none.
+/// Runs all trials of a unit. `stop` may end it between two trials; the result is then none.
 pub fn play(
     plan: &SweepPlan,
     unit: &SweepUnit,

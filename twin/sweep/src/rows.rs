@@ -15,7 +15,7 @@ use crate::table::{Cell, ColumnTable};
 pub struct UnitTables {
     pub trials: ColumnTable,
     pub tries: ColumnTable,
-    /// Fields that every row begins with.
+    /// Common fields at the start of every row.
     common_fields: Map<String, Value>,
 }
 
@@ -88,7 +88,7 @@ impl UnitTables {
     }
 }
 
-/// Splits a text of numbers into fields of their own.
+/// Splits a text of numbers into separate fields.
 fn split(row: &mut Map<String, Value>, field: &str, names: impl Iterator<Item = String>) {
     let text = row.remove(field);
     let mut numbers = text.as_ref().and_then(Value::as_str).unwrap_or_default().split(' ').map(str::parse::<f64>);

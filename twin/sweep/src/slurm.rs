@@ -1,9 +1,9 @@
 //! Submission of a sweep to Slurm: an array of workers, and a job that merges their results when all of them have
 //! ended.
 //!
-//! Workers claim units ([`crate::claim`]), so it does not matter how many there are or which of them are lost. Slurm
-//! requeues workers that lose their node. A worker whose program fails requeues itself, a few times. If units are
-//! missing in the end, the last job submits the sweep again.
+//! Workers claim units ([`crate::claim`]), so their number and the loss of some do not matter. Slurm requeues workers
+//! that lose their node. A worker whose program fails requeues itself, a few times. If units are missing in the end,
+//! the last job submits the sweep again.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -56,7 +56,7 @@ pub enum Submission {
     New(SlurmJobs),
     /// Jobs of this sweep are already in progress.
     Joined(SlurmJobs),
-    /// Nothing is left to play.
+    /// Nothing is left to run.
     Finished,
 }
 
@@ -84,9 +84,7 @@ fn quoted(text: &str) -> String {
 /// Returns the script of the workers.
 pub fn array_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions, workers: usize) -> String {
     let here = quoted(&sweep.path.to_string_lossy());
-    let mut text =
-        "#!/bin/bash\n# Workers of a sweep. Each plays units that nobody else has claimed until none is left.\n"
-            .to_owned();
+    let mut text = "#!/bin/bash\n# Workers of a sweep. Each runs unclaimed units until none is left.\n".to_owned();
     let mut ask = |what: &str| {
         let _ = writeln!(text, "#SBATCH {what}");
     };
@@ -104,8 +102,8 @@ pub fn array_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions,
     let _ = write!(
         text,
         "\n{} sweep run {here} --jobs {} --worker \"$SLURM_ARRAY_TASK_ID/{workers}\"\ncode=$?\n\
-         # What failed here may work on another node. A unit that is at fault itself fails there too, and is named by `ftac sweep status`.\n\
-         # Code 130: it was told to end, by scancel or because Slurm wants the node; what Slurm wants back it requeues itself.\n\
+         # A unit that failed here may succeed on another node. A faulty unit fails there too, and `ftac sweep status` lists it.\n\
+         # Code 130: ended by scancel, or because Slurm needs the node; Slurm then requeues the task itself.\n\
          if [ $code -ne 0 ] && [ $code -ne 130 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {MAX_RETRIES} ]; then\n\
          \x20   echo \"worker ended with code $code: requeued\"\n\
          \x20   scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\nfi\nexit $code\n",
@@ -119,8 +117,7 @@ pub fn array_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions,
 pub fn merge_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions) -> String {
     let (program, here) = (quoted(&program.to_string_lossy()), quoted(&sweep.path.to_string_lossy()));
     let mut text =
-        "#!/bin/bash\n# Joins the results of a sweep's workers when all of them are over, however they ended.\n"
-            .to_owned();
+        "#!/bin/bash\n# Joins the results of a sweep's workers when all of them have ended, in any way.\n".to_owned();
     let mut ask = |what: &str| {
         let _ = writeln!(text, "#SBATCH {what}");
     };
@@ -154,7 +151,7 @@ pub fn merge_script(sweep: &SweepFolder, program: &Path, options: &SlurmOptions)
 fn slurm(program: &str, arguments: &[&str]) -> Result<String> {
     let output = child::command(program).args(arguments).output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => {
-            anyhow!("found no `{program}` on the path, expected Slurm's; without Slurm, `ftac sweep run` plays the sweep on this machine")
+            anyhow!("found no `{program}` on the path, expected Slurm's; without Slurm, `ftac sweep run` runs the sweep on this machine")
         }
         _ => anyhow!("{program}: {error}"),
     })?;
@@ -217,11 +214,11 @@ pub fn submit(sweep: &SweepFolder, program: &Path, options: &SlurmOptions) -> Re
 /// A job or task as Slurm reports it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SlurmTask {
-    /// Identifier, such as `12_3`, or `12_[4-9]` for tasks that have not begun.
+    /// Identifier, such as `12_3`, or `12_[4-9]` for tasks that have not started.
     pub id: String,
     /// State, such as `RUNNING`.
     pub state: String,
-    /// Node that it runs on, or the reason for which it waits.
+    /// Its node, or the reason for its wait.
     pub reason: String,
     /// Number of tasks that the line stands for.
     pub count: usize,
@@ -236,7 +233,7 @@ impl SlurmTask {
     }
 }
 
-/// Returns Slurm's view of the jobs of a submission; empty for jobs that it has forgotten.
+/// Returns Slurm's state of the jobs of a submission; empty for forgotten jobs.
 pub fn queue(jobs: &SlurmJobs) -> Result<Vec<SlurmTask>> {
     let ids = format!("{},{}", jobs.array, jobs.merge);
     let said = slurm("squeue", &["--noheader", "--states=all", "--format=%i|%T|%R", "--jobs", &ids]);

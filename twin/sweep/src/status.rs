@@ -16,7 +16,7 @@ pub struct SweepStatus {
     pub finished: usize,
     /// Number of all units.
     pub total_units: usize,
-    /// Number of units that are being played.
+    /// Number of units in progress.
     pub running: usize,
     /// Units whose last attempt failed.
     pub failed: Vec<(String, Failure)>,
@@ -61,7 +61,7 @@ pub fn status(folder: &SweepFolder) -> Result<SweepStatus> {
 }
 
 /// Returns the trials per minute between the first and the last of the times in the window. The trials of the first one
-/// were played before.
+/// were run before.
 fn rate(times: &[(SystemTime, usize)]) -> Option<f64> {
     let (last, _) = times.last()?;
     let age = |at: &SystemTime| last.duration_since(*at).unwrap_or_default().as_secs_f64();
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!(rate(&[]), None);
         assert_eq!(rate(&[at(5, 10)]), None);
         assert_eq!(rate(&[at(0, 10), at(60, 10), at(120, 20)]), Some(15.0));
-        // A pause of a day before it has no influence.
+        // A preceding pause of a day has no influence.
         assert_eq!(rate(&[at(0, 999), at(86_400, 10), at(86_460, 12)]), Some(12.0));
     }
 }

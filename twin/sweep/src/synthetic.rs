@@ -39,7 +39,7 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
         cause: None,
         switched: draw.is_multiple_of(3),
         retries: (draw % 3) as u32,
-        reason: format!("odds {:.3}", draw as f64 / 1e3),
+        reason: format!("score {:.3}", draw as f64 / 1e3),
         disturbance: String::new(),
         risk: Some(draw as f64 / 1e4),
         plan_separation_mm: Some(draw as f64 / 1e2 - 5.0),
@@ -79,7 +79,7 @@ fn sweep(path: &Path, seeds: usize) -> SweepFolder {
     folder
 }
 
-/// All stored results are found again, and the digest does not depend on the order in which units were played.
+/// All stored results are recovered, and the digest does not depend on the order in which units were run.
 #[test]
 fn what_is_kept_is_reported() {
     let [one, other] = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
@@ -100,7 +100,7 @@ fn what_is_kept_is_reported() {
 }
 
 #[test]
-#[ignore = "writes a million trials where FTAC_SYNTHETIC says"]
+#[ignore = "writes a million trials to the folder FTAC_SYNTHETIC"]
 fn a_million_made_up_trials() {
     let path = PathBuf::from(std::env::var_os("FTAC_SYNTHETIC").expect("FTAC_SYNTHETIC names a folder"));
     let folder = sweep(&path, 51);

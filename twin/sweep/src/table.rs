@@ -132,7 +132,7 @@ impl ColumnTable {
     /// Appends the rows of another table with the same columns.
     pub fn append(&mut self, other: Self) -> Result<()> {
         if self.columns != other.columns {
-            bail!("its columns are others");
+            bail!("schema mismatch");
         }
         for (own, more) in self.values.iter_mut().zip(other.values) {
             own.append(more)?;
@@ -324,7 +324,7 @@ mod tests {
         let reader = ParquetReader::open(&file).expect("opens");
         assert_eq!((reader.rows(), reader.metadata("ftac.unit")), (300, Some("u")));
         assert_eq!(reader.read(&columns()).expect("read"), table);
-        // Reading some columns alone, and a missing one.
+        // Reads some columns only, and a missing one.
         let some = reader.read(&columns()[3..]).expect("read");
         assert_eq!(some.values, table.values[3..]);
         let other = TableColumn { name: "y".into(), kind: ColumnKind::Number, description: "" };

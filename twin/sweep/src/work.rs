@@ -1,4 +1,4 @@
-//! A worker: plays the unfinished units of a sweep, one after the other.
+//! A worker: runs the unfinished units of a sweep, one after the other.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,31 +15,31 @@ use crate::folder::{Failure, SweepFolder};
 use crate::plan::SweepUnit;
 use crate::play::{BenchCache, play};
 
-/// Interval between looks at units that others play.
+/// Polling interval for units that others run.
 const POLL_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Options of a worker.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkerOptions {
-    /// Number of threads; each plays a unit of its own.
+    /// Number of threads; each runs its own unit.
     pub jobs: usize,
     /// True to show no progress.
     pub quiet: bool,
-    /// Worker `i` of `n`, from 1. It determines the first unit, so that not all begin with the same one. Such a worker
-    /// does not wait for units that others play.
+    /// Worker `i` of `n`, from 1. It determines the first unit, so that not all start with the same one. Such a worker
+    /// does not wait for units that others run.
     pub worker: Option<(usize, usize)>,
 }
 
 /// Result of a worker.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkerResult {
-    /// Number of units that it played.
+    /// Number of units that it ran.
     pub played: usize,
-    /// Number of units that are finished now.
+    /// Number of finished units.
     pub finished: usize,
     /// Number of all units.
     pub total_units: usize,
-    /// Units that could not be played, with the reasons.
+    /// Units that could not be run, with the reasons.
     pub failed: Vec<(String, String)>,
     /// Wall time of this worker, s.
     pub wall_s: f64,
@@ -47,12 +47,12 @@ pub struct WorkerResult {
 
 /// Returns the error for Ctrl-C or SIGTERM; finished units are kept.
 fn interrupted(folder: &SweepFolder) -> Result<anyhow::Error> {
-    let further = format!("go on with `ftac sweep run {}`", folder.path.display());
+    let further = format!("continue with `ftac sweep run {}`", folder.path.display());
     let (done, of) = (folder.finished()?.len(), folder.plan.units.len());
     Ok(Interrupted { done, total: of, pieces: "units are finished", resume_hint: further }.into())
 }
 
-/// Plays the unfinished units on several threads. A failure is recorded and the next unit begun, but a result that
+/// Runs the unfinished units on several threads. A failure is recorded and the next unit started, but a result that
 /// cannot be written ends the work.
 pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult> {
     let begun = Instant::now();
@@ -87,12 +87,12 @@ pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult
             break;
         }
         let played = worker.play_open_units(&open, options.jobs)?;
-        // The remaining units are played by others.
+        // The remaining units are run by others.
         if played == 0 && options.worker.is_some() {
             break;
         }
         if played == 0 {
-            bar.set_message("waiting for units that others play");
+            bar.set_message("waiting for units of other workers");
             std::thread::sleep(POLL_INTERVAL);
             let now = folder.finished()?;
             bar.set_position(
@@ -114,19 +114,19 @@ pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult
     })
 }
 
-/// Returns the order in which units are tried: neighbours share a bench, and workers begin at different units.
+/// Returns the order in which units are tried: neighbours share a bench, and workers start at different units.
 fn unit_order(units: usize, worker: Option<(usize, usize)>) -> Vec<usize> {
     let start = worker.map_or(0, |(i, n)| units * (i - 1) / n.max(1));
     (start..units).chain(0..start).collect()
 }
 
-/// Moves the broken files of finished units aside, so that these are played again.
+/// Moves the broken files of finished units aside, so that these are run again.
 fn set_broken_aside(folder: &SweepFolder) -> Result<()> {
     for id in folder.finished()? {
         for which in TableKind::ALL {
             if let Err(error) = folder.open_checked(which, &id) {
                 let aside = folder.set_aside(&id)?;
-                eprintln!("{error:#}; it is kept as {}, and its unit is played again", aside.display());
+                eprintln!("{error:#}; it is kept as {}, and its unit is run again", aside.display());
                 break;
             }
         }
@@ -142,7 +142,7 @@ struct Worker<'a> {
     bar: &'a progress::ProgressBar,
     failed: Mutex<Vec<(String, String)>>,
     played: AtomicUsize,
-    /// Error for which no further unit is begun.
+    /// Error that prevents the start of further units.
     stopped: Mutex<Option<anyhow::Error>>,
 }
 
@@ -152,7 +152,7 @@ impl Worker<'_> {
         Ok(failed.iter().map(|(id, _)| id.clone()).collect())
     }
 
-    /// Tries every open unit once and plays those that are free. Returns their number.
+    /// Tries every open unit once and runs the free ones. Returns their number.
     fn play_open_units(&self, open: &[&SweepUnit], jobs: usize) -> Result<usize> {
         let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
         bench::workers::for_each(jobs, open, |_, unit| {

@@ -1,4 +1,4 @@
-//! Records 5 s of made-up motion of the real hand and arm, to look at the layout: `cargo run --example demo -- demo.rrd`.
+//! Records 5 s of synthetic motion of the real hand and arm: `cargo run --example demo -- demo.rrd`.
 
 use std::error::Error;
 use std::f64::consts::{PI, TAU};

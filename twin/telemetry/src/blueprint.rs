@@ -3,10 +3,10 @@
 //! Left: hand and objects in a view that follows the hand (with the whole scene on a second tab), above a view from the
 //! palm and plots with a common time axis. Right: tactile images laid out as the opened hand (with their changes and
 //! height maps on further tabs), above the current state, the log behind it, and the phases. The layout is the same for
-//! every body.
+//! every robot backend.
 //!
 //! Rerun's own builder cannot set a camera, hide a legend or link axes. These are view properties like any other,
-//! logged below the view's path in the blueprint. [`send`] adds them to what the builder makes.
+//! logged below the view's path in the blueprint. [`send`] adds them to the builder's output.
 
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
@@ -29,7 +29,7 @@ use crate::{entities, tactile};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraViewpoint {
     pub position: [f32; 3],
-    /// Point that the eye looks at and orbits around.
+    /// Target point of the eye and centre of its orbit.
     pub target: [f32; 3],
 }
 
@@ -120,8 +120,8 @@ fn layout() -> (Blueprint, Properties) {
         with.scene_of("Hand and objects", (entities::FOLLOW, &near), FOLLOW_VIEW, up),
         with.scene("Whole scene", entities::WORLD, SCENE_VIEW, up),
     ]);
-    // Seen from below, the table would hide everything.
-    let palm = ["+ /world/**", "- /world/table", "- /world/arm/**", "- /world/ways/**"];
+    // From below, the table would hide everything.
+    let palm = ["+ /world/**", "- /world/table", "- /world/arm/**", "- /world/paths/**"];
     let palm = with.scene_of("From the palm", (entities::HAND, &palm), PALM_VIEW, [0.0, 1.0, 0.0]);
     let plots = Vertical::new([
         Tabs::new([
@@ -134,7 +134,7 @@ fn layout() -> (Blueprint, Properties) {
             with.plot("Force on pads (N)", &[entities::PAD_FORCES], false),
             with.plot("Pose error (mm, deg)", &[entities::POSE_ERROR_MM, entities::POSE_ERROR_DEG], true),
             with.plot("Arm joints (deg)", &[entities::ARM_ANGLES], true),
-            with.plot("Beyond the twin (N)", &[entities::RESIDUAL_LOADS, entities::RESIDUAL_FORCE], true),
+            with.plot("Residuals (N)", &[entities::RESIDUAL_LOADS, entities::RESIDUAL_FORCE], true),
         ])
         .into(),
     ]);
@@ -182,10 +182,10 @@ pub fn send_gallery(rec: &RecordingStream, eye: CameraViewpoint) -> Result<(), T
     send_layout(rec, (static_layout(blueprint), with))
 }
 
-/// Sends the layout of a held object as felt by touch: the hand, with images and text beside it.
+/// Sends the layout of a held object as perceived by touch: the hand, with images and text beside it.
 pub fn send_estimated_scene(rec: &RecordingStream, eye: CameraViewpoint) -> Result<(), TelemetryError> {
     let mut with = Properties::default();
-    let hand = with.scene("Felt on the hand", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
+    let hand = with.scene("Perceived in the hand", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
     let sheet = Spatial2DView::new("Image, normals, height and patches").with_origin(entities::IMAGE_SHEET);
     let text = TextDocumentView::new("In words").with_origin(entities::GALLERY_TEXT);
     let left = Vertical::new([hand, text.into()]).with_row_shares([0.75, 0.25]);
@@ -205,7 +205,7 @@ fn static_layout(blueprint: Blueprint) -> Blueprint {
 }
 
 fn send_layout(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), TelemetryError> {
-    // Rerun gives access to the builder's messages only through a recording, so they pass through one in memory.
+    // Rerun exposes the builder's messages only through a recording, so they pass through one in memory.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
     blueprint.send(&scratch, BlueprintActivation::default())?;
     let of_blueprint = |msg: &LogMsg| msg.store_id().kind() == StoreKind::Blueprint;

@@ -16,14 +16,14 @@ pub const HAND: &str = "world/hand";
 pub const FOLLOW: &str = "world/follow";
 /// The cables, palm frame.
 pub const CABLES: &str = "world/hand/cables";
-/// Trajectories: of the rejected plan, and of the chosen action.
-pub const REJECTED_PATH: &str = "world/ways/rejected";
-pub const CHOSEN_PATH: &str = "world/ways/chosen";
+/// Trajectories: the rejected one, and that of the chosen action.
+pub const REJECTED_PATH: &str = "world/paths/rejected";
+pub const CHOSEN_PATH: &str = "world/paths/chosen";
 /// Closest approach of the rejected trajectory to the target.
-pub const CLOSEST_APPROACH: &str = "world/ways/nearest";
-/// Root of the digital twin in mirror mode: the links of its arm, and its palm with the hand's links below that.
-pub const REFERENCE_MODEL: &str = "world/twin";
-pub const REFERENCE_HAND: &str = "world/twin/hand";
+pub const CLOSEST_APPROACH: &str = "world/paths/nearest";
+/// Root of the reference model: the links of its arm, and its palm with the hand's links below that.
+pub const REFERENCE_MODEL: &str = "world/reference_model";
+pub const REFERENCE_HAND: &str = "world/reference_model/hand";
 /// Contact forces.
 pub const CONTACTS: &str = "world/contacts";
 /// Root of the tactile images.
@@ -48,10 +48,10 @@ pub const PAD_FORCES: &str = "signals/pad_force";
 pub const POSE_ERROR_MM: &str = "signals/pose_error_mm";
 /// Errors of the estimated object poses, degrees.
 pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
-/// Residual cable load, robot minus twin, N.
-pub const RESIDUAL_LOADS: &str = "signals/twin_load";
-/// Residual force on the hand, robot minus twin, N.
-pub const RESIDUAL_FORCE: &str = "signals/twin_force";
+/// Residual cable load, robot minus reference model, N.
+pub const RESIDUAL_LOADS: &str = "signals/residual_load";
+/// Residual force on the hand, robot minus reference model, N.
+pub const RESIDUAL_FORCE: &str = "signals/residual_force";
 /// Phase of the trial, a state.
 pub const PHASE: &str = "trial/phase";
 /// Log of events, as text.
@@ -67,7 +67,7 @@ pub const GALLERY: &str = "grasps";
 pub const GALLERY_TEXT: &str = "grasps_text";
 
 /// Sheet of images beside a held object.
-pub const IMAGE_SHEET: &str = "felt_sheet";
+pub const IMAGE_SHEET: &str = "image_sheet";
 
 /// Path of grasp number `n` (from 0) of a gallery.
 pub fn gallery(n: usize, name: &str) -> String {
@@ -84,17 +84,17 @@ pub fn hand_link(name: &str) -> String {
     format!("{HAND}/{}", path_part(name))
 }
 
-/// Path of a link of the twin's arm.
+/// Path of a link of the reference model's arm.
 pub fn reference_arm_link(k: usize) -> String {
     format!("{REFERENCE_MODEL}/arm_link_{}", k + 1)
 }
 
-/// Path of a link of the twin's hand.
+/// Path of a link of the reference model's hand.
 pub fn reference_hand_link(name: &str) -> String {
     format!("{REFERENCE_HAND}/{}", path_part(name))
 }
 
-/// Path of an object that a mirror believes to be in the twin's hand.
+/// Path of the object estimated to be in the reference model's hand.
 pub fn reference_object(name: &str) -> String {
     format!("{REFERENCE_MODEL}/objects/{}", path_part(name))
 }

@@ -28,12 +28,12 @@ pub enum TelemetryError {
         /// Reason in words.
         reason: String,
     },
-    /// An object or camera was named that the recorder was not created with.
-    #[error("nothing called {0} was announced when the recorder was created")]
+    /// An object or camera that was not announced when the recorder was created.
+    #[error("found {0}, expected an object or camera announced to the recorder")]
     Unknown(String),
     /// No viewer is installed.
     #[error(
-        "no Rerun viewer found (looked at RERUN_BIN and PATH). Install it with\n    pip install rerun-sdk=={version}\nor\n    \
+        "no Rerun viewer found (searched RERUN_BIN and PATH). Install it with\n    pip install rerun-sdk=={version}\nor\n    \
          cargo install rerun-cli --version {version} --locked",
         version = crate::release::RERUN_VERSION
     )]

@@ -1,5 +1,5 @@
-//! Recording of one held object as perceived by touch: the points felt on the hand, the object at its estimated and at
-//! its true pose, and beside them a sheet of raw images, normals and heights.
+//! Recording of one held object as perceived by touch: the contact points on the hand, the object at its estimated and
+//! at its true pose, and beside them a sheet of raw images, normals and heights.
 
 use hand_model::Hand;
 use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
@@ -18,7 +18,7 @@ use crate::sink::{OpenRecording, RecordingTarget};
 
 /// Opacity of the true object, of 255.
 const TRUTH_OPACITY: u8 = 70;
-/// Drawn length of a felt normal, m.
+/// Drawn length of a contact normal, m.
 const NORMAL_LENGTH: f32 = 0.006;
 
 /// Content of the recording, palm frame.
@@ -33,7 +33,7 @@ pub struct EstimatedScene {
     pub estimate: Isometry3<f64>,
     /// True pose, `palm_from_object`.
     pub truth: Isometry3<f64>,
-    /// Felt surface points with the object's outward normals, each with the link whose pad felt it (`None`: the palm).
+    /// Perceived surface points with the object's outward normals, each with the link of its pad (`None`: the palm).
     pub points: Vec<(Option<usize>, Point3<f64>, Vector3<f64>)>,
     /// Sheet of images, normals and heights of the touched pads.
     pub sheet: RgbImage,

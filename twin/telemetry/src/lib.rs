@@ -1,17 +1,17 @@
 //! Recordings and live views in Rerun. This is the only crate that depends on `rerun`.
 //!
-//! A [`SessionRecorder`] writes one trial to a file, to a live viewer, or to both ([`RecordingTarget`]). The viewer's layout
-//! ([`blueprint`]) is stored with the data. Data are thinned to the rates in [`RecorderSettings`] and are not repeated while
-//! they do not change. A control loop may therefore hand over everything at every tick, and the recording of a 25 s
-//! trial takes about 2 MB.
+//! A [`Recorder`] writes one trial to a file, to a live viewer, or to both ([`RecordingTarget`]). The viewer's layout
+//! ([`blueprint`]) is stored with the data. Data are thinned to the rates in [`RecorderSettings`] and are not repeated
+//! while they do not change. A control loop may therefore hand over everything at every tick, and the recording of a 25
+//! s trial takes about 2 MB.
 //!
 //! [`entities`] names every path. [`mesh`], [`hand_mesh`] and [`scene`] draw the robot, [`pose_belief`] draws its pose
-//! estimates; [`tactile`] encodes images, [`signals`] numbers, [`phase`] and [`state_page`] text. [`recorder`] offers all of
-//! these as one object. [`viewer`] opens recordings, and `live` streams to a viewer. Two other kinds of recording are
-//! [`gallery`], grasps side by side, and [`estimated_scene`], one held object as perceived by touch. [`release`] names the
-//! application, the time lines and the Rerun release.
+//! estimates; [`tactile`] encodes images, [`signals`] numbers, [`phase`] and [`state_page`] text. [`recorder`] offers
+//! all of these as one object. [`viewer`] opens recordings, and `live` streams to a viewer. Two other kinds of
+//! recording are [`gallery`], grasps side by side, and [`estimated_scene`], one held object as perceived by touch.
+//! [`release`] names the application, the time lines and the Rerun release.
 //!
-//! Time lines: `sim_time` (s) and `tick` (control ticks); for bodies that run in real time also `wall_time`.
+//! Time lines: `sim_time` (s) and `tick` (control ticks); for backends in real time also `wall_time`.
 
 pub mod blueprint;
 pub mod entities;

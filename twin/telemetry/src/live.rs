@@ -1,8 +1,8 @@
-//! Sink to a live viewer that never blocks the recorder. A viewer that does not answer, ends or hangs loses its own
-//! picture and nothing else.
+//! Sink to a live viewer that never blocks the recorder. A viewer that does not answer, ends or hangs loses only its
+//! own picture.
 //!
-//! Rerun's own sink blocks once a hundred messages wait for a viewer that never comes. Here they are queued to a
-//! separate thread.
+//! Rerun's own sink blocks once a hundred messages wait for an absent viewer. Here they are queued to a separate
+//! thread.
 
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
@@ -12,14 +12,14 @@ use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink, SinkFlushError};
 
 use crate::viewer;
 
-/// Time limit for a viewer to answer; then it is given up.
+/// Time limit for the answer of a viewer.
 const VIEWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Polling interval for a viewer that has not answered yet.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 enum Message {
     Log(Vec<LogMsg>),
-    /// Answered when everything before it has been handed over or given up.
+    /// Answered when everything before it has been sent or dropped.
     Flush(Sender<()>),
 }
 
@@ -44,14 +44,14 @@ impl LogSink for LiveSink {
     }
 
     fn send_all(&self, messages: Vec<LogMsg>) {
-        // If the thread is gone, the viewer has been lost already.
+        // If the thread has ended, the viewer has been lost already.
         let _ = self.to.send(Message::Log(messages));
     }
 
     fn flush_blocking(&self, timeout: Duration) -> Result<(), SinkFlushError> {
         let (done, over) = mpsc::channel();
         if self.to.send(Message::Flush(done)).is_ok() && over.recv_timeout(timeout) == Err(RecvTimeoutError::Timeout) {
-            viewer::mark_lost("it stopped taking what it is sent");
+            viewer::mark_lost("it stopped receiving");
         }
         Ok(())
     }
@@ -63,7 +63,7 @@ impl Drop for LiveSink {
     }
 }
 
-/// Forwards messages to the viewer as soon as it is there and for as long as it stays.
+/// Forwards messages to the viewer from its start to its end.
 fn forward_messages(sink: GrpcSink, from: &Receiver<Message>, address: &str) {
     let begun = Instant::now();
     let (mut waiting, mut asking) = (Vec::new(), Vec::new());
@@ -100,7 +100,7 @@ mod tests {
     /// Three hundred messages without a receiver: Rerun's sink takes a hundred and then blocks for ever.
     #[test]
     fn a_viewer_that_never_comes_holds_nothing_up() {
-        // A port on which nobody listens.
+        // A port without a listener.
         let port = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr()).expect("a port").port();
         let address = format!("rerun+http://127.0.0.1:{port}/proxy");
         let sink = LiveSink::new(GrpcSink::new(address.parse().expect("an address")), &address);

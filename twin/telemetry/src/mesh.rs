@@ -1,4 +1,4 @@
-//! Triangle meshes with normals: the drawn objects, and the simple bodies of which the robot is drawn.
+//! Triangle meshes with normals: the drawn objects, and the simple solids that make up the robot.
 
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 pub struct Mesh {
     /// Vertex positions, m.
     pub vertices: Vec<[f32; 3]>,
-    /// Vertex indices, counter-clockwise seen from outside.
+    /// Vertex indices, counter-clockwise when viewed from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Unit normals, one per vertex.
     pub normals: Vec<[f32; 3]>,
@@ -50,7 +50,7 @@ impl DrawnObject {
 }
 
 impl Mesh {
-    /// Adds normals to a plain mesh; see [`PageObject::from_mesh`]. Vertices at the same position are merged for this;
+    /// Adds normals to a plain mesh; see [`DrawnObject::from_mesh`]. Vertices at the same position are merged for this;
     /// triangles with an invalid vertex index or without area are left out.
     pub fn with_normals(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
         const CREASE_COSINE: f64 = 0.766;
@@ -98,8 +98,8 @@ impl Mesh {
         let half: Vector3<f32> = half.cast();
         let radius = (radius as f32).min(half.min()).max(0.0);
         let inner = half.add_scalar(-radius);
-        // Coordinates along one side: equal steps of the normal's angle from the edge to the flat part, mirrored on the
-        // other end.
+        // Coordinates along one side: equal steps of the normal's angle from the edge to the flat part, symmetric at
+        // the other end.
         let steps = |extent: f32| {
             let side = (0..=n).map(move |k| extent - radius + radius * (FRAC_PI_4 * k as f32 / n as f32).tan());
             side.clone().rev().map(|x| -x).chain(side).collect::<Vec<f32>>()
@@ -218,8 +218,7 @@ impl Mesh {
 mod tests {
     use super::*;
 
-    /// Computes the volume by the divergence theorem. It is right only if the mesh is closed and every triangle faces
-    /// outwards.
+    /// Computes the volume by the divergence theorem, for a closed mesh whose triangles all face outwards.
     fn volume(mesh: &Mesh) -> f64 {
         let v = |i: u32| Vector3::from(mesh.vertices[i as usize]).cast::<f64>();
         mesh.triangles.iter().map(|[a, b, c]| v(*a).dot(&v(*b).cross(&v(*c))) / 6.0).sum()

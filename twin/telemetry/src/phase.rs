@@ -38,7 +38,7 @@ pub struct TrialProperties {
     pub trial: u64,
     /// Name of the benchmark condition, such as `ideal`, `blind` or `touch`.
     pub condition: String,
-    /// Body: `sim`, `hardware`, `emulated` or `replay`.
+    /// Robot backend: `sim`, `hardware`, `emulated` or `replay`.
     pub robot: String,
     /// Seed of the session.
     pub seed: u64,

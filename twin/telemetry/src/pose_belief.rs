@@ -1,5 +1,5 @@
-//! Drawing of the robot's beliefs: a ghost at each pose estimate with the ellipsoid of its position covariance, both
-//! fading to grey with age, and the trajectories of the held object that a decision compared.
+//! Drawing of pose estimates: a ghost at each one with the ellipsoid of its position covariance, both fading to grey
+//! with age, and the trajectories of the held object that a decision compared.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rerun::components::FillMode;
@@ -10,11 +10,11 @@ use crate::scene::colored_mesh;
 
 /// Thickness of the ghost's shell, m: offset of its surface from the object's.
 const SHELL_THICKNESS: f32 = 5.0e-4;
-/// Opacity (alpha, of 255) of a ghost, and its colour when fresh and when stale.
+/// Opacity (alpha, of 255) of a ghost, and its colour when new and when old.
 const GHOST_OPACITY: u8 = 110;
 const FRESH_COLOR: [f64; 3] = [60.0, 220.0, 255.0];
 const STALE_COLOR: [f64; 3] = [130.0, 134.0, 140.0];
-/// Ageing of a belief: time of one step, s, and number of steps until it is grey.
+/// Ageing of an estimate: time of one step, s, and number of steps until it is grey.
 const AGE_STEPS: (f64, u32) = (2.0, 5);
 /// Half-axis length of an ellipsoid, standard deviations.
 const ELLIPSOID_SIGMAS: f64 = 2.0;
@@ -24,7 +24,7 @@ const MIN_HALF_AXIS: f64 = 2.0e-4;
 pub const REJECTED_COLOR: [u8; 3] = [255, 70, 60];
 pub const CHOSEN_COLOR: [u8; 3] = [80, 220, 110];
 
-/// A trajectory (way) of a held object.
+/// A trajectory of a held object.
 #[derive(Debug, Clone, Default)]
 pub struct ObjectPath {
     /// `world_from_object` along the trajectory. Empty: no trajectory is shown.
@@ -33,7 +33,7 @@ pub struct ObjectPath {
     pub nearest: Option<(Isometry3<f64>, f64)>,
 }
 
-/// Time at which an object was last felt, with the covariance of its position.
+/// Time of the last touch of an object, with the covariance of its position.
 #[derive(Debug, Clone)]
 pub struct LastContact {
     time: f64,
@@ -65,7 +65,7 @@ impl LastContact {
     fn description(&self, name: &str, time: f64) -> String {
         let [long, _, short] = self.axes.map(|axis| axis * 1e3);
         let age = time - self.time;
-        let when = if age < 0.5 * AGE_STEPS.0 { "felt now".to_owned() } else { format!("felt {age:.0} s ago") };
+        let when = if age < 0.5 * AGE_STEPS.0 { "touched now".to_owned() } else { format!("touched {age:.0} s ago") };
         format!("{name} {when}: s.d. {short:.1} to {long:.1} mm")
     }
 }
@@ -123,11 +123,11 @@ pub fn collision_mesh(object: &DrawnObject) -> Mesh3D {
     colored_mesh(&object.mesh(), REJECTED_COLOR, GHOST_OPACITY)
 }
 
-/// Returns the label of that closest approach. `distance` is in m; negative is a collision.
+/// Returns the label of the closest approach. `distance` is in m; negative is a collision.
 pub fn distance_label(distance: f64) -> Points3D {
     let text = match distance < 0.0 {
-        true => format!("not taken: would collide by {:.1} mm", -distance * 1e3),
-        false => format!("not taken: passes at {:.1} mm", distance * 1e3),
+        true => format!("rejected: would collide by {:.1} mm", -distance * 1e3),
+        false => format!("rejected: passes at {:.1} mm", distance * 1e3),
     };
     Points3D::new([<[f32; 3]>::from(Vector3::<f32>::zeros())])
         .with_radii([0.001f32])
@@ -140,7 +140,7 @@ pub fn distance_label(distance: f64) -> Points3D {
 mod tests {
     use super::*;
 
-    /// Rotated standard deviations of 3, 2 and 1 mm are recovered, and the longest axis has the direction it was given.
+    /// Rotated standard deviations of 3, 2 and 1 mm are recovered, and the longest axis has its given direction.
     #[test]
     fn an_ellipsoid_has_the_axes_of_its_covariance() {
         let turn = Rotation3::from_euler_angles(0.3, -0.5, 1.1);

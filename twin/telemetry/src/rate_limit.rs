@@ -1,4 +1,4 @@
-//! Thinning of a stream: a maximum rate, and nothing while nothing changes.
+//! Thinning of a stream: a maximum rate, and no repetition of unchanged data.
 
 use std::collections::HashMap;
 
@@ -17,7 +17,7 @@ impl RateLimiter {
         Self { interval: if rate > 0.0 { rate.recip() } else { f64::INFINITY }, last: HashMap::new() }
     }
 
-    /// True if `key` is due at `time`; it then counts as done. If time runs backwards, the limiter restarts.
+    /// True if `key` is due at `time`; it then counts as processed. If time runs backwards, the limiter restarts.
     pub fn due(&mut self, key: usize, time: f64) -> bool {
         // A tolerance of a tenth of the interval avoids aliasing with ticks that do not divide it evenly.
         let due = self.last.get(&key).is_none_or(|last| time < *last || time - last >= 0.9 * self.interval);

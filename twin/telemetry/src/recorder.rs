@@ -49,9 +49,9 @@ pub struct RecorderSettings {
     pub height_idle: f32,
     /// Rate of cable shapes and cable colours, Hz.
     pub cable_rate: f64,
-    /// True if the true scene is recorded beside measurements and beliefs.
+    /// True if the true scene is recorded beside measurements and estimates.
     pub truth: bool,
-    /// Time limit of [`SessionRecorder::finish`] for slow targets.
+    /// Time limit of [`Recorder::finish`] for slow targets.
     pub flush_timeout: Duration,
 }
 
@@ -83,7 +83,7 @@ const FIRST_OBJECT_KEY: usize = 6;
 /// Refresh rate of the page on the current state, Hz.
 const PAGE_RATE: f64 = 0.5;
 
-/// Recorder of one trial; see the crate's page. If dropped without [`SessionRecorder::finish`], it still writes what it has.
+/// Recorder of one trial; see the crate's page. If dropped without [`Recorder::finish`], it still writes its data.
 pub struct Recorder {
     rec: RecordingStream,
     opened: OpenRecording,
@@ -111,10 +111,10 @@ pub struct Recorder {
     page: String,
     /// Last touch of each object with its covariance.
     felt: Vec<Option<pose_belief::LastContact>>,
-    /// True if the twin of a mirror is shown; then the object that it believes to hold.
+    /// True if a reference model is shown; then the object estimated to be in its hand.
     reference_model: bool,
     reference_object: Option<usize>,
-    /// True for each that is shown: the rejected trajectory, the chosen one, and the closest approach.
+    /// True for each shown one: the rejected trajectory, the chosen one, and the closest approach.
     shown_paths: [bool; 3],
 }
 
@@ -137,7 +137,7 @@ impl Recorder {
         let opened = OpenRecording::new(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         let rec = opened.rec.clone();
         blueprint::send(&rec)?;
-        // Without ground truth nobody knows the true poses of the objects, so only their estimates are drawn.
+        // Without ground truth the true poses of the objects are unknown, so only their estimates are drawn.
         scene::log_static(&rec, robot, if settings.truth { objects } else { &[] })?;
         tactile::log_static(&rec, &robot.hand)?;
         signals::log_static(&rec, robot, objects)?;
@@ -181,7 +181,7 @@ impl Recorder {
         self.rec.set_time_sequence(TICK, self.tick);
     }
 
-    /// Sets the wall-clock time of all data that follow, ns since 1970. Call it before [`SessionRecorder::set_time`].
+    /// Sets the wall-clock time of all data that follow, ns since 1970. Call it before [`Recorder::set_time`].
     pub fn set_wall_time(&mut self, unix_ns: i64) {
         self.rec.set_timestamp_nanos_since_epoch(WALL_TIME, unix_ns);
     }
@@ -194,7 +194,7 @@ impl Recorder {
     }
 
     /// Logs the robot: `world_from_link` of the arm's links, `world_from_palm`, and `palm_from_link` of the hand's
-    /// links (both lists as `Tree::forward` gives them).
+    /// links (both lists as returned by `Tree::forward`).
     pub fn log_robot(
         &mut self,
         arm_links: &[Isometry3<f64>],

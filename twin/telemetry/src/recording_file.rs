@@ -1,5 +1,5 @@
 //! File of a recording. The first failed write, that of the footer included, is kept for the code that closes the
-//! recording: Rerun's own sink only notes it in a log that nobody reads.
+//! recording: Rerun's own sink only writes it to an unread log.
 
 use std::fs::File;
 use std::io::{self, Write};

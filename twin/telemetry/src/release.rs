@@ -6,7 +6,7 @@ pub const APPLICATION: &str = "ftac";
 pub const SIM_TIME: &str = "sim_time";
 /// The time line that counts control ticks.
 pub const TICK: &str = "tick";
-/// The time line of the wall clock, where there is one.
+/// The time line of the wall clock, if there is one.
 pub const WALL_TIME: &str = "wall_time";
 /// Rerun release for which recordings are written.
 pub const RERUN_VERSION: &str = "0.36.3";

@@ -129,10 +129,10 @@ fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) ->
     Ok(())
 }
 
-/// Colour and opacity (alpha, of 255) of a twin.
+/// Colour and opacity (alpha, of 255) of a reference model.
 const REFERENCE_COLOR: ([u8; 3], u8) = ([60, 220, 255], 70);
 
-/// Logs the twin of hand and arm as static data: a tinted shell of each link.
+/// Logs the reference model of hand and arm as static data: a tinted shell of each link.
 pub(crate) fn log_reference_model(rec: &RecordingStream, robot: &RobotModel) -> Result<(), TelemetryError> {
     let RobotModel { hand, arm, .. } = robot;
     let (color, alpha) = REFERENCE_COLOR;
@@ -196,7 +196,7 @@ pub fn cable_lines(runs: &[Vec<Point3<f64>>], steps: &[u8]) -> LineStrips3D {
     LineStrips3D::new(runs.iter().map(strip)).with_radii([CABLE_RADIUS]).with_colors(colors_of_runs(steps))
 }
 
-/// Returns an update of the cables' colours alone.
+/// Returns an update of the cables' colours only.
 pub fn cable_colors(steps: &[u8]) -> LineStrips3D {
     LineStrips3D::update_fields().with_colors(colors_of_runs(steps))
 }

@@ -34,7 +34,7 @@ pub struct SignalFrame {
     pub pose_errors: Vec<Option<PoseError>>,
 }
 
-/// Returns a darker shade for each `step`, so that the three lines of a digit can be told apart.
+/// Returns a darker shade for each `step`, so that the three lines of a digit are distinguishable.
 fn shade(color: [u8; 3], step: usize) -> [u8; 3] {
     let factor = [1.0, 0.72, 0.5][step.min(2)];
     color.map(|c| (f64::from(c) * factor) as u8)
@@ -75,7 +75,8 @@ pub fn log_static(rec: &RecordingStream, robot: &RobotModel, objects: &[DrawnObj
     Ok(())
 }
 
-/// Logs the residuals between a robot and its twin: cable loads (N), and the force on the hand (N, world axes).
+/// Logs the residuals between a robot and its reference model: cable loads (N), and the force on the hand (N, world
+/// axes).
 pub fn log_residuals(rec: &RecordingStream, loads: &[f64], force: &[f64; 3]) -> Result<(), TelemetryError> {
     let rounded = |values: &[f64]| Scalars::new(values.iter().map(|v| (v * 1e3).round() * 1e-3).collect::<Vec<_>>());
     rec.log(entities::RESIDUAL_LOADS, &rounded(loads))?;

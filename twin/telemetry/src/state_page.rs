@@ -6,14 +6,14 @@
 pub struct ScoredCandidate {
     /// Number of the grasp.
     pub grasp: u32,
-    /// Offset of the aim from the perceived position, mm.
+    /// Offset of the aim from the detected position, mm.
     pub aim: [f64; 2],
     /// Clearance, mm; `None` if it was not needed.
     pub clearance: Option<f64>,
     /// Probabilities: of an unwanted contact (`risk`) and of a hold (`held`).
     pub risk: f64,
     pub held: f64,
-    /// Utility.
+    /// Score.
     pub score: f64,
     /// Role: `plan`, `chosen`, `plan, chosen`, or empty.
     pub mark: &'static str,
@@ -25,11 +25,11 @@ const MAX_ROWS: usize = 5;
 const LOG_LINES: (usize, f64) = (2, 12.0);
 /// Legends of colours: with the true scene known, and with measurements only.
 const LEGENDS: [&str; 2] = [
-    "solid: as it is; cyan: as believed, greying with age, with 2 s.d. of its place",
-    "cyan: as believed, greying with age, with 2 s.d. of its place; no truth is shown",
+    "solid: true pose; cyan: pose estimate, greying with age, with 2 s.d. of its position",
+    "cyan: pose estimate, greying with age, with 2 s.d. of its position; no ground truth",
 ];
-const COMMON_LEGEND: &str = "pads glow where touched; cables blue 0 N to red 40 N; arrows 5 mm/N, red between objects; green: the way taken; \
-     red: the plan not taken, where it comes nearest";
+const COMMON_LEGEND: &str = "pads glow where touched; cables blue 0 N to red 40 N; arrows 5 mm/N, red between objects; green: chosen path; \
+     red: rejected path, with its closest approach";
 
 /// State of the page.
 #[derive(Debug, Clone, Default)]
@@ -78,7 +78,7 @@ impl StatePage {
         if let Some(outcome) = &self.outcome {
             page += &format!("\n**{outcome}**\n");
         }
-        // The table already says what the log line about the decision says.
+        // The table already contains the content of the log line about the decision.
         if !self.table.is_empty() {
             return page + &table(&self.table) + &self.legend();
         }
@@ -97,12 +97,12 @@ impl StatePage {
     }
 }
 
-/// Returns the table: plan, chosen candidate, and the best of the others.
+/// Returns the table: planned grasp, chosen candidate, and the best of the others.
 fn table(options: &[ScoredCandidate]) -> String {
     let mut order: Vec<&ScoredCandidate> = options.iter().collect();
     order.sort_by(|a, b| a.mark.is_empty().cmp(&b.mark.is_empty()).then(b.score.total_cmp(&a.score)));
     let mut text =
-        "\n| grasp | aim (mm) | clearance | risk | holds | worth | |\n|---|---|---|---|---|---|---|\n".to_owned();
+        "\n| grasp | aim (mm) | clearance | risk | holds | score | |\n|---|---|---|---|---|---|---|\n".to_owned();
     for ScoredCandidate { grasp, aim: [x, y], clearance, risk, held, score: worth, mark } in order.iter().take(MAX_ROWS)
     {
         let clearance = clearance.map_or("–".to_owned(), |mm| format!("{mm:.1} mm"));
@@ -125,7 +125,7 @@ mod tests {
         ScoredCandidate { grasp, aim: [4.0, -4.0], clearance: None, risk: 0.1, held: worth, score: worth, mark }
     }
 
-    /// Plan and chosen candidate are in the table however many others have a higher utility; old lines disappear.
+    /// Planned and chosen candidates are in the table even if many others have a higher score; old lines disappear.
     #[test]
     fn the_page_shows_what_matters_now() {
         let mut now = StatePage::new(true);
@@ -138,7 +138,7 @@ mod tests {
         let page = now.page(5.0);
         assert!(page.starts_with("### decide") && page.contains("| 7 |") && page.contains("**99**"), "{page}");
         assert_eq!(page.matches("| 4, -4 |").count(), MAX_ROWS);
-        assert!(page.contains("6 more") && page.contains("solid: as it is"), "{page}");
+        assert!(page.contains("6 more") && page.contains("solid: true pose"), "{page}");
         now.set_candidates(Vec::new());
         assert!(now.page(5.0).contains("1.0 s: first line") && !now.page(5.0).contains("clearance |"));
         assert!(!now.page(20.0).contains("first line"));

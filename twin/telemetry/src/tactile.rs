@@ -1,8 +1,8 @@
 //! Tactile images, their changes and height maps, laid out as the opened hand: every camera in its place, enlarged
-//! while it feels something.
+//! while its pad is touched.
 //!
-//! Recorded images are for looking at: JPEG, at half size, and a pad at which nothing happens is logged once.
-//! Measurements must use the original images.
+//! Recorded images are for display: JPEG, at half size, and an idle pad is logged once. Measurements must use the
+//! original images.
 
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
@@ -17,7 +17,7 @@ use crate::scene::{DIGIT_COLORS, link_color};
 
 /// Spacing of neighbouring cells, across and down, in the units of the 2D views.
 pub const CELL_SPACING: [f32; 2] = [200.0, 196.0];
-/// Side of an image: of a pad that feels something, and of an untouched one.
+/// Side of an image: of a touched pad, and of an untouched one.
 pub const IMAGE_SIDES: [f32; 2] = [164.0, 84.0];
 /// Room for the digits' names above the picture.
 pub const HEADER_HEIGHT: f32 = 52.0;

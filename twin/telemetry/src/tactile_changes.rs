@@ -41,8 +41,8 @@ impl TactileChanges {
         }
     }
 
-    /// Takes in an image; a camera's first image is its untouched reference. Returns true if the camera starts or stops
-    /// feeling something.
+    /// Adds an image; a camera's first image is its untouched reference. Returns true if the touch of its pad starts or
+    /// ends.
     pub fn update(&mut self, camera: usize, image: &TactileImage) -> bool {
         let untouched = self.untouched[camera].get_or_insert_with(|| image.clone());
         self.maps[camera] = map(untouched, image);
@@ -50,7 +50,7 @@ impl TactileChanges {
         std::mem::replace(&mut self.active[camera], active) != active
     }
 
-    /// True if a camera feels something.
+    /// True if a camera's pad is touched.
     pub fn active(&self, camera: usize) -> bool {
         self.active[camera]
     }
@@ -122,8 +122,7 @@ mod tests {
         TactileImage { rgb: vec![100; IMAGE_SIZE * IMAGE_SIZE * 3] }
     }
 
-    /// A press near a pad's distal edge colours the sheet there and nowhere else, and ends when the pad is untouched
-    /// again.
+    /// A press near a pad's distal edge colours the sheet only there, and ends when the pad is untouched again.
     #[test]
     fn the_hand_lights_where_it_is_touched() {
         let hand = Hand::ftac();

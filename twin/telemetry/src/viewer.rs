@@ -21,7 +21,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Returns a warning if this viewer may be unable to show our recordings.
+    /// Returns a warning if this viewer may be unable to show these recordings.
     pub fn warning(&self) -> Option<String> {
         let series = |version: &str| version.split('.').take(2).collect::<Vec<_>>().join(".");
         let found = self.version.as_deref().unwrap_or("of unknown version");
@@ -78,7 +78,7 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, TelemetryError> {
 }
 
 /// Opens recordings in the viewer `program`, which outlives this process. Returns an error if it ends immediately, for
-/// instance for want of a display.
+/// instance without a display.
 pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), TelemetryError> {
     let mut command = child::command(program);
     // The viewer also listens for programs that log to it: on this machine only.
@@ -100,12 +100,12 @@ pub fn spawn() -> Result<String, TelemetryError> {
     Ok(format!("rerun+http://{place}/proxy"))
 }
 
-/// Time within which a viewer that is about to fail has failed.
+/// Time after which a viewer counts as started.
 const START_TIMEOUT: Duration = Duration::from_secs(2);
-/// The same time if no display is named: the viewer will fail, however slow the machine.
+/// The same time if no display is named: the viewer will fail, even on a slow machine.
 const START_TIMEOUT_HEADLESS: Duration = Duration::from_secs(10);
 
-/// Starts a viewer, and watches it for as long as a failure takes to show.
+/// Starts a viewer, and watches it until a failure would show.
 fn start(program: &Path, mut command: Command) -> Result<(), TelemetryError> {
     let failed = |source| TelemetryError::Start { program: program.to_owned(), source };
     // A file, not a pipe: the viewer outlives this program and may go on writing.
@@ -120,7 +120,7 @@ fn start(program: &Path, mut command: Command) -> Result<(), TelemetryError> {
     while Instant::now() < deadline {
         match viewer.try_wait().map_err(failed)? {
             None => std::thread::sleep(Duration::from_millis(20)),
-            // A launcher that has handed over to the viewer.
+            // A launcher that has started the viewer.
             Some(status) if status.success() => break,
             Some(status) => {
                 let mut text = Vec::new();
@@ -143,8 +143,7 @@ fn reason(text: &str) -> Option<String> {
 /// Reason why this process has lost its viewer, if it has.
 static LOSS_REASON: Mutex<Option<String>> = Mutex::new(None);
 
-/// Returns the reason why this process has lost, or could not start, the viewer that it was to stream to. Its files are
-/// complete all the same.
+/// Returns the reason why this process has lost, or could not start, its viewer. Its files are complete nevertheless.
 pub fn loss_reason() -> Option<String> {
     LOSS_REASON.lock().ok().and_then(|lost| lost.clone())
 }
@@ -154,7 +153,7 @@ pub(crate) fn mark_lost(why: &str) {
     if let Ok(mut lost) = LOSS_REASON.lock()
         && lost.is_none()
     {
-        let _ = writeln!(std::io::stderr(), "warning: the viewer is lost: {why}; files are written all the same");
+        let _ = writeln!(std::io::stderr(), "warning: the viewer is lost: {why}; files are still written");
         *lost = Some(why.to_owned());
     }
 }

@@ -233,7 +233,7 @@ fn nothing_is_needed_to_record_nowhere() {
     recorder.finish().expect("nothing to write");
 }
 
-/// Height maps and beliefs are removed once when they become invalid, and appear again later.
+/// Height maps and estimates are removed once when they become invalid, and appear again later.
 #[test]
 fn what_is_gone_is_taken_off() {
     let folder = tempfile::tempdir().expect("folder");

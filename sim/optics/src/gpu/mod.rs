@@ -27,6 +27,7 @@ const LINES_PER_WORKGROUP: usize = 8;
 /// Largest buffer of a batch, bytes.
 const MAX_BATCH_BYTES: u64 = 512 << 20;
 
+/// Renderer of tactile images on a GPU, through wgpu.
 #[derive(Debug)]
 pub struct GpuRenderer {
     gpu: Gpu,

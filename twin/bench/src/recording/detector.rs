@@ -1,4 +1,4 @@
-//! The twin of a mirror beside the robot, the residuals between them, and the diagnoses.
+//! The reference model beside the robot, the residuals between them, and the detected faults.
 
 use anyhow::Result;
 use telemetry::LogLevel;
@@ -8,7 +8,7 @@ use super::Recording;
 use fault_detection::FaultDetector;
 
 impl Recording {
-    /// Logs the twin at the moment that was seen last, and its diagnoses at that moment, in words.
+    /// Logs the reference model at the last observed moment, and the faults detected at that moment, in words.
     pub fn log_fault_detector(&mut self, fault_detector: &FaultDetector, named: &[String]) -> Result<()> {
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.is_shown) else { return Ok(()) };
         let [arm, hand] = &fault_detector.reference_model().links();

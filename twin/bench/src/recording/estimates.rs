@@ -1,4 +1,4 @@
-//! Estimates and decisions of a controller, recorded as long as they refer to something that is there.
+//! Estimates and decisions of a controller, recorded while they are valid.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use telemetry::recorder::Recorder;
 use telemetry::state_page::ScoredCandidate;
 use world::phase::Phase;
 
-/// True in phases that a decision is about.
+/// True in phases to which a decision refers.
 fn is_decision_phase(phase: Phase) -> bool {
     phase.waits_for_decision() && phase.has_lifted(0) && !phase.has_begun_carry()
         || phase.has_begun(1) && !phase.has_lifted(1)
@@ -28,7 +28,7 @@ pub struct RecordedEstimates {
 
 impl RecordedEstimates {
     /// Records new estimates of the objects `names` with their height maps, and clears those that have become void.
-    /// Returns the estimates that still hold: an object that was felt to be gone, or was put down, has no pose in the
+    /// Returns the valid estimates: an object that touch reports as lost, or that was put down, has no pose in the
     /// hand.
     pub fn record_estimates<'a>(
         &mut self,
@@ -97,7 +97,7 @@ mod tests {
 
     use super::*;
 
-    /// With the hand open, and while an object is put down or grasped anew, no estimate is shown.
+    /// With the hand open, and while an object is put down or grasped again, no estimate is shown.
     #[test]
     fn beliefs_last_while_something_is_held() {
         for phase in [

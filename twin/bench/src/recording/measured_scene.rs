@@ -1,5 +1,4 @@
-//! The scene of a body without ground truth, as far as it is known: the robot from its encoders, objects at their
-//! estimated poses.
+//! The known scene of a backend without ground truth: the robot from its encoders, objects at their estimated poses.
 
 use std::sync::Arc;
 
@@ -27,8 +26,8 @@ impl MeasuredScene {
         Self { hand: cell.robot.hand.clone(), kinematics: cell.kinematics(), carried: Vec::new() }
     }
 
-    /// Logs the scene and the signals of a moment. Digits are drawn as if they touched nothing: their encoders do not
-    /// tell more.
+    /// Logs the scene and the signals of a moment. Digits are drawn as if they touched nothing, as their encoders
+    /// report no more.
     pub fn log(
         &mut self,
         recorder: &mut Recorder,
@@ -53,7 +52,7 @@ impl MeasuredScene {
         Ok(())
     }
 
-    /// Returns `world_from_object` of each object: as seen, and from its lift on moving with the palm.
+    /// Returns `world_from_object` of each object: as detected, and from its lift on moving with the palm.
     fn estimated_poses(
         &mut self,
         executor: &Executor,

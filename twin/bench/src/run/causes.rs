@@ -11,7 +11,7 @@ use super::{HARDWARE_BACKEND, RunOptions, condition_recording_name, play_unit, u
 use crate::journal::{JournalEntry, RunRequest, WorkUnit};
 use crate::trial::Bench;
 
-/// Plays the first trial of each cause of failure under each condition again, recorded, and lists the recordings in
+/// Runs the first trial of each cause of failure under each condition again, recorded, and lists the recordings in
 /// `causes.csv`. Real trials are not repeated: they have been recorded.
 pub fn record_causes(
     bench: &Bench,
@@ -33,7 +33,7 @@ pub fn record_causes(
             if found != Some(cause) {
                 let found = found.map_or_else(|| "no failure".to_owned(), |found| found.to_string());
                 eprintln!(
-                    "{}, {condition}: played again for its recording, it shows {found} instead of {cause}",
+                    "{}, {condition}: run again for its recording; found {found}, expected {cause}",
                     unit_name(unit)
                 );
             }
@@ -44,7 +44,7 @@ pub fn record_causes(
     Ok(ftac_platform::data::write_atomically(&folder.join("causes.csv"), table.as_bytes())?)
 }
 
-/// Plays and records a unit under one condition alone. Returns its cause of failure.
+/// Runs and records a unit under one condition alone. Returns its cause of failure.
 fn replay_unit(
     bench: &Bench,
     request: &RunRequest,

@@ -1,4 +1,4 @@
-//! A branch of a trial: one policy from the beginning or the end of the first grasp to the verdict.
+//! A branch of a trial: one policy from the start or the end of the first grasp to the verdict.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,17 +37,17 @@ pub struct TrialOutcome {
 pub struct BranchSettings<'a> {
     /// Identity of the trial.
     pub id: TrialId,
-    /// Noise levels of later looks at the objects.
+    /// Noise levels of later detections of the objects.
     pub noise: &'a NoiseLevels,
     /// Models of the objects in every stable pose.
     pub library: &'a ObjectSet,
-    /// Generators of later looks, in the state after the first one.
+    /// Generators of later detections, in the state after the first one.
     pub detection_noise: DetectionNoise,
     /// Duration of a decision from measurements, s.
     pub decision_time: f64,
     /// True if the true state replaces the pose estimate from touch.
     pub inject_truth: bool,
-    /// Time that passes while the policy decides, in addition to `decision_time`.
+    /// Simulated time that passes while the policy computes, in addition to `decision_time`.
     pub pace: SimulatedTimePassage,
 }
 
@@ -60,7 +60,7 @@ struct BranchResult {
     truth_at_estimate: Option<GroundTruth>,
 }
 
-/// Plays `policy` from `start` to the verdict.
+/// Runs `policy` from `start` to the verdict.
 pub fn play(
     start: &PreparedTrial,
     policy: &mut dyn TrialPolicy,
@@ -86,7 +86,7 @@ pub fn play(
     Ok(TrialOutcome { record, tries })
 }
 
-/// Returns the records of all tries: the planned first grasp, unless the policy began the trial, and the policy's own
+/// Returns the records of all tries: the planned first grasp, unless the policy began the trial, and the policy's
 /// attempts.
 fn try_records(start: &PreparedTrial, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
     let executor = &start.run.snapshot.executor;
@@ -98,7 +98,7 @@ fn try_records(start: &PreparedTrial, attempts: Vec<Attempt>, run: &Run, id: Tri
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
 
-/// Plays one decision after the other until the policy finishes or gives up.
+/// Runs one decision after the other until the policy finishes or gives up.
 fn decide_and_play(
     start: &PreparedTrial,
     policy: &mut dyn TrialPolicy,
@@ -130,7 +130,7 @@ fn decide_and_play(
         if policy.trace().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
-        // The hold is felt before the second object is grasped or palpated, that of a single object before it is
+        // The hold is estimated before the second object is grasped or palpated, that of a single object before it is
         // carried, and those of three objects after each lift.
         let next = played.run.snapshot.executor.phase();
         let alone = start.objects.len() == 1 && next.skill == Skill::Carry;
@@ -171,7 +171,7 @@ fn decide_and_play(
     Ok(played)
 }
 
-/// Returns the first decision of `policy`, which is not carried out. `None` if the policy does not feel the first
+/// Returns the first decision of `policy`, which is not carried out. `None` if the policy does not detect the first
 /// object in the hand.
 pub fn predict_decision(
     start: &PreparedTrial,
@@ -183,7 +183,7 @@ pub fn predict_decision(
     Ok(policy.trace().first_decision.filter(|_| held))
 }
 
-/// Notes the predictions of the first decision for the plan and for its choice.
+/// Notes the predictions of the first decision for the planned grasp and for the chosen one.
 pub fn note_decision(record: &mut TrialRecord, decision: Option<FirstDecision>) {
     let mm = |assessed: Assessment| Some(1e3 * assessed.separation).filter(|separation| separation.is_finite());
     record.risk = decision.map(|decision| decision.planned.risk);

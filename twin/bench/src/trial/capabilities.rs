@@ -1,10 +1,10 @@
-//! Means of a policy: senses, retries and exploration.
+//! Capabilities of a policy: senses, retries and exploration.
 
 use control::policy::Recovery;
 use scenarios::record::Condition;
 use world::Sensing;
 
-/// Means of the policy `play_touch`.
+/// Capabilities of the policy `touch`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PolicyCapabilities {
     /// Available senses of the hand.
@@ -16,7 +16,7 @@ pub struct PolicyCapabilities {
 }
 
 impl PolicyCapabilities {
-    /// Returns the means of a condition that decides, and none for those that carry out the plan.
+    /// Returns the capabilities of a condition that decides, and none for those that carry out the planned grasps.
     pub fn for_condition(condition: Condition) -> Option<Self> {
         let sensing = match condition {
             Condition::Ideal | Condition::Blind => return None,

@@ -30,9 +30,9 @@ pub struct TrialResults {
     pub records: Vec<TrialRecord>,
     /// Tries of the records.
     pub tries: Vec<TryRecord>,
-    /// Ablations: the policy `play_touch` with one of its means removed.
+    /// Ablations: the policy `touch` with one of its capabilities removed.
     pub ablated: Vec<AblatedTrial>,
-    /// Diagnoses of a mirror, if one ran.
+    /// Detected faults, if fault detection ran.
     pub faults: Vec<FaultRow>,
 }
 
@@ -58,12 +58,12 @@ pub struct Branches<'a> {
     pub setup: &'a InitialConditions<'a>,
     /// State after the first grasp.
     pub start: PreparedTrial,
-    /// Generators of the trial's later looks.
+    /// Generators of the trial's later detections.
     pub detection_noise: DetectionNoise,
 }
 
 impl Branches<'_> {
-    /// Plays one condition.
+    /// Runs one condition.
     pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match PolicyCapabilities::for_condition(id.condition) {
             _ if id.condition == Condition::External => self.play_external_policy(id, watcher),
@@ -76,7 +76,7 @@ impl Branches<'_> {
         }
     }
 
-    /// Plays the user's own policy.
+    /// Runs the external policy.
     fn play_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, detection_noise: detections } = self;
         let options = bench.branch_settings(id, detections.clone());
@@ -86,7 +86,7 @@ impl Branches<'_> {
         bench.play_external_policy(start, options, watcher)
     }
 
-    /// Plays a policy that decides, with the `means` that are left to it.
+    /// Runs a policy that decides, with the `means` that are left to it.
     pub fn play_deciding_policy(
         &self,
         id: TrialId,

@@ -1,7 +1,7 @@
-//! Disturbances in action: applies those of a scenario to the simulated body at their moments.
+//! Applies the disturbances of a scenario to the simulated backend at their moments.
 //!
-//! They reach the body through the simulator and never the controller. The controller has to find out about wrong prior
-//! perception, objects of another size, forces and failed cameras. It does know which of its digits are without power.
+//! They reach the backend through the simulator and never the controller. The controller has to find out about wrong
+//! detections, objects of another size, forces and failed cameras. It is informed only of digits without power.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use world::objects::ObjectModel;
 /// A disturbance that begins at a moment of a trial and ends some time later.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum DisturbancePhase {
-    /// Has not begun.
+    /// Not begun.
     #[default]
     Pending,
     /// Active since this time, s.
@@ -73,7 +73,7 @@ impl Disturber {
         if let Some(wrong) = &what.wrong_position {
             let [x, y, z] = wrong.offset.map(|metres| metres * 1e3);
             let name = &objects[wrong.object.index()].name;
-            log.push(format!("the {name} is seen ({x:.0}, {y:.0}, {z:.0}) mm beside its place until it is touched"));
+            log.push(format!("the {name} is detected ({x:.0}, {y:.0}, {z:.0}) mm off its pose until it is touched"));
         }
         if !what.disabled().is_empty() {
             let names: Vec<&str> = what.disabled().iter().map(|digit| digit.name()).collect();
@@ -85,7 +85,7 @@ impl Disturber {
         Self { disturbances: what.clone(), log, ..Self::default() }
     }
 
-    /// Applies the disturbances that exist from the beginning.
+    /// Applies the disturbances that exist from the start.
     pub fn prepare(&self, robot: &mut SimulatedRobot) {
         robot.cut_power(self.disturbances.disabled());
         if let Some(blind) = &self.disturbances.blind_pads {
@@ -144,8 +144,8 @@ impl Disturber {
         }
     }
 
-    /// Returns `noise` of a look at object `index`, plus the position error of the scenario until the hand has touched
-    /// the object.
+    /// Returns `noise` of a detection of object `index`, plus the position error of the scenario until the hand has
+    /// touched the object.
     pub fn perceived_noise(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
         match &self.disturbances.wrong_position {
             Some(wrong) if wrong.object.index() == index && !self.touched[index] => {
@@ -155,7 +155,7 @@ impl Disturber {
         }
     }
 
-    /// Returns the noise of the first looks, with the same errors.
+    /// Returns the noise of the first detections, with the same errors.
     pub fn first_detection_noise(&self, noise: &TrialNoise) -> TrialNoise {
         let objects = std::array::from_fn(|index| self.perceived_noise(index, &noise.objects[index]));
         TrialNoise { objects, ..*noise }
@@ -167,7 +167,7 @@ impl Disturber {
     }
 }
 
-/// Returns the real objects: `models` scaled by these sizes.
+/// Returns the true objects: `models` scaled by `sizes`.
 pub fn scaled_objects(models: &[Arc<ObjectModel>], sizes: &[f64]) -> Result<Vec<Arc<ObjectModel>>> {
     let resize = |(model, size): (&Arc<ObjectModel>, &f64)| -> Result<Arc<ObjectModel>> {
         if *size == 1.0 { Ok(model.clone()) } else { Ok(Arc::new(model.scaled(*size)?)) }

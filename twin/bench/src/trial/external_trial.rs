@@ -1,8 +1,8 @@
-//! A trial whose policy moves the robot itself, step by step from the beginning.
+//! A trial whose policy moves the robot itself, step by step from the start.
 //!
-//! The policy names no phases: the referee reads them from the scene ([`PhaseTracker`]), and the policy sees nothing of that.
-//! The trial ends when all objects have been held for long enough, when the policy says so, or at the time limit. The
-//! body that carries out the commands limits them.
+//! The policy does not report phases: the referee reads them from the scene ([`PhaseTracker`]), hidden from the policy.
+//! The trial ends when all objects have been held for long enough, when the policy reports its end, or at the time
+//! limit. The backend that carries out the commands limits them.
 
 use std::time::{Duration, Instant};
 
@@ -26,12 +26,12 @@ use external_policy::SimulatedTimePassage;
 use external_policy::message::{self, PolicyObservation};
 use external_policy::server::{PolicyServer, PolicyServerError, QuestionArray};
 
-/// Time limit for requested images, s: after it they count as lost.
+/// Time limit for requested images, s; later ones count as lost.
 const IMAGE_TIMEOUT: f64 = 1.0;
 /// Share of a trial's own lift from which an object counts as lifted.
 const LIFTED_SHARE: f64 = 0.5;
 
-/// Images of a policy that wants some.
+/// Images of a policy that requests them.
 struct PolicyCamera {
     images: PadImages,
     /// Tick of a step in which images are requested: the last from which those of a simulated camera arrive within the
@@ -66,7 +66,7 @@ enum TrialEnd {
     Failed(String),
 }
 
-/// Plays a trial from rest with the answers of `host`. The first request is `reset`. Images have `side` pixels; without
+/// Runs a trial from rest with the answers of `host`. The first request is `reset`. Images have `side` pixels; without
 /// `side` there are none.
 pub fn play_external_trial(
     bench: &Bench,
@@ -105,7 +105,7 @@ pub fn play_external_trial(
     let reason = match end {
         TrialEnd::Held => String::new(),
         TrialEnd::Finished => "the policy has finished".to_owned(),
-        TrialEnd::TimedOut => "the time is up".to_owned(),
+        TrialEnd::TimedOut => "the time limit was reached".to_owned(),
         TrialEnd::Failed(why) => {
             run.referee.give_up(FailureCause::PolicyFailed);
             why
@@ -160,7 +160,7 @@ impl ExternalTrial<'_> {
             if time >= limit {
                 return Ok(TrialEnd::TimedOut);
             }
-            // A real body waits for the policy, up to its time limit for thinking.
+            // A real backend waits for the policy, up to the time limit of an answer.
             self.run.snapshot.robot.pause();
             let begun = Instant::now();
             let action = match self.request_action(host, time, limit) {
@@ -170,10 +170,10 @@ impl ExternalTrial<'_> {
             };
             let goals = match self.stepper.step(&action, tick) {
                 Ok(goals) => goals,
-                Err(error) => return Ok(TrialEnd::Failed(format!("the policy's action: {error}"))),
+                Err(error) => return Ok(TrialEnd::Failed(format!("the policy's action failed: {error}"))),
             };
             let thought = if with.pace == SimulatedTimePassage::Wall { begun.elapsed() } else { Duration::ZERO };
-            // Meanwhile the last command stays in force.
+            // The last command stays in force meanwhile.
             let meanwhile = (thought.as_secs_f64() / tick) as usize;
             let mut commands = vec![self.last_command; meanwhile];
             commands.extend(goals.map(|(arm, servos)| RobotCommand { arm, servos, capture: false }));

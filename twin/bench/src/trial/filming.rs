@@ -1,4 +1,4 @@
-//! A watcher that keeps the poses of everything for a film.
+//! A watcher that keeps all poses for a film.
 
 use anyhow::Result;
 use report::film::{Film, FilmFrame, FilmStage};
@@ -6,7 +6,7 @@ use scenarios::record::{Condition, TrialRecord};
 
 use super::{Bench, TickView, Watcher};
 
-/// Films the branch of one condition on a body with ground truth.
+/// Films the branch of one condition on a backend with ground truth.
 pub struct Filming {
     condition: Condition,
     /// True if the branch shares no first grasp with the others.

@@ -1,4 +1,4 @@
-//! The first grasp of a trial as it came out, with the data needed to feel it again with other cameras or optics.
+//! The outcome of a trial's first grasp, with the data needed to perceive it again with other cameras or optics.
 
 use anyhow::Result;
 use control::perception::{ExpectedHolds, default_prior};
@@ -13,7 +13,7 @@ use super::setup::InitialConditions;
 use super::shared::Bench;
 use super::watcher::NoWatcher;
 
-/// A first object in the hand at the moment of decision. Frames: the palm's.
+/// A first object in the hand at the moment of decision. Frame: palm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldGrasp {
     /// Number of the combination.
@@ -23,7 +23,7 @@ pub struct HeldGrasp {
     pub object: String,
     /// Position (rad) and current (A) of each servo.
     servos: ActuatorVector<[f64; 2]>,
-    /// Rotation of the palm in the world, by the arm's encoders.
+    /// Rotation of the palm in the world, from the arm's encoders.
     turned: UnitQuaternion<f64>,
     /// Planned pose of the object, with its uncertainty.
     pub prior: PosePrior,
@@ -51,7 +51,7 @@ impl HeldGrasp {
 }
 
 impl Bench {
-    /// Plays a noisy trial up to the decision. `None` if the first object is not in the hand then.
+    /// Runs a noisy trial up to the decision. `None` if the first object is not in the hand then.
     pub fn held_grasp(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
         let start =
             InitialConditions::noisy(self, combination, trial)?.0.play_first_grasp(self, None, &mut NoWatcher)?;
@@ -67,7 +67,7 @@ impl Bench {
             object: start.objects[0].name.clone(),
             servos: snapshot.executor.motion().servos().iter().map(|servo| [servo.position, servo.current]).collect(),
             turned: snapshot.executor.motion().palm().rotation,
-            // Nothing was touched before this grasp: the spread that proofs saw after a touch says too little of it.
+            // Nothing was touched before this grasp: the variance from verifications after a touch is too small for it.
             prior: default_prior(ExpectedHolds::from_grasps(&first.grasp, &first.detected, second).palm_from_object),
             truth: palm * truth.objects[0],
             pads: self.world.cell.robot.hand.pad_poses(&links),

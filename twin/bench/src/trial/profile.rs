@@ -16,7 +16,7 @@ pub enum Activity {
     Referee,
     /// Perception: touches from images, the held object's pose, and the content of the hand.
     Perception,
-    /// The choice of a grasp: reach, clearance along the path, utility.
+    /// The choice of a grasp: reach, clearance along the path, score.
     Choice,
 }
 

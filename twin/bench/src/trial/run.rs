@@ -1,4 +1,4 @@
-//! A trial in progress: body, controller, referee and disturbances, which branch together.
+//! A trial in progress: backend, controller, referee and disturbances, which branch together.
 
 use std::sync::Arc;
 
@@ -24,32 +24,32 @@ use super::simulated_detector::PoseHistory;
 use super::watcher::{TickView, Watcher};
 use robot_backends::{Backend, TrialStopped};
 
-/// A trial in progress; a clone on a simulated body is a branch.
+/// A trial in progress; a clone on a simulated backend is a branch.
 #[derive(Clone)]
 pub struct Run {
-    /// Body and controller.
+    /// Backend and controller.
     pub snapshot: RolloutSnapshot<Backend>,
     /// Referee that judges the trial.
     pub referee: Referee,
     /// Disturbances of the trial.
     pub disturber: Disturber,
-    /// Past object poses, for eyes with latency.
+    /// Past object poses, for detectors with latency.
     pub history: PoseHistory,
     /// Profile of the computing time.
     pub profile: Arc<Profile>,
-    /// True if the object that the combination names second is grasped first: the body's first object is that one.
+    /// True if the object that the combination names second is grasped first: it is then the backend's first object.
     pub reversed: bool,
-    /// True if a trial whose body stops counts as failed. If false it does not count at all.
+    /// True if a trial whose backend stops counts as failed. If false, it does not count at all.
     pub continues_after_faults: bool,
-    /// Reason for which the body stopped.
+    /// Reason for the stop of the backend.
     pub fault: Option<String>,
-    /// Failed calls of the body.
+    /// Failed calls of the backend.
     pub outage: Outage,
 }
 
 impl Run {
-    /// Returns the record of the trial so far with these `objects`, with the verdict of the referee or of the body's
-    /// own judge.
+    /// Returns the record of the trial so far with these `objects`, with the verdict of the referee or of the backend's
+    /// own referee.
     pub fn record(&mut self, objects: &[Arc<ObjectModel>], id: TrialId) -> Result<TrialRecord> {
         let verdict = match self.snapshot.robot.judge()? {
             Some(verdict) => verdict,
@@ -86,7 +86,7 @@ impl Run {
         })
     }
 
-    /// Plays until the phase is one of `until`. Referee and watcher see every tick.
+    /// Runs until the phase is one of `until`. Referee and watcher observe every tick.
     pub fn play(
         &mut self,
         until: impl Fn(Phase) -> bool,
@@ -95,7 +95,7 @@ impl Run {
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
         self.play_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
-        // The next step is to be decided first.
+        // The next step needs a decision first.
         self.snapshot.robot.pause();
         Ok(())
     }
@@ -113,7 +113,7 @@ impl Run {
         self.play_while(|_, now| now < end, felt, condition, watcher)
     }
 
-    /// Plays as long as `on` returns true for the executor and the time (s).
+    /// Runs as long as `on` returns true for the executor and the time (s).
     fn play_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
@@ -134,14 +134,15 @@ impl Run {
         Ok(())
     }
 
-    /// Returns the newest measurements, or none while the body fails. A body that fails for too long ends the trial.
+    /// Returns the newest measurements, or none while the backend fails. A backend that fails for too long ends the
+    /// trial.
     pub fn observe(&mut self) -> Result<Option<Observation>> {
         let seen = self.outage.record_observation(self.snapshot.robot.observe());
         self.check_outage(seen)
     }
 
-    /// Plays one tick with `command`; referee and watcher see it. Returns the command after limits, if one was sent.
-    /// The phase comes from the executor, or from `stages` if the executor does not command.
+    /// Runs one tick with `command`, observed by referee and watcher. Returns the command after limits, if one was
+    /// sent. The phase comes from the executor, or from `stages` if the executor does not command.
     pub fn carry_out(
         &mut self,
         command: &RobotCommand,
@@ -155,7 +156,7 @@ impl Run {
         Ok(sent)
     }
 
-    /// Lets a tick pass in which `sent` was sent; referee and watcher see it.
+    /// Finishes a tick in which `sent` was sent, observed by referee and watcher.
     fn finish_tick(
         &mut self,
         sent: Option<&RobotCommand>,
@@ -211,17 +212,18 @@ impl Run {
         Ok(())
     }
 
-    /// Returns the outcome of a call of the body. If the body has failed for too long, returns none and ends the trial.
+    /// Returns the outcome of a call of the backend. If the backend has failed for too long, returns none and ends the
+    /// trial.
     fn check_outage<T>(&mut self, called: Result<Option<T>, RobotError>) -> Result<Option<T>> {
         called.or_else(|error| {
-            // The party that stopped the body knows the reason better.
+            // The party that stopped the backend has the more precise reason.
             let why = self.snapshot.robot.stop_reason().unwrap_or_else(|| error.to_string());
             self.end_trial(&why)?;
             Ok(None)
         })
     }
 
-    /// Ends the trial here: as failed, or as not counting.
+    /// Ends the trial here, as failed or as not counting.
     fn end_trial(&mut self, why: &str) -> Result<()> {
         let RolloutSnapshot { robot, executor } = &self.snapshot;
         let why = format!("{why} (phase: {})", executor.phase().name());
@@ -242,11 +244,11 @@ impl Run {
                 _ => format!("{count} in the {}", ordinal(n)),
             });
             let grips: Vec<String> = grips.collect();
-            format!("while carrying, slip was felt {}: held harder", grips.join(" and "))
+            format!("while carrying, slip was detected {}: grip force increased", grips.join(" and "))
         })
     }
 
-    /// Shows the watcher a note about the coming action, or the options weighed for it.
+    /// Shows the watcher a note about the coming action, or the options scored for it.
     pub fn notify_watcher(
         &self,
         (note, choice): (Option<&str>, Option<&DecisionRecord>),

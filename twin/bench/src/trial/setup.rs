@@ -1,4 +1,4 @@
-//! Setup of a trial: its plan, noise, disturbances and body.
+//! Setup of a trial: its grasp pair, noise, disturbances and backend.
 
 use std::sync::Arc;
 
@@ -33,21 +33,21 @@ use robot_backends::{Backend, BackendFactory, Detection, TrialSetup, TrialTask};
 
 /// Interval between the tactile images of a watched trial, s.
 const WATCH_PERIOD: f64 = 0.2;
-/// The same with a real body and no mirror, s: its sessions keep every pixel, 3.1 MB per capture.
+/// The same with a real backend and no fault detection, s: its sessions keep every pixel, 3.1 MB per capture.
 const REAL_WATCH_PERIOD: f64 = 1.0;
 /// Interval longer than any trial, s: a single capture of the untouched pads.
 const SINGLE_CAPTURE_PERIOD: f64 = 1e6;
-/// Time within which the images of a first capture usually arrive, s, and number of times it is waited for them.
+/// Usual arrival time of the images of a first capture, s, and the number of waits for them.
 const FIRST_CAPTURE_WAIT: (f64, u32) = (0.5, 10);
 
 /// Initial conditions of a trial.
 #[derive(Clone)]
 pub struct InitialConditions<'a> {
-    /// Plan of the combination.
+    /// Grasp pair of the combination.
     pub grasp_pair: GraspPair,
-    /// Repertoire of the grasps that the plan names.
+    /// Repertoire of the grasps that the pair names.
     pub repertoire: &'a Repertoire,
-    /// Errors of the arm and of the first look.
+    /// Errors of the arm and of the first detection.
     pub noise: TrialNoise,
     /// Seed of the cameras' noise.
     pub camera_noise: u64,
@@ -55,30 +55,30 @@ pub struct InitialConditions<'a> {
     pub drift: Option<BrightnessDrift>,
     /// Disturbances in addition to noise.
     pub disturbances: Disturbances,
-    /// Reason for which `grasp_pair` grasps the objects in another order than planned for the combination, if it does.
+    /// Reason for which `grasp_pair` reverses the planned order of the objects, if it does.
     pub reordered: Option<OrderComparison>,
 }
 
-/// A trial after its first grasp, or about to begin.
+/// A trial after its first grasp, or at its start.
 #[derive(Clone)]
 pub struct PreparedTrial {
-    /// Body, controller and referee, with the controller waiting for a decision.
+    /// Backend, controller and referee, with the controller waiting for a decision.
     pub run: Run,
-    /// The objects as the controller knows them.
+    /// The objects as known to the controller.
     pub objects: Vec<Arc<ObjectModel>>,
     /// Planned grasps.
     pub grasps: PlannedGrasps,
-    /// Reason for which the objects are grasped in another order than planned, if they are.
+    /// Reason for a reversed order of the objects, if any.
     pub reordered: Option<OrderComparison>,
-    /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial. `None` to
-    /// use the bench's own, if the body is simulated and its idle pads show their backgrounds.
+    /// Perception with the backgrounds that the backend itself has shown, or with frames from before the trial. `None`
+    /// to use the bench's, if the backend is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
-    /// Standard error that the first look states for each object, m.
+    /// Standard error that the first detection reports for each object, m.
     pub detection_errors: [Option<f64>; MAX_OBJECTS],
 }
 
 impl PreparedTrial {
-    /// Sets the object poses to those that the body's own eyes see.
+    /// Sets the object poses to those that the backend's object detector reports.
     fn detect_objects(mut self) -> Result<Self> {
         match self.update_detections() {
             Ok(()) => Ok(self),
@@ -97,7 +97,7 @@ impl PreparedTrial {
             let glance =
                 Detection { object, noise: ObjectNoise::default(), pose_at_capture: None, camera_position: None };
             let sighted = robot.detect(&glance)?.with_context(|| {
-                format!("{}: found it hidden, expected all objects in sight before the trial begins", known.name)
+                format!("{}: found it occluded, expected all objects in sight before the trial", known.name)
             })?;
             self.detection_errors[object] = sighted.sigma;
             anyhow::Ok(DetectedObject::from_pose(known, &sighted.pose))
@@ -110,7 +110,7 @@ impl PreparedTrial {
 }
 
 impl PreparedTrial {
-    /// Returns the prior knowledge that a policy gets of the trial.
+    /// Returns the prior knowledge of a policy about the trial.
     pub fn prior_knowledge(&self) -> PriorKnowledge<'_> {
         PriorKnowledge {
             objects: &self.objects,
@@ -121,7 +121,7 @@ impl PreparedTrial {
     }
 }
 
-/// Prior knowledge of a trial that a policy gets before it begins.
+/// Prior knowledge of a policy before a trial.
 #[derive(Clone, Copy)]
 pub struct PriorKnowledge<'a> {
     /// The objects, in the order in which they are grasped.
@@ -130,22 +130,22 @@ pub struct PriorKnowledge<'a> {
     pub grasps: &'a PlannedGrasps,
     /// Reason for this order, if it is not the planned one.
     pub reordered: Option<OrderComparison>,
-    /// Standard error that the first look states for each object, m.
+    /// Standard error that the first detection reports for each object, m.
     pub sighted: [Option<f64>; MAX_OBJECTS],
 }
 
-/// Body of a trial: a simulated one of its own (`None`), or one from a source for a task.
+/// Backend of a trial: a simulated one of its own (`None`), or one from a factory for a task.
 pub type TrialBackendSource<'a> = Option<(&'a mut dyn BackendFactory, &'a TrialTask)>;
 
 impl<'a> InitialConditions<'a> {
-    /// Sets up a combination as it was planned, undisturbed.
+    /// Sets up a combination as planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
         let (repertoire, plan) = (intact_grasps(bench).0, planned_pair(bench, combination).clone());
         let disturbances = Disturbances::default();
         Self { grasp_pair: plan, repertoire, noise, camera_noise, drift: None, disturbances, reordered: None }
     }
 
-    /// Sets up a trial with its noise and disturbances. Returns also the generators of its later looks.
+    /// Sets up a trial with its noise and disturbances. Also returns the generators of its later detections.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, DetectionNoise)> {
         let (noise, camera_noise, detections) = draw_noise(bench, combination, trial)?;
         let mut setup = Self::planned(bench, combination, noise, camera_noise).with_drift(bench, combination, trial);
@@ -168,7 +168,7 @@ impl<'a> InitialConditions<'a> {
         self
     }
 
-    /// Returns the setup of the same trial for a policy that knows which digits have no power.
+    /// Returns the setup of the same trial for a policy informed of the digits without power.
     pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
         let (plan, repertoire) = (bench.grasp_pairs.pairs[combination].clone(), &bench.repertoire);
         Self {
@@ -180,11 +180,11 @@ impl<'a> InitialConditions<'a> {
         }
     }
 
-    /// Returns the setup of the same trial in the order that a policy with these `means` chooses: with the other object
-    /// first, if that promises more. The real poses, errors and properties of the objects stay those of the planned
-    /// order. A scenario that disturbs the first or the second object keeps the planned order.
+    /// Returns the setup of the same trial in the order that a policy with these `means` chooses: the other object
+    /// first, if its expected score is higher. The true poses, errors and properties of the objects stay those of the
+    /// planned order. A scenario that disturbs the first or the second object keeps the planned order.
     pub fn reordered_for(&self, bench: &Bench, means: PolicyCapabilities) -> Result<Self> {
-        // Plans tried after a single hold are not comparable with those proven after many.
+        // Grasp pairs tried after a single hold are not comparable with those verified after many.
         let comparable =
             |reversed: &&GraspPair| self.grasp_pair.verification.is_none() || reversed.verification.is_some();
         let reversed = self.grasp_pair.reversed.as_deref().filter(comparable);
@@ -197,19 +197,19 @@ impl<'a> InitialConditions<'a> {
         Ok(if reordered.is_some() { Self { reordered, ..other } } else { self.clone() })
     }
 
-    /// Returns the objects of the plan.
+    /// Returns the objects of the grasp pair.
     pub fn objects(&self, bench: &Bench) -> Result<Vec<Arc<ObjectModel>>> {
         bench.world.models(&self.grasp_pair.objects())
     }
 
-    /// Creates body, controller and referee of a trial about to begin.
+    /// Creates backend, controller and referee of a trial that is about to begin.
     pub fn begin(&self, bench: &Bench, source: TrialBackendSource, watched: bool) -> Result<PreparedTrial> {
         let reversed = self.reordered.map(|_| bench.world.with_places_swapped());
         let world = reversed.as_ref().unwrap_or(&bench.world);
         let planned = self.grasp_pair.grasps(&world.cell.robot.hand, self.repertoire)?;
         let objects = self.objects(bench)?;
         if source.is_some() {
-            // A body in real time does not wait for this preparation later.
+            // A backend in real time does not wait for this preparation later.
             objects.iter().filter_map(|object| bench.known_objects.get(&object.name)).for_each(KnownObject::prepare);
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
@@ -276,7 +276,7 @@ impl<'a> InitialConditions<'a> {
         if eyes { start.detect_objects() } else { Ok(start) }
     }
 
-    /// Begins a trial at rest, with the controller waiting for a policy. A body that is not simulated shows its
+    /// Starts a trial at rest, with the controller waiting for a policy. A backend that is not simulated shows its
     /// untouched pads.
     pub fn begin_at_rest(
         &self,
@@ -300,8 +300,8 @@ impl<'a> InitialConditions<'a> {
         })
     }
 
-    /// Plays up to the decision after the first grasp. A body that is not simulated shows its untouched pads on the way
-    /// to the first object, if images will matter.
+    /// Runs up to the decision after the first grasp. A backend that is not simulated shows its untouched pads on the
+    /// way to the first object, if images will matter.
     pub fn play_first_grasp(
         &self,
         bench: &Bench,
@@ -339,7 +339,7 @@ fn finish_on_error(
     }
 }
 
-/// Returns the repertoire and the plans made while all digits had power.
+/// Returns the repertoire and the grasp pairs made while all digits had power.
 fn intact_grasps(bench: &Bench) -> (&Repertoire, &GraspPairTable) {
     match &bench.intact_grasps {
         Some(intact) => (&intact.repertoire, &intact.plans),
@@ -351,8 +351,8 @@ fn planned_pair(bench: &Bench, combination: usize) -> &GraspPair {
     &intact_grasps(bench).1.pairs[combination]
 }
 
-/// Draws a trial's errors with those of the first look, the seed of its camera noise, and the generators of its later
-/// looks.
+/// Draws a trial's errors with those of the first detection, the seed of its camera noise, and the generators of its
+/// later detections.
 pub fn draw_noise(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoise, u64, DetectionNoise)> {
     let (world, seed) = (&bench.world, bench.seed);
     let scenario = &world.scenario;
@@ -369,7 +369,7 @@ pub fn draw_noise(bench: &Bench, combination: usize, trial: usize) -> Result<(Tr
     Ok((noise, camera_noise, detections))
 }
 
-/// Returns perception with the backgrounds that the body has shown.
+/// Returns perception with the backgrounds that the backend has shown.
 fn with_backend_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
     Ok(pipeline
         .with_backgrounds(backgrounds(run.snapshot.executor.motion().newest_images(), pipeline.backgrounds().len())?)?)

@@ -20,19 +20,19 @@ use super::capabilities::PolicyCapabilities;
 use super::profile::Profile;
 use external_policy::{DecisionLevel, ExternalPolicy};
 
-/// Robot, objects, grasps and plans of a benchmark.
+/// Robot, objects, grasps and grasp pairs of a benchmark.
 pub struct Bench {
     /// Robot, objects, scenario.
     pub world: SimulatedWorld,
-    /// Proven grasps.
+    /// Verified grasps.
     pub repertoire: Repertoire,
-    /// Plans of the combinations.
+    /// Grasp pairs of the combinations.
     pub grasp_pairs: GraspPairTable,
     /// Cameras of the hand unit.
     pub cameras: TactileBoard,
     /// Tactile perception.
     pub pipeline: TouchPipeline,
-    /// The objects of all plans, ready for registration.
+    /// The objects of all grasp pairs, ready for registration.
     pub known_objects: BTreeMap<String, KnownObject>,
     /// Errors that the controller expects.
     pub uncertainty: Uncertainty,
@@ -40,25 +40,27 @@ pub struct Bench {
     pub seed: u64,
     /// Profile of the computing time.
     pub profile: Arc<Profile>,
-    /// Twin of the scene in which `play_touch` and `reflex` simulate second grasps before they choose one, if enabled.
+    /// Scene model in which `touch` and `reflex` simulate second grasps before they choose one, if enabled.
     pub rollout_model: Option<SceneModel>,
-    /// True if a trial whose body stops counts as failed and others follow. If false, such a stop ends the benchmark.
+    /// True if a trial whose backend stops counts as failed and others follow. If false, such a stop ends the
+    /// benchmark.
     pub continues_after_faults: bool,
-    /// Policy of the user's own, if one plays.
+    /// External policy, if any.
     pub external_policy: Option<ExternalPolicy>,
-    /// Deviations from the files of the scenario's own objects, and operations that are not possible with them.
+    /// Deviations from the files of the scenario's own objects, and operations that are impossible with them.
     pub notes: Vec<String>,
     /// The scenario's own objects that are excluded, with the reasons.
     pub left_out: Vec<String>,
-    /// Repertoire and plans made while all digits had power, if some have none. `play_ideal` and `blind` know nothing else.
+    /// Repertoire and grasp pairs made while all digits had power, if some have none. `ideal` and `blind` use no
+    /// others.
     pub intact_grasps: Option<IntactGrasps>,
 }
 
-/// Repertoire and plans from before digits lost their power.
+/// Repertoire and grasp pairs from before digits lost their power.
 pub struct IntactGrasps {
-    /// Proven grasps.
+    /// Verified grasps.
     pub repertoire: Repertoire,
-    /// Plans of the combinations.
+    /// Grasp pairs of the combinations.
     pub plans: GraspPairTable,
     /// Combinations that are infeasible without those digits, with the reasons.
     pub impossible: BTreeMap<usize, String>,
@@ -75,13 +77,12 @@ impl Bench {
         }
     }
 
-    /// Sets whether policies that decide simulate second grasps in a twin of the scene before they choose one.
+    /// Sets whether deciding policies simulate second grasps in rollouts before they choose one.
     pub fn set_look_ahead(&mut self, foresees: bool) {
         self.rollout_model = foresees.then(|| SceneModel::new(self.world.clone(), self.cameras.clone()));
     }
 
-    /// From now on `play_touch` does without `digits`, as well as it can. The original plans stay those of `play_ideal` and
-    /// `blind`.
+    /// Makes `touch` do without `digits` from now on. `ideal` and `blind` keep the original grasp pairs.
     pub fn disable_digits(&mut self, digits: &[Digit]) -> Result<()> {
         ensure!(
             self.world.scenario.object_lists().len() == 2,

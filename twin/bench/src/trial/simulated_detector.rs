@@ -1,4 +1,4 @@
-//! Prior perception of a trial: reported object poses with their errors, latency and occlusion.
+//! Simulated object detector of a trial: reported object poses with their errors, latency and occlusion.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use robot_backends::{Backend, Detection};
 /// Tolerance of the latency, s, well below a tick: a pose exactly as old as the latency has arrived.
 const LATENCY_TOLERANCE: f64 = 1e-9;
 
-/// Random generators of a trial's looks; a clone sees with the same errors.
+/// Random generators of a trial's detections; a clone makes the same errors.
 #[derive(Debug, Clone)]
 pub struct DetectionNoise {
     rng: ChaCha8Rng,
@@ -25,12 +25,12 @@ pub struct DetectionNoise {
 }
 
 impl DetectionNoise {
-    /// Creates looks whose own errors come from `rng`, with the additional errors of vision in `sight`.
+    /// Creates detections whose own errors come from `rng`, with the additional errors of vision in `sight`.
     pub fn new(rng: ChaCha8Rng, sight: Option<DetectorModel>) -> Self {
         Self { rng, detector_model: sight }
     }
 
-    /// Returns `noise` with the errors of the first look at `objects` standing at `places`.
+    /// Returns `noise` with the errors of the first detection of `objects` standing at `places`.
     pub fn first_detection(
         &mut self,
         noise: &TrialNoise,
@@ -46,8 +46,8 @@ impl DetectionNoise {
         seen
     }
 
-    /// Draws the error of a later look at one of the `objects`, given by its index, which stands at `pose` as far as is
-    /// known.
+    /// Draws the error of a later detection of one of the `objects`, given by its index, which stands at `pose` as far
+    /// as is known.
     fn later_detection_error(
         &mut self,
         levels: &NoiseLevels,
@@ -72,7 +72,7 @@ pub struct PoseHistory {
 }
 
 impl PoseHistory {
-    /// Creates a history of the last `length` s; it keeps nothing if that is 0.
+    /// Creates a history of the last `length` s, empty if that is 0.
     pub fn new(length: f64) -> Self {
         Self { length, poses: VecDeque::new() }
     }
@@ -89,23 +89,24 @@ impl PoseHistory {
         }
     }
 
-    /// Returns the pose of object `index` when the frame was taken whose report arrives now. `None` if nothing is kept.
+    /// Returns the pose of object `index` at the exposure of the frame whose report arrives now. `None` if nothing is
+    /// kept.
     pub fn delayed_pose(&self, index: usize) -> Option<Isometry3<f64>> {
         self.poses.front().map(|(_, poses)| poses[index])
     }
 }
 
-/// Prior perception of a trial in progress: each look has an error of its own, and those of the disturbances.
+/// Object detector of a trial in progress: each detection has its own error, plus those of the disturbances.
 pub struct SimulatedDetector<'a> {
-    /// Body whose objects are looked at.
+    /// Backend whose objects are detected.
     pub robot: &'a mut Backend,
     /// Disturbances, with their perception errors.
     pub disturber: &'a Disturber,
     /// Noise levels.
     pub noise: &'a NoiseLevels,
-    /// Generators of the branch's looks.
+    /// Generators of the branch's detections.
     pub detection_noise: &'a mut DetectionNoise,
-    /// The objects as they are known.
+    /// The objects as known to the controller.
     pub objects: &'a [Arc<ObjectModel>],
     /// Models of the objects in every stable pose.
     pub library: &'a ObjectSet,
@@ -119,7 +120,7 @@ impl ObjectDetector for SimulatedDetector<'_> {
             self.detection_noise.detector_model.as_ref().map(|sight| Point3::from(sight.detector_errors().camera));
         let mut then = None;
         if camera.is_some() {
-            // A body without ground truth has errors of its own.
+            // A backend without ground truth has its own errors.
             then = self.history.delayed_pose(object).or_else(|| self.robot.truth().map(|truth| truth.objects[object]));
         }
         let noise =
@@ -141,7 +142,7 @@ mod tests {
         GroundTruth { time, objects: vec![pose, pose.inverse()], ..GroundTruth::default() }
     }
 
-    /// A report is as old as the latency, to a tick, and nothing older is kept. At the beginning it is the first pose.
+    /// A report is as old as the latency, to a tick, and nothing older is kept. At the start it is the first pose.
     #[test]
     fn a_report_is_as_old_as_the_latency() {
         let mut history = PoseHistory::new(0.15);

@@ -1,21 +1,21 @@
-//! Ground truth of a trial, used only to judge whether a diagnosis was justified.
+//! Ground truth of a trial, used only to judge whether a detected fault was justified.
 
 use control::executor::Phase;
 use fault_detection::fault::{DetectedFault, FaultKind};
 use grasp_verification::rollout::in_hand;
 use sim::robot::GroundTruth;
 
-/// Window before a diagnosis within which the event that it reports must have happened, s.
+/// Window before a report within which its event must have happened, s.
 const JUSTIFICATION_WINDOW: f64 = 1.0;
 
-/// Times of events that justify a diagnosis, s.
+/// Times of events that justify a report, s.
 #[derive(Debug, Clone, Default)]
 pub struct FaultEventTimes {
     held: [bool; 2],
     lost: Vec<f64>,
     touched: Vec<f64>,
-    /// Times at which an object was not in the hand although it should have been, or was left lying although it should
-    /// have been raised.
+    /// Times at which an object was not in the hand although expected there, or was left lying although it should have
+    /// been raised.
     missing: Vec<f64>,
 }
 

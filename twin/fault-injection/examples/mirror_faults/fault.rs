@@ -1,4 +1,4 @@
-//! Plant faults: how they are drawn, and the diagnosis that is correct for each.
+//! Plant faults: their random draw, and the correct diagnosis of each.
 
 use control::executor::Executor;
 use fault_detection::fault::{DetectedFault, FaultKind};
@@ -58,7 +58,7 @@ impl ExampleFault {
         drawn.extend(broken.map(|n| (0, PlantFault::Break(n))));
         drawn.extend(slipped.map(|n| (1, PlantFault::Slip(n, slip))));
         drawn.extend(weak.map(|n| (2, PlantFault::Weak(n, share))));
-        // The thumb's first joint is turned by a servo of its own.
+        // The thumb's first joint is turned by its own servo.
         let joint_of = |n: usize| Digit::ALL[n].ftac_joints()[if n == 0 { joint.max(1) } else { joint }];
         drawn.extend(stuck.map(|n| (3, PlantFault::Stick(joint_of(n)))));
         let phase = executor.phase();
@@ -107,7 +107,7 @@ impl ExampleFault {
     }
 }
 
-/// True if two diagnoses are the same finding.
+/// True if two reports are the same finding.
 pub fn is_same_finding(one: &DetectedFault, other: &DetectedFault) -> bool {
     (one.kind, &one.part) == (other.kind, &other.part)
 }

@@ -1,16 +1,16 @@
-//! Measures the diagnoses of a mirror on plant faults at drawn moments of blind trials, and on sound trials.
+//! Measures fault detection on plant faults at random moments of blind trials, and on sound trials.
 //!
-//! `mirror_faults SEED FROM TO PLANT MOMENTS [INDIVIDUAL]` plays trial 0 of combinations FROM to TO - 1 (all effects)
-//! with the robot as drawn (PLANT 0) or with hidden individual PLANT. At MOMENTS drawn moments of each trial, one fault
-//! of each kind that is observable then strikes in a branch of its own. The branch is played for as long as a diagnosis
-//! may take. A diagnosis counts if kind and part are right. A diagnosis that neither the fault nor the ground truth
-//! explains counts as wrong, and so does one in the sound trial itself.
+//! `mirror_faults SEED FROM TO PLANT MOMENTS [INSTANCE]` runs trial 0 of combinations FROM to TO - 1 (all effects) with
+//! the nominal robot (PLANT 0) or with robot instance PLANT, unknown to the controller. At MOMENTS random moments of
+//! each trial, one fault of each kind that is observable then is injected, each in its own branch. The branch is run
+//! for as long as detection may take. A diagnosis is correct if its kind and part are. A diagnosis that neither the
+//! fault nor the ground truth explains counts as wrong, and so does one in the sound trial itself.
 //!
-//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under
-//! CONDITIONS (such as `blind,touch`) with a mirror beside them and no fault.
+//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INSTANCE]` runs trials 0 to TRIALS - 1 of them under
+//! CONDITIONS (such as `blind,touch`) with fault detection and without faults.
 //!
-//! INDIVIDUAL is the file of an identified robot (`ftac sysid identify`), which the control stack and the twin use as
-//! their model of the robot. Without it they use the robot as drawn.
+//! INSTANCE is the file of an identified robot (`ftac sysid identify`), the robot model of control stack and fault
+//! detection. Without it they use the nominal model.
 
 mod event_times;
 mod fault;
@@ -41,7 +41,8 @@ use self::fault::{ExampleFault, FAULT_KINDS, is_same_finding};
 
 /// Time limit after a fault within which its diagnosis counts, s.
 const DIAGNOSIS_TIME_LIMIT: f64 = 0.5;
-/// Minimum interval between drawn moments, s, and earliest moment, s: before it no camera has taken a second image.
+/// Minimum interval between the random moments, s, and earliest moment, s: before it no camera has taken a second
+/// image.
 const MOMENT_SPACING: (f64, f64) = (0.3, 0.6);
 /// Length of the trials that moments are drawn from, s.
 const TRIAL_DURATION: f64 = 12.0;
@@ -57,7 +58,7 @@ struct RunningTrial {
 }
 
 impl RunningTrial {
-    /// Plays one tick, with the continuous effect of `fault` in it.
+    /// Runs one tick, with the continuous effect of `fault` in it.
     fn tick(&mut self, bench: &Bench, fault: Option<&ExampleFault>) -> Result<()> {
         self.executor.continue_as_planned()?;
         let seen = self.robot.observe();
@@ -94,12 +95,12 @@ impl RunningTrial {
 struct Tally {
     injected: u32,
     diagnosed: u32,
-    /// Correct diagnoses that came together with another one that nothing explains.
+    /// Correct diagnoses together with another, unexplained one.
     wrong: u32,
     delays: Vec<f64>,
 }
 
-/// Plays the fault branches of one moment.
+/// Runs the fault branches of one moment.
 fn play_fault_branches(
     bench: &Bench,
     play: &RunningTrial,
@@ -138,14 +139,14 @@ fn play_fault_branches(
         tally.wrong += u32::from(!wrong.is_empty());
         tally.delays.extend(right.map(|right| right.time - begun));
         if right.is_none() || !wrong.is_empty() {
-            let what = if right.is_none() { "missed" } else { "named" };
+            let what = if right.is_none() { "missed" } else { "detected" };
             println!("{label} {fault:?}: {what}; {}", wrong.join("; "));
         }
     }
     Ok(())
 }
 
-/// Plays one trial and the faults at its moments. Returns the sound part of the trial with its diagnoses.
+/// Runs one trial and the faults at its moments. Returns the sound part of the trial with its diagnoses.
 fn trial(
     bench: &Bench,
     (combination, moments): (usize, usize),
@@ -155,7 +156,7 @@ fn trial(
     let (setup, _) = InitialConditions::noisy(bench, combination, 0)?;
     let start = setup.begin(bench, None, true)?;
     let snapshot = start.run.snapshot;
-    let Backend::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
+    let Backend::Simulated(robot) = snapshot.robot else { bail!("the backend is not the simulated one") };
     let (executor, happened) = (snapshot.executor, FaultEventTimes::default());
     let mut play =
         RunningTrial { robot, executor, detector: None, event_times: happened, computing_time: Default::default() };
@@ -174,8 +175,8 @@ fn trial(
     Ok(play)
 }
 
-/// Prepares the first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn if
-/// `plant` is 0. The control stack uses the robot model of the file `instance`, or the robot as drawn.
+/// Prepares the first `combos` combinations with robot instance `plant` as backend, or the nominal robot if `plant` is
+/// 0. The control stack uses the robot model of the file `instance`, or the nominal model.
 fn prepare_bench(combos: usize, seed: u64, plant: u64, instance: Option<&String>) -> Result<Bench> {
     let path = instance.map_or(Path::new(""), Path::new);
     let text = instance.map(|_| ftac_platform::data::read_text(path)).transpose()?;
@@ -195,7 +196,7 @@ fn main() -> Result<()> {
         return sound::main(rest);
     }
     let [seed, from, to, plant, moments, instance @ ..] = &arguments[..] else {
-        bail!("expected SEED FROM TO PLANT MOMENTS [INDIVIDUAL], found {} arguments", arguments.len());
+        bail!("expected SEED FROM TO PLANT MOMENTS [INSTANCE], found {} arguments", arguments.len());
     };
     let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
     let (from, to, moments): (usize, usize, usize) = (from.parse()?, to.parse()?, moments.parse()?);
@@ -221,7 +222,7 @@ fn main() -> Result<()> {
         let middle = tally.delays.get(tally.delays.len() / 2).copied().unwrap_or(f64::NAN);
         let Tally { injected: of, diagnosed: right, wrong, .. } = *tally;
         println!(
-            "{kind:18} {right:4} of {of:4} named, median after {middle:.3} s; beside it something wrong in {wrong}"
+            "{kind:18} {right:4} of {of:4} detected, median after {middle:.3} s; additional wrong diagnoses in {wrong}"
         );
         (struck, named) = (struck + of, named + right);
     }
@@ -229,7 +230,7 @@ fn main() -> Result<()> {
         "all                {named:4} of {struck:4}, {:.1} %",
         100.0 * f64::from(named) / f64::from(struck.max(1))
     );
-    println!("sound: {seconds:.0} s simulated, {false_alarms} named wrongly {alarms:?}");
-    println!("the mirror took {:.3} ms a tick", 1e3 * spent.as_secs_f64() / f64::from(ticks.max(1)));
+    println!("sound: {seconds:.0} s simulated, {false_alarms} false alarms {alarms:?}");
+    println!("fault detection took {:.3} ms a tick", 1e3 * spent.as_secs_f64() / f64::from(ticks.max(1)));
     Ok(())
 }

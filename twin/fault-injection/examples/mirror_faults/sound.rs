@@ -1,4 +1,4 @@
-//! Sound trials with a mirror beside them: its false alarms.
+//! False alarms of fault detection in sound trials.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use scenarios::record::{Condition, TrialRecord};
 use crate::event_times::FaultEventTimes;
 use crate::prepare_bench;
 
-/// Records the ground truth while a mirror sees measurements only.
+/// Records the ground truth while fault detection receives measurements only.
 struct TruthRecorder {
     shared: FaultEventTimes,
     branch: Option<FaultEventTimes>,
@@ -51,13 +51,10 @@ impl Watcher for TruthRecorder {
     }
 }
 
-/// Runs the mode `sound` with arguments `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
+/// Runs the mode `sound` with arguments `SEED FROM TO PLANT CONDITIONS TRIALS [INSTANCE]`.
 pub fn main(arguments: &[String]) -> Result<()> {
     let [seed, from, to, plant, conditions, trials, instance @ ..] = arguments else {
-        bail!(
-            "expected sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL], found {} after sound",
-            arguments.len()
-        );
+        bail!("expected sound SEED FROM TO PLANT CONDITIONS TRIALS [INSTANCE], found {} after sound", arguments.len());
     };
     let (from, to, trials): (usize, usize, usize) = (from.parse()?, to.parse()?, trials.parse()?);
     let conditions = conditions.split(',').map(str::parse).collect::<Result<Vec<Condition>, _>>()?;
@@ -92,6 +89,6 @@ pub fn main(arguments: &[String]) -> Result<()> {
         }
         seconds += truths.seconds;
     }
-    println!("{seconds:.0} s simulated, {wrongly} named wrongly: {:.1} an hour", f64::from(wrongly) * 3600.0 / seconds);
+    println!("{seconds:.0} s simulated, {wrongly} false alarms: {:.1} an hour", f64::from(wrongly) * 3600.0 / seconds);
     Ok(())
 }

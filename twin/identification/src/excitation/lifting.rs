@@ -1,4 +1,4 @@
-//! Weighing: standing with an empty hand, and with the weighed object in it.
+//! Payload calibration: standing with an empty hand, and with the payload in it.
 
 use control::motion::CLOSING_TIME;
 use control::motion::tension::{closing_tension, friction_compensated, ramp_tension};
@@ -16,23 +16,23 @@ const OPPOSITION_CURRENT: f64 = 0.6;
 const SPEED_SHARE: f64 = 0.3;
 /// Time for which the digits open after the object was put down, s.
 const RELEASE_TIME: f64 = 1.0;
-/// Greatest number of grasps that are tried.
+/// Maximum number of grasps that are tried.
 const MAX_GRASP_TRIES: usize = 3;
-/// Force on the hand at which its way to the object is abandoned, N: the arm's errors may bring the hand onto the
+/// Force on the hand at which its path to the object is abandoned, N: the arm's errors may bring the hand onto the
 /// table.
 const MAX_PUSH_FORCE: f64 = 30.0;
-/// Deviation of the encoders from a posture beyond which something is in the arm's way, rad.
+/// Deviation of the encoders from a posture beyond which the arm counts as obstructed, rad.
 const POSTURE_TOLERANCE: f64 = 0.008;
 
-/// Outcome of weighing.
+/// Outcome of payload calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LiftOutcome {
     Done,
-    /// No weight is felt in the hand.
+    /// The arm bears no weight in the hand.
     NotLifted,
     /// The arm cannot reach the posture with everything clear.
     OutOfReach,
-    /// An operator, or the robot, has stopped it.
+    /// Stopped by an operator, or by the robot.
     Stopped,
 }
 
@@ -42,7 +42,7 @@ fn is_at_posture(shown: &ArmState, at: &[f64]) -> bool {
 }
 
 impl<R: RobotBackend> ScriptPlayer<'_, R> {
-    /// Performs one part of weighing, according to the robot model `own`.
+    /// Performs one part of payload calibration, according to the robot model `own`.
     pub(super) fn calibrate_payload(
         &mut self,
         means: &ExcitationSetup,
@@ -160,7 +160,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         }
     }
 
-    /// Pulls the cables for [`CLOSING_TIME`] according to `grasp`, from `time` (s) after it has begun to close; at
+    /// Pulls the cables for [`CLOSING_TIME`] according to `grasp`, from `time` (s) after the start of closing; at
     /// negative times, with the pre-grasp tensions.
     fn pull_for(
         &mut self,

@@ -27,7 +27,7 @@ impl LimitedArm {
 impl RobotBackend for LimitedArm {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         if self.silent.contains(&self.time) {
-            return Err(RobotError::ConnectionLost("nobody answers".to_owned()));
+            return Err(RobotError::ConnectionLost("no answer".to_owned()));
         }
         let arm = ArmState { position: self.sent, ..ArmState::default() };
         let servos = [ServoState::default(); 6].into();
@@ -61,7 +61,7 @@ fn script() -> ExcitationScript {
     script
 }
 
-/// Returns the result of an excitation of `robot`, and the steps that were done.
+/// Returns the result of an excitation of `robot`, and the completed steps.
 fn played(mut robot: LimitedArm) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let (model, script) = (RobotModel::ftac_gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");
@@ -91,7 +91,7 @@ fn a_silent_robot_is_borne_for_a_while() {
     let (ended, done) = played(LimitedArm { silent: 1.0..1.3, ..LimitedArm::new(None) });
     assert_eq!((ended, done), (Ok(true), vec![0, 1]));
     let (ended, _) = played(LimitedArm { silent: 1.0..f64::INFINITY, ..LimitedArm::new(None) });
-    assert_eq!(ended, Err(ExcitationError::Robot(RobotError::ConnectionLost("nobody answers".to_owned()))));
+    assert_eq!(ended, Err(ExcitationError::Robot(RobotError::ConnectionLost("no answer".to_owned()))));
 }
 
 /// If the robot does not send the arm further, the error names the joint, and completed steps remain done.

@@ -1,4 +1,4 @@
-//! Logging of the robot's beliefs and of the trajectories it compares, for as long as they are valid.
+//! Logging of pose estimates and of compared trajectories, while they are valid.
 
 use nalgebra::{Isometry3, Matrix3};
 use rerun::Clear;
@@ -34,7 +34,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Logs that an object has just been felt, with the covariance (m2) of its position along its own axes.
+    /// Logs a new touch of an object, with the covariance (m2) of its position along its own axes.
     pub fn log_touch_covariance(&mut self, name: &str, covariance: &Matrix3<f64>) -> Result<(), TelemetryError> {
         let index = self.object_index(name)?;
         let felt = pose_belief::LastContact::new(self.time, covariance);
@@ -47,7 +47,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Logs the compared trajectories of the held object `name`: the rejected plan and the chosen one. An empty
+    /// Logs the compared trajectories of the held object `name`: the rejected one and the chosen one. An empty
     /// trajectory is removed. For the rejected one, the closest approach is drawn as well.
     pub fn log_paths(&mut self, name: &str, rejected: &ObjectPath, chosen: &ObjectPath) -> Result<(), TelemetryError> {
         let index = self.object_index(name)?;

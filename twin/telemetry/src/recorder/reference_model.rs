@@ -1,5 +1,5 @@
-//! Logging of the digital twin in mirror mode: a ghost of the robot, the residuals between the two, and the object
-//! believed to be in the hand.
+//! Logging of fault detection: the reference model as a ghost of the robot, the residuals between the two, and the
+//! estimated object in the hand.
 
 use hand_model::DigitVector;
 use nalgebra::{Isometry3, Matrix3};
@@ -9,7 +9,7 @@ use super::{REFERENCE_KEY, REFERENCE_OBJECT_KEY, Recorder};
 use crate::error::TelemetryError;
 use crate::{entities, pose_belief, scene, signals};
 
-/// State of the twin, and its residuals against the robot.
+/// State of the reference model, and the robot's residuals against it.
 #[derive(Debug, Clone)]
 pub struct ReferenceFrame<'a> {
     /// `world_from_link` of the arm's links.
@@ -18,17 +18,16 @@ pub struct ReferenceFrame<'a> {
     pub palm: Isometry3<f64>,
     /// `world_from_link` of the hand's links.
     pub hand: &'a [Isometry3<f64>],
-    /// Residual load of each cable, robot minus twin, N.
+    /// Residual load of each cable, robot minus reference model, N.
     pub loads: DigitVector,
-    /// Residual force on the hand, robot minus twin, N, world axes.
+    /// Residual force on the hand, robot minus reference model, N, world axes.
     pub force: [f64; 3],
-    /// Object believed to be in the hand: name, `world_from_object`, and the covariance of its position (m2) along its
-    /// own axes.
+    /// Object in the hand: name, `world_from_object`, and the covariance of its position (m2) along its own axes.
     pub object: Option<(&'a str, Isometry3<f64>, Matrix3<f64>)>,
 }
 
 impl Recorder {
-    /// Logs the twin at this moment.
+    /// Logs the reference model at this moment.
     pub fn log_reference_model(&mut self, frame: &ReferenceFrame) -> Result<(), TelemetryError> {
         if !self.reference_model {
             self.reference_model = true;

@@ -62,7 +62,7 @@ impl Recorder {
         Ok(self.rec.log(entities::pad(link, &pad.name), &scene::pad_colors(colors))?)
     }
 
-    /// Removes all height maps, because what they describe is gone.
+    /// Removes all height maps, because their content is gone.
     pub fn clear_heights(&mut self) -> Result<(), TelemetryError> {
         for camera in 0..self.last_height.len() {
             if let Some((_, idle)) = &mut self.last_height[camera]
