@@ -11,12 +11,12 @@
 //!     catches a blow shorter than the referee's sampling interval.
 //!
 //!   Objects that both lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one
-//! object   has no unwanted contacts.
+//!   object has no unwanted contacts.
 //! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
 //!   `palm_distance` of the palm's origin.
 //! - **Success**: at the end of the hold, all objects are in the hand, and none has moved relative to the palm by more than
 //!   `slip` since the carry began. The hold must have lasted its full time and ended within the time limit. A trial
-//! that   carries more than once is judged by its last carry.
+//!   that carries more than once is judged by its last carry.
 //! - **Clean success**: success without an unwanted contact in any try.
 //!
 //! A contact does not end a trial, and a trial with a contact can still succeed. A **try** begins with an approach.

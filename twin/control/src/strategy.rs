@@ -152,7 +152,7 @@ impl<'a> AimedCandidate<'a> {
     fn with_aim(situation: &DecisionContext, candidate: &'a GraspCandidate, aim: Vector3<f64>) -> Self {
         let heading = candidate.grasp.yaw + situation.executor.target(1).detected.yaw;
         let (rollouts, all) = (candidate.rollouts.clone(), situation.all_rollouts.clone());
-        let aimed = AimedGrasp { rollouts: rollouts, all_rollouts: all, heading, aim };
+        let aimed = AimedGrasp { rollouts, all_rollouts: all, heading, aim };
         let odds = candidate_probabilities(candidate, &aimed, (situation.aim_posterior, situation.detections));
         Self { candidate, aimed, probabilities: odds }
     }
@@ -246,8 +246,7 @@ pub fn best_candidate_score(candidates: &[GraspCandidate], posterior: &AimPoster
     let all = collect_rollouts(candidates);
     let score = |candidate: &GraspCandidate| {
         let (rollouts, all) = (candidate.rollouts.clone(), all.clone());
-        let aimed =
-            AimedGrasp { rollouts: rollouts, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
+        let aimed = AimedGrasp { rollouts, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
         outcome_score(&candidate_probabilities(candidate, &aimed, (posterior, 1)))
     };
     candidates.iter().map(score).fold(0.0, f64::max)

@@ -202,7 +202,7 @@ mod tests {
             false => TryOutcome::Contact,
         };
         let rollouts: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome(&error))).collect();
-        GraspCandidate { rollouts: rollouts, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
+        GraspCandidate { rollouts, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
     }
 
     /// A touch does not pay for a grasp that holds wherever the object may be, nor for one that never holds. It pays
