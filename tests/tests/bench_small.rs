@@ -104,7 +104,7 @@ fn ablations_and_causes() {
     let figure = fs::read_to_string(folder.path().join("ablations.svg")).expect("ablations.svg");
     assert!(figure.contains("no images: encoders and currents") && figure.contains("whole hand"));
     let page = fs::read_to_string(folder.path().join("report.html")).expect("report.html");
-    assert!(page.contains("What full-hand touch buys"));
+    assert!(page.contains("Ablations of full-hand touch"));
 
     let causes = fs::read_to_string(folder.path().join("causes.csv")).expect("causes.csv");
     let header = trials(reference()).remove(0);

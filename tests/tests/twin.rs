@@ -79,7 +79,7 @@ fn a_robot_is_excited_identified_and_used() {
         assert!(after < 0.2 * before, "{row}");
     }
     let page = fs::read_to_string(found.with_extension("html")).expect("the page");
-    assert!(page.contains("index_1.spring") && page.contains("What to measure more"));
+    assert!(page.contains("index_1.spring") && page.contains("Further measurements"));
 
     // The same robot again, bit by bit, and a session that was cut short.
     let again = at("again");

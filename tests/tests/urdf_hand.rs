@@ -241,7 +241,7 @@ fn a_grasp_against_a_fixed_wall_is_none_but_against_a_palm() {
 fn a_tension_above_the_efforts_is_scaled_and_told() {
     let files = HandFiles::new(&CLAMP_URDF.replace("effort=\"1\"", "effort=\"0.06\""), PULLS_TOML);
     let output = files.close(&["--tensions", "60"]);
-    assert!(stderr(&output).contains("close: 60 N asked for, 6.0 N taken: the effort of turn_"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("close: 60 N requested, 6.0 N used: the effort of turn_"), "{}", stderr(&output));
     let weak: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
     let given: serde_json::Value = serde_json::from_slice(&files.close(&["--tensions", "6"]).stdout).expect("JSON");
     assert_eq!(weak["joints"], given["joints"]);

@@ -96,7 +96,7 @@ pub enum TimeOrigin {
 
 impl TimeOrigin {
     /// Converts `time` (s) of the backend to wall time, ns since 1970.
-    fn to_wall_time(&mut self, time: f64) -> Option<i64> {
+    fn wall_time(&mut self, time: f64) -> Option<i64> {
         let since = (time * 1e9) as i64;
         if *self == Self::Now {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -219,7 +219,7 @@ impl Watcher for Recording {
             names.reverse();
             objects.reverse();
         }
-        if let Some(wall) = self.time_origin.to_wall_time(moment.time) {
+        if let Some(wall) = self.time_origin.wall_time(moment.time) {
             recorder.set_wall_time(wall);
         }
         let truth = moment.truth.filter(|_| self.truth);

@@ -59,7 +59,7 @@ fn exponent(points: &[(usize, [f64; 3])]) -> f64 {
 
 impl Growth {
     /// Times `cost` (s, stored in thousandths of the table's unit) of each count, cycling through the counts so that a
-    /// slow moment of the machine affects all alike.
+    /// slow moment of the machine affects all equally.
     fn measure(
         name: &'static str,
         axes: [&'static str; 2],
@@ -81,7 +81,7 @@ impl Growth {
 
     fn print(&self) {
         println!("\n{}: {} against {}", self.name, self.axes[1], self.axes[0]);
-        println!("| {} | median | least | most |\n|---|---|---|---|", self.axes[0]);
+        println!("| {} | median | min | max |\n|---|---|---|---|", self.axes[0]);
         for (count, [least, median, most]) in &self.points {
             println!("| {count} | {median:.3} | {least:.3} | {most:.3} |");
         }
@@ -99,7 +99,7 @@ impl Growth {
             title: self.name.to_owned(),
             x: format!("{}, power of ten", self.axes[0]),
             y: format!("{}, power of ten", self.axes[1]),
-            lines: vec![("median".to_owned(), line(1)), ("least".to_owned(), line(0)), ("most".to_owned(), line(2))],
+            lines: vec![("median".to_owned(), line(1)), ("min".to_owned(), line(0)), ("max".to_owned(), line(2))],
         };
         let path = folder.join(format!("{}.png", self.name.replace(' ', "_")));
         plot.draw().save(&path).with_context(|| path.display().to_string())
@@ -176,7 +176,7 @@ fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     }))
 }
 
-/// Returns `count` second grasps of the built-in plans, repeating them as needed.
+/// Returns `count` second grasps of the built-in grasp pairs, repeating them as needed.
 fn candidates(count: usize, known: &[GraspCandidate]) -> Vec<GraspCandidate> {
     known.iter().cycle().take(count).cloned().collect()
 }
@@ -184,7 +184,7 @@ fn candidates(count: usize, known: &[GraspCandidate]) -> Vec<GraspCandidate> {
 fn main() -> Result<()> {
     // Cargo adds `--bench`.
     let folder = std::env::args().skip(1).find(|word| !word.starts_with("--")).map(PathBuf::from);
-    let folder = folder.context("DIR: where do the pictures go?")?;
+    let folder = folder.context("DIR: found none, expected a folder for the pictures")?;
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let hand = Hand::ftac();
     let all = pads(&hand)?;
@@ -220,7 +220,7 @@ fn main() -> Result<()> {
         Growth::measure("resolution", ["pixels along a side", "ms"], &[60, 120, 240], |side| {
             small_image(&hand, &all[0].0, side)
         })?,
-        Growth::measure("candidates", ["candidates judged", "ms"], &[1, 3, 10, 30, 100, 300, 1000], |count| {
+        Growth::measure("candidates", ["candidates evaluated", "ms"], &[1, 3, 10, 30, 100, 300, 1000], |count| {
             let judged = candidates(count, &known);
             Ok(timed(|| {
                 black_box(best_candidate_score(&judged, &belief));

@@ -2,7 +2,7 @@
 //! pictures. The Gen3 is also compared with its maker's published data.
 //!
 //! [`physics`] holds postures against gravity and commands set-point jumps. [`tracking`] lets the inverse kinematics
-//! follow palm trajectories, as a reference alone and in physics, and times it. [`edges`] leads it to singularities,
+//! follow palm trajectories, as a reference only and in physics, and times it. [`edges`] leads it to singularities,
 //! joint limits and out of reach. [`reach`] maps the workspace of the palm, free of self-collision of the arm.
 
 mod edges;
@@ -22,7 +22,7 @@ use serde_json::json;
 
 use crate::hand_check::{CheckRow, Verdict};
 
-/// Name of the arm whose published data are known here.
+/// Name of the arm with published data.
 const GEN3_NAME: &str = "gen3";
 /// Tolerance on positions of the published kinematic chain, m.
 const CHAIN_TOLERANCE: f64 = 1e-4;

@@ -2,7 +2,7 @@
 //!
 //! A check is a list of [`row`]s. [`figures`] counts and measures the model, [`public_model`] compares its frames with
 //! another group's model of this hand. [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in
-//! physics on a test stand, driven by its six servos alone. [`feix`] tries the 33 grasp types. [`engine`] sweeps the
+//! physics on a test stand, driven only by its six servos. [`feix`] tries the 33 grasp types. [`engine`] sweeps the
 //! engine's settings, and [`second_engine`] writes scenes for another engine.
 
 pub mod closing_force;
@@ -52,7 +52,7 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<CheckRow>
     Ok(rows)
 }
 
-/// Lists the rows that fall short, in one line; `None` if all are good.
+/// Lists the rows that fail, in one line; `None` if all are good.
 pub fn shortfall(rows: &[CheckRow]) -> Option<String> {
     let bad: Vec<String> = rows
         .iter()

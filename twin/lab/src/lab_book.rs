@@ -1,8 +1,8 @@
-//! Lab book: every figure that this project states, as data in `recordings/figures.csv`, and the page for readers,
+//! Lab book: every figure stated by this project, as data in `recordings/figures.csv`, and the page for readers,
 //! `BENCHMARKS.md`.
 //!
-//! [`table::parse`] reads the figures, [`command::CommandCheck`] rejects those whose command could not be run again, and
-//! [`page::page`] sets them beside the paper's and the goals. None of this depends on the command line: the caller
+//! [`table::parse`] reads the figures, [`command::CommandCheck`] rejects those whose command could not be run again,
+//! and [`page::page`] sets them beside the paper's and the goals. None of this depends on the command line: the caller
 //! passes a parser for commands of `ftac`.
 
 pub mod command;

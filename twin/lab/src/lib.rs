@@ -1,4 +1,4 @@
-//! Validation of the body against the paper and against other engines, and of its sensors against known presses.
+//! Validation of the hand against the paper and against other engines, and of its sensors against known presses.
 //!
 //! [`hand_check`] and [`arm_check`] make the rows of `ftac hand check` and `ftac arm check`; [`closing`] closes any
 //! hand on a ball. [`touch`] trains and evaluates photometric stereo and in-hand poses. [`study_pages`] draws the grasp

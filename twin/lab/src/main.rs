@@ -1,4 +1,4 @@
-//! `ftac-lab`: validation, grasp analysis, training and the lab book. `ftac` hands these commands over to it.
+//! `ftac-lab`: validation, grasp analysis, training and the lab book. Run by `ftac` for these commands.
 
 #[macro_use]
 extern crate ftac;
@@ -26,7 +26,7 @@ use ftac::terminal::{Outcome, Terminal};
 
 use self::commands::{arm, grasps, hand, report, schema, study, touch};
 
-/// Validation of the F-TAC twin, analysis of grasps, training: commands that `ftac` hands over.
+/// Validation of the F-TAC Hand, analysis of grasps, training: commands run by `ftac`.
 #[derive(Debug, Parser)]
 #[command(name = "ftac-lab", version, about, long_about = None)]
 struct Cli {

@@ -2,7 +2,7 @@
 //!
 //! [`balls`] presses a ball all over simulated pads. [`training`] collects [`samples`] to which [`network_training`]
 //! fits the network. [`normals`] measures it and the photometric model, and [`own_pads`] calibrations of a hand's own
-//! pads from presses on a ball. [`grasp_count`] simulates first grasps, [`images`] renders them under changed optics,
+//! pads from presses on a ball. [`grasps`] simulates first grasps, [`images`] renders them under changed optics,
 //! [`poses`] compares the estimated pose with the true one, and [`pictures`] draws it. [`evaluation`] combines all of
 //! it.
 

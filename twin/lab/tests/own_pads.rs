@@ -37,7 +37,7 @@ fn pads_calibrate_themselves_on_a_ball() {
     assert!(found.report.after.mean < 0.9 * found.report.before.mean, "{found:?}");
 }
 
-/// Starting from a calibration that knows these very presses, nothing is gained; nor is anything without presses.
+/// A calibration from the very same presses is not improved, nor is any without presses.
 #[test]
 fn a_calibration_that_is_no_better_is_refused() {
     let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());

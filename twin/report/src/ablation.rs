@@ -1,5 +1,5 @@
-//! Ablation of full-hand touch: rates of clean success without some of its means, one row each, with mean and 95 %
-//! interval.
+//! Ablation of full-hand touch: rates of clean success without some of its capabilities, one row each, with mean and 95
+//! % interval.
 
 use kuva::prelude::{ForestPlot, Plot};
 use maud::{Markup, html};
@@ -40,12 +40,12 @@ fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     rows.extend(less);
     rows.push(Row { name: Sensing::ServosOnly.label(), class: "reflex", success: of(Condition::Reflex) });
     rows.push(Row { name: Sensing::Full.label(), class: "touch", success: of(Condition::Touch) });
-    // Conditions that were not played have no mean.
+    // Conditions that were not run have no mean.
     rows.retain(|row| row.success.value.is_some());
     rows
 }
 
-/// Draws the figure for the page, which brings the style.
+/// Draws the figure for a page that includes the style.
 pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
     let rows = rows(summary, records);
     let forest =
@@ -62,8 +62,8 @@ pub fn figure(summary: &Summary, records: &[TrialRecord]) -> Markup {
         });
     let plots: Vec<Plot> = vec![forest.with_whisker_width(4.0).into()];
     let size = [WIDTH, 90.0 + ROW_HEIGHT * rows.len() as f64];
-    let layout = chart::layout(&plots, "Clean success by what the hand may use", size);
-    chart::draw(plots, layout.with_x_axis_min(0.0).with_x_axis_max(1.0), "Clean success rate without some of its means")
+    let layout = chart::layout(&plots, "Clean success by available capabilities", size);
+    chart::draw(plots, layout.with_x_axis_min(0.0).with_x_axis_max(1.0), "Clean success rate without some capabilities")
 }
 
 /// Returns the section of the page; empty if no ablation was run.
@@ -72,7 +72,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
         return Markup::default();
     }
     let head = [
-        ("what the hand may use", ColumnAlignment::Words),
+        ("available capabilities", ColumnAlignment::Words),
         ("trials", ColumnAlignment::Numbers),
         ("success [95 %]", ColumnAlignment::Numbers),
         ("clean success [95 %]", ColumnAlignment::Numbers),
@@ -80,7 +80,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
         ("contact", ColumnAlignment::Numbers),
     ];
     let mut table = HtmlTable::new(
-        "The same trials without some of its means; clean success is compared; intervals by bootstrap over combinations",
+        "Trials without some capabilities; clean success is compared; intervals by bootstrap over combinations",
         &head,
     );
     let with = |of: &ConfidenceInterval| format_with_interval(of, 3);
@@ -95,7 +95,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
         ]);
     }
     html! {
-        h2 id="ablations" { "What full-hand touch buys" }
+        h2 id="ablations" { "Ablations of full-hand touch" }
         figure {
             (figure(summary, records))
             figcaption { "Square: mean over combinations; bar: 95 % bootstrap interval. Also as " a href="ablations.svg" { "ablations.svg" } "." }

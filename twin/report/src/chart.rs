@@ -11,12 +11,12 @@ use crate::style;
 /// Fonts of all text in a chart.
 const FONTS: &str = "system-ui,'Helvetica Neue',Arial,sans-serif";
 
-/// Returns the colour of a condition, or of anything else that the style sheet names.
+/// Returns the colour of a condition, or of any other name of the style sheet.
 pub fn color(name: &str) -> String {
     format!("var(--{})", if name == "external" { "yours" } else { name })
 }
 
-/// Returns the colour of arm `n` of a comparison: that of its condition, or one of its own.
+/// Returns the colour of arm `n` of a comparison: that of its condition, or its own.
 pub fn arm_color(name: &str, n: usize) -> String {
     let known = ["ideal", "blind", "reflex", "touch"].contains(&name);
     if known { color(name) } else { format!("hsl({} 45% 50%)", 40 + 67 * n % 360) }
@@ -50,7 +50,7 @@ pub fn dots(color: &str, points: impl IntoIterator<Item = ((f64, f64), String)>)
     ScatterPlot::new().with_data(points).with_color(color).with_tooltip_labels(titles)
 }
 
-/// Draws a chart for a page, which brings the style. `description` is the text for screen readers.
+/// Draws a chart for a page that includes the style. `description` is the text for screen readers.
 pub fn draw(plots: Vec<Plot>, layout: Layout, description: &str) -> Markup {
     element(&render_multiple(plots, layout), description)
 }
@@ -65,7 +65,7 @@ pub fn element(scene: &Scene, description: &str) -> Markup {
     }
 }
 
-/// Returns the chart as a file of its own.
+/// Returns the chart as a separate file.
 pub fn standalone(chart: &Markup) -> String {
     let style = html! { style { (PreEscaped(style::FIGURE_CSS)) } }.into_string();
     let chart = chart.0.replacen('>', &format!(">{style}"), 1);

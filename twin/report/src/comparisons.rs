@@ -1,4 +1,4 @@
-//! Comparisons between conditions: tests, effect sizes, and trials within combinations. Conditions that were not played
+//! Comparisons between conditions: tests, effect sizes, and trials within combinations. Conditions that were not run
 //! are left out.
 
 use maud::{Markup, Render as _, html};
@@ -9,7 +9,7 @@ use statistics::{ConfidenceInterval, NoTestReason, PairedDifference, TTest};
 use super::findings::Rate;
 use super::html::{ColumnAlignment, HtmlTable, format_number, format_probability};
 
-/// One of the benchmark's comparisons between two conditions that were played.
+/// One of the benchmark's comparisons between two conditions that were run.
 pub struct Comparison<'a> {
     /// The two conditions; the test asks whether the first has the larger mean.
     pub conditions: [Condition; 2],
@@ -19,7 +19,7 @@ pub struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Returns the question of the test, as a row of the table names it.
+    /// Returns the question of the test, as named in the table.
     fn question(&self) -> String {
         let [more, less] = self.conditions;
         match self.rate {
@@ -40,7 +40,7 @@ impl Comparison<'_> {
     }
 }
 
-/// Lists the comparisons whose two conditions were both played.
+/// Lists the comparisons whose two conditions were both run.
 pub fn played_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
     use Condition::{Blind, Ideal, Reflex, Touch};
     let (tests, differences) = (&summary.t_test, &summary.differences);
@@ -58,7 +58,7 @@ pub fn played_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
     compared.into_iter().filter(played).collect()
 }
 
-/// Formats a number that may be missing.
+/// Formats an optional number.
 fn format_optional(value: Option<f64>, decimals: usize) -> String {
     format_number(value.unwrap_or(f64::NAN), decimals)
 }

@@ -41,7 +41,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> Mar
         false => format!("Trials that succeeded in spite of a contact: {}.", harmless.join("; ")),
     };
     html! {
-        h2 id="failures" { "Why trials failed" }
+        h2 id="failures" { "Causes of failure" }
         (table)
         p { (note) }
         p {

@@ -54,7 +54,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Draws the figure for the page, which brings the style.
+    /// Draws the figure for a page that includes the style.
     pub fn draw(&self) -> Markup {
         let groups = || self.groups.iter().enumerate().map(|(n, group)| (n as f64 + 1.0, group));
         let values = |group: &Group| group.dots.iter().map(|(rate, _)| *rate).filter(|rate| rate.is_finite()).collect();

@@ -1,4 +1,4 @@
-//! Films of trials, rendered without a screen: as a page that plays them side by side, and as strips of stills.
+//! Films of trials, rendered without a screen: as a page that shows them side by side, and as strips of stills.
 
 use std::sync::Arc;
 
@@ -115,7 +115,7 @@ fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Returns a page that plays `films` side by side with frames of `size` pixels at `rate` Hz. `about` is the text above
+/// Returns a page that shows `films` side by side with frames of `size` pixels at `rate` Hz. `about` is the text above
 /// them.
 pub fn page(
     stage: &FilmStage,
@@ -177,7 +177,7 @@ mod tests {
             title: "touch <1>".into(),
             outcome: ("both objects held".into(), true),
             frames: (0..3).map(frame).collect(),
-            notes: vec![(0.25, "felt & decided".into())],
+            notes: vec![(0.25, "touched & decided".into())],
         }
     }
 
@@ -188,7 +188,7 @@ mod tests {
         let stage = FilmStage { hand: &hand, arm: &arm, objects: vec![] };
         let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", &html! { p { "about" } })).expect("drawn");
         assert_eq!(html.matches("data:image/jpeg;base64,").count(), 4, "the first frame, and three in the film");
-        for part in ["touch &lt;1&gt;", "felt &amp; decided", "0.5 s: phase 2", "both objects held"] {
+        for part in ["touch &lt;1&gt;", "touched &amp; decided", "0.5 s: phase 2", "both objects held"] {
             assert!(html.contains(part), "{part}");
         }
         let strip = stage.strip(&film(&hand, &arm), 2, 64);

@@ -1,5 +1,5 @@
-//! Results from the records that the summary lacks: the columns of the figures, one line per combination, harmless
-//! contacts.
+//! Results from the records that are missing in the summary: the columns of the figures, one line per combination,
+//! harmless contacts.
 
 use std::collections::BTreeMap;
 
@@ -106,7 +106,7 @@ fn extremes(group: &Group) -> [Option<f64>; 3] {
     [0.0, 50.0, 100.0].map(|percent| percentile(&rates, percent))
 }
 
-/// Formats a test's outcome as papers print it; `None` if there was nothing to test.
+/// Formats a test's outcome as in papers; `None` if there was nothing to test.
 pub fn format_test(test: &TTest) -> Option<String> {
     let p = match format_probability(test.p?) {
         text if text.starts_with('<') => text,
@@ -140,7 +140,7 @@ pub struct CombinationLine {
     pub second: String,
     /// Rates in the order of [`Condition::ALL`]; `None` for a condition that was not run.
     pub rates: [Option<CombinationRates>; Condition::ALL.len()],
-    /// Share of its touch trials that switched away from the plan.
+    /// Share of its touch trials that left the planned grasp.
     pub switched: Option<f64>,
 }
 
@@ -148,8 +148,8 @@ pub struct CombinationLine {
 pub const RANKING_CONDITIONS: [Condition; 4] =
     [Condition::Touch, Condition::Blind, Condition::Reflex, Condition::External];
 
-/// Lists all combinations, worst first: by clean success under the conditions of [`RANKING_CONDITIONS`], then by contacts blind and
-/// ideal.
+/// Lists all combinations, worst first: by clean success under the conditions of [`RANKING_CONDITIONS`], then by
+/// contacts blind and ideal.
 pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
     for (index, condition) in Condition::ALL.into_iter().enumerate() {
@@ -191,7 +191,7 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     lines
 }
 
-/// Counts trials with an unwanted contact, and those among them that succeeded all the same.
+/// Counts trials with an unwanted contact, and the successful ones among them.
 pub fn harmless_contacts(records: &[TrialRecord], condition: Condition) -> (usize, usize) {
     let touched = || records.iter().filter(move |record| record.condition == condition && record.contact);
     (touched().count(), touched().filter(|record| record.success).count())

@@ -73,7 +73,7 @@ pub fn gallery_grasp(hand: &GraspingHand, kind: &GraspKind<'_>) -> GalleryGrasp 
         let digits: Vec<&str> = digits.iter().map(|digit| digit.name()).chain(palm.then_some("palm")).collect();
         let room = room.map_or("none, all digits touch".into(), |room| format!("{:.0} mm to the object", 1e3 * room));
         text += &format!("- held by {}\n- room left by free digits: {room}\n", digits.join(", "));
-        text += &format!("- comes along [{x:.2}, {y:.2}, {z:.2}] of the object\n");
+        text += &format!("- approach along [{x:.2}, {y:.2}, {z:.2}] of the object\n");
     }
     if let Some([far, turned]) = grasp.moved {
         text += &format!("- closing moved the object {:.1} mm, {:.0} deg\n", 1e3 * far, turned.to_degrees());
@@ -103,7 +103,7 @@ pub fn gallery_grasp(hand: &GraspingHand, kind: &GraspKind<'_>) -> GalleryGrasp 
     }
 }
 
-/// Draws an object on its own, in its resting pose.
+/// Draws a single object in its resting pose.
 fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
     pictures::object(model, OBJECT_PICTURE_SIZE, OBJECT_VIEW_WIDTH, &format!("{}\n{line}", model.name))
 }
@@ -208,7 +208,7 @@ pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -
     let main = html! {
         h1 { "Synthesized grasps" }
         p.byline { (file.collection.header.command) }
-        p { "Dots are contact points, cones the forces that the friction of the proof allows there, coloured by digit." }
+        p { "Dots are contact points, cones the friction cones of the verification, coloured by digit." }
         h2 { "Objects" }
         img src="objects.png" alt="the objects";
         h2 { "The best grasp of each object's most frequent kind" }
@@ -230,7 +230,7 @@ mod tests {
     use grasp_verification::synthesis::grasp_file;
     use world::objects::ObjectSet;
 
-    /// Checks the built-in collection: every object of the set is there with as many grasps as its summary says, each
+    /// Checks the built-in collection: every object of the set is there with the number of grasps in its summary, each
     /// with its digits, and every grasp passes the checks.
     #[test]
     fn the_built_in_collection_is_whole() {

@@ -21,7 +21,7 @@ pub fn format_number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Formats a probability as papers print it: `2.1×10⁻¹⁷`, or `0.032`.
+/// Formats a probability as in papers: `2.1×10⁻¹⁷`, or `0.032`.
 pub fn format_probability(p: f64) -> String {
     if !p.is_finite() {
         return "–".to_string();
@@ -51,7 +51,7 @@ fn superscript(character: char) -> char {
     }
 }
 
-/// Formats a time in the unit that a reader would choose.
+/// Formats a time in a readable unit.
 pub fn format_duration(seconds: f64) -> String {
     match seconds {
         s if !s.is_finite() || s < 0.0 => "–".to_string(),
@@ -127,7 +127,7 @@ pub fn whole_page(title: &str, body: &Markup) -> String {
     page(title, "", &html! { h1 { (title) } (body) }, "")
 }
 
-/// Returns a page in the report's style, with `more` of it, and with `script` after `main`.
+/// Returns a page in the report's style, with `more` style rules, and with `script` after `main`.
 pub fn page(title: &str, more: &str, main: &Markup, script: &str) -> String {
     printable(html! {
         (DOCTYPE)

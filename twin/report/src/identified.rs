@@ -1,5 +1,5 @@
-//! Results of system identification as a page and as text: how well the twin of a robot moves, which parameters the
-//! sessions identify, which they do not, and which further measurements would help.
+//! Results of system identification as a page and as text: accuracy of the robot model's motion, identified parameters,
+//! unidentified ones, and useful further measurements.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use crate::html::{ColumnAlignment, HtmlTable, whole_page};
 /// Half-width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.96;
 
-/// Motion of the twin of one actuator, compared with the servo's.
+/// Motion of the model of one actuator, compared with the servo's.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ActuatorRow {
     pub actuator: String,
@@ -21,7 +21,7 @@ pub struct ActuatorRow {
     pub motions: usize,
     /// Number of samples of the servo's angle.
     pub samples: usize,
-    /// Root-mean-square residual of the servo's angle with the parameters of the drawing, rad.
+    /// Root-mean-square residual of the servo's angle with the nominal parameters, rad.
     pub residual_before: f64,
     /// Root-mean-square residual of the servo's angle with the identified parameters, rad.
     pub residual_after: f64,
@@ -35,15 +35,15 @@ pub struct ActuatorRow {
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ParameterRow {
     pub parameter: String,
-    /// Unit of the deviation; `log`: logarithm of the factor on the drawing's value.
+    /// Unit of the deviation; `log`: logarithm of the factor on the nominal value.
     pub unit: String,
-    /// Deviation from the drawing.
+    /// Deviation from the nominal value.
     pub deviation: f64,
     /// Standard deviation of the estimated deviation.
     pub sigma: f64,
-    /// Standard deviation among robots built from the drawing.
+    /// Prior standard deviation among robot instances.
     pub prior_sigma: f64,
-    /// True if the sessions say more than the drawing.
+    /// True if the sessions determine the parameter better than the prior.
     pub identified: bool,
 }
 
@@ -80,7 +80,7 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
     say(&["joint_zero"], "touches of a ball do not push every link onto its stop; press each pad on one, further out");
     say(
         &["encoder", "position", "turn"],
-        "touches of a ball leave some of these open: what turns the whole robot about its base is where the base stands (`ftac bridge register`)",
+        "touches of a ball leave some of these open: rotation of the whole robot about its base belongs to the base pose (`ftac bridge register`)",
     );
     say(
         &["gel_stiffness", "pad_friction"],
@@ -88,11 +88,11 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
     );
     say(
         &["torque_gain"],
-        "a weighed object in the hand shows the gain of every joint that it turns; more postures, a heavier object, or one that is weighed at all; never joint 1, whose axis is upright",
+        "a payload in the hand shows the gain of every joint that it loads; add postures, a heavier payload, or any payload; never joint 1, whose axis is vertical",
     );
     say(
         &["gel_thickness"],
-        "a pad bears the same at any thickness of its gel, down to the bottom; only a calliper tells",
+        "the load on a pad does not depend on the thickness of its gel; measure it with a calliper",
     );
     say(
         &[
@@ -105,7 +105,7 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
             "guide_turn",
             "servo_damping",
         ],
-        "the motions leave some of these open; more postures of the arm, or more speeds and loads, in the script",
+        "the motions do not identify some of these; more postures of the arm, or more speeds and loads, in the script",
     );
     advice
 }
@@ -116,7 +116,7 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
     let _ = writeln!(
         text,
         "{:<12} {:>8} {:>8} {:>16} {:>16}",
-        "actuator", "motions", "samples", "drawing, deg", "identified, deg"
+        "actuator", "motions", "samples", "nominal, deg", "identified, deg"
     );
     for row in actuators {
         let _ = writeln!(
@@ -129,16 +129,14 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
             row.residual_after.to_degrees()
         );
     }
-    let _ = writeln!(text, "\n{:<28} {:>12} {:>12} {:>14}", "parameter", "deviation", "95 %: +-", "drawing: +-");
+    let _ = writeln!(text, "\n{:<28} {:>12} {:>12} {:>14}", "parameter", "deviation", "95 %: +-", "prior: +-");
     for row in parameters.iter().filter(|row| row.identified) {
         let [name, deviation, interval, spread] = row.cells();
         let _ = writeln!(text, "{name:<28} {deviation:>12} {interval:>12} {spread:>14}");
     }
     let open = parameters.iter().filter(|row| !row.identified).count();
-    let _ = writeln!(
-        text,
-        "\n{open} parameters are not identifiable from these sessions and stay as the drawing has them:"
-    );
+    let _ =
+        writeln!(text, "\n{open} parameters are not identifiable from these sessions and keep their nominal values:");
     for line in advice(parameters) {
         let _ = writeln!(text, "  {line}");
     }
@@ -148,12 +146,12 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
 /// Returns a self-contained page.
 pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[SessionSource]) -> String {
     let mut motion = HtmlTable::new(
-        "How the servos move: root mean square of what the twin leaves unexplained",
+        "Motion of the servos: root mean square residual of the model",
         &[
             ("actuator", ColumnAlignment::Words),
             ("motions", ColumnAlignment::Numbers),
             ("samples", ColumnAlignment::Numbers),
-            ("as drawn, deg", ColumnAlignment::Numbers),
+            ("nominal, deg", ColumnAlignment::Numbers),
             ("identified, deg", ColumnAlignment::Numbers),
             ("delay, ms", ColumnAlignment::Numbers),
         ],
@@ -171,9 +169,9 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
     let table = |caption: &str, identified: bool| {
         let head = [
             ("parameter", ColumnAlignment::Words),
-            ("deviation from the drawing", ColumnAlignment::Numbers),
+            ("deviation from nominal", ColumnAlignment::Numbers),
             ("95 % interval: ±", ColumnAlignment::Numbers),
-            ("before any session: ±", ColumnAlignment::Numbers),
+            ("prior: ±", ColumnAlignment::Numbers),
         ];
         let mut table = HtmlTable::new(caption, &head);
         parameters.iter().filter(|row| row.identified == identified).for_each(|row| table.row(&row.cells()));
@@ -193,11 +191,11 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
     }
     let body = html! {
         (motion)
-        (table("What the sessions show", true))
-        h2 { "What to measure more" }
+        (table("Identified parameters", true))
+        h2 { "Further measurements" }
         ul { @for line in advice(parameters) { li { (line) } } }
-        (table("What they do not show: the drawing's value, and its spread", false))
+        (table("Unidentified parameters: nominal value and prior", false))
         (source)
     };
-    whole_page("One robot, identified", &body)
+    whole_page("System identification", &body)
 }

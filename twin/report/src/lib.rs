@@ -1,6 +1,6 @@
 //! Report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
-//! The report is made from the records and their summary alone, so `ftac report` can make it again at any time.
+//! The report is made from the records and their summary only, so `ftac report` can make it again at any time.
 //! [`chart`] draws charts, [`picture`] the hand, [`plot`] line plots; the checks use the last two as well.
 //! [`grasp_gallery`] shows the best grasps of each object.
 
@@ -36,7 +36,7 @@ use scenarios::TrialRecord;
 use scenarios::summary::Summary;
 use serde_json::Value;
 
-/// Writes the report into the existing `folder`: `report.html`, and, as far as there are data for them, `contact.svg`,
+/// Writes the report into the existing `folder`: `report.html`, and, if there are data for them, `contact.svg`,
 /// `clean_success.svg`, `panel_c.svg`, `panel_d.svg`, `risk.svg` and `ablations.svg`. `run` describes the run: its key
 /// `command` (text or a list of words) is shown as a command line, all other keys in a table, nested ones with dotted
 /// names, and numbers whose key ends in `_s` as times.

@@ -58,7 +58,7 @@ pub fn render(
     Ok(page(&format!("Multi-object benchmark: {robot}, seed {seed}"), "", &main, SORTING_SCRIPT))
 }
 
-/// Formats a number that may be missing.
+/// Formats an optional number.
 fn format_optional(value: Option<f64>, decimals: usize) -> String {
     format_number(value.unwrap_or(f64::NAN), decimals)
 }
@@ -107,7 +107,7 @@ fn figure_section(figures: [&Figure; 2], summary: &Summary) -> Markup {
                     figcaption {
                         (figure.title) ": a dot is one of " (count_with_noun(summary.combos, "combination")) " (its name shows under the pointer); the box \
                         spans the 25th to the 75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to \
-                        maximum; the shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go on \
+                        maximum; the shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row continue \
                         above and below it. "
                         @if !figure.brackets.is_empty() { "The bracket compares " (compared) " (paired, one-sided). " }
                         "Also as " a href=(file) { (file) } "."
@@ -132,8 +132,8 @@ fn facts(summary: &Summary) -> Markup {
         ("Pose error, position, 95th percentile".to_string(), unit(pose.mm.p95, 2, "mm")),
         ("Pose error, angle, median".to_string(), unit(pose.deg.median, 1, "°")),
         ("Pose error, angle, 95th percentile".to_string(), unit(pose.deg.p95, 1, "°")),
-        ("The plan’s guess before touch, median".to_string(), unit(pose.prior_mm.median, 2, "mm")),
-        ("The plan’s guess before touch, 95th percentile".to_string(), unit(pose.prior_mm.p95, 2, "mm")),
+        ("Planned pose before touch, error, median".to_string(), unit(pose.prior_mm.median, 2, "mm")),
+        ("Planned pose before touch, error, 95th percentile".to_string(), unit(pose.prior_mm.p95, 2, "mm")),
     ];
     // All of these are measured in touch trials.
     if summary.conditions.touch.trials == 0 {

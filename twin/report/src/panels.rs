@@ -18,7 +18,7 @@ use super::findings::format_test;
 use super::html::{ColumnAlignment, HtmlTable, count_with_noun, format_number, format_probability};
 use super::{paper, run};
 
-/// A panel of which at least one condition was played.
+/// A panel with at least one condition that was run.
 pub struct Panel {
     letter: char,
     /// Name of the rate, beside the letter.
@@ -125,7 +125,7 @@ impl PanelSide {
     }
 }
 
-/// Formats the paper's test as the paper prints it.
+/// Formats the paper's test as in the paper.
 fn paper_test() -> String {
     format!(
         "t({:.0}) = {}, p = {}",
@@ -167,10 +167,10 @@ pub fn section(panels: &[Panel], summary: &Summary, records: &[TrialRecord], abo
     html! { @if !panels.is_empty() {
         h2 id="paper" { "Beside the paper: its figure on adaptive behaviours" }
         p {
-            "The paper predicts a collision: the object in the hand, as felt, overlaps the next one in its planned place. "
+            "The paper predicts a collision: the object in the hand, at its pose estimate, overlaps the next one in its planned place. "
             em { "Contact" } " counts what happened in the trial, an unwanted contact in physics; success is then clean success. " em { "Predicted" }
-            " counts as the paper does: a trial collides where the object in the hand, as felt at the first decision, overlaps the second one in its \
-            place at the planned grasp, and succeeds where it does not at the grasp that is carried out. Trials in which the first object was not felt in the \
+            " counts as the paper does: a trial collides if the object in the hand, at its pose estimate at the first decision, overlaps the second one in its \
+            place at the planned grasp, and succeeds if it does not at the executed grasp. Trials without a pose estimate of the first object in the \
             hand have no prediction."
         }
         @if !panels.iter().any(|panel| panel.sides.iter().any(|side| side.sample(CollisionCount::Predicted).is_some())) {
@@ -181,13 +181,13 @@ pub fn section(panels: &[Panel], summary: &Summary, records: &[TrialRecord], abo
             figcaption {
                 "Panel " (panel.letter) " of the paper’s figure: " (panel.rate) ". A dot is one of "
                 (count_with_noun(summary.combos, "combination")) "; box, diamond, whiskers and shading as in the figures below. Grey: the paper’s mean, with \
-                whiskers of one standard deviation, because it states no more. Brackets: paired one-sided t-tests. Also as "
+                whiskers of one standard deviation, as no more is given. Brackets: paired one-sided t-tests. Also as "
                 a href=(panel.file()) { (panel.file()) } "."
             }
         } } }
         (table(panels))
         @if let Some(command) = about.get("command").and_then(run::command_line) {
-            p { "All of ours is one run: " code { (command) } "." }
+            p { "All simulated values are from one run: " code { (command) } "." }
         }
         (statements::section(summary, records))
     } }

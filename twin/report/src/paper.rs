@@ -1,4 +1,4 @@
-//! Published figures of the paper, for comparison with ours (its figure on adaptive behaviours and the text around it).
+//! Published figures of the paper, for comparison (its figure on adaptive behaviours and the text around it).
 
 /// Number of object combinations.
 pub const COMBINATION_COUNT: usize = 60;

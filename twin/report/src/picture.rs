@@ -27,7 +27,7 @@ const COVER_COLOR: [f64; 3] = [196.0, 199.0, 206.0];
 const PALM_COLOR: [f64; 3] = [170.0, 174.0, 184.0];
 const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
-/// Radius of a drawn cable, m: twice the real one, so that it is visible.
+/// Radius of a drawn cable, m: twice the real one, for visibility.
 const CABLE_RADIUS: f64 = 5.0e-4;
 /// Colours of the pads' configurations, from a on, used in turn.
 pub const CONFIGURATION_COLORS: [[f64; 3]; 9] = [
@@ -74,7 +74,7 @@ pub struct View {
 }
 
 impl View {
-    /// Looks onto the palm, a little from the side, fingers up.
+    /// Views the palm, a little from the side, fingers up.
     pub fn palm() -> Self {
         Self {
             eye: Vector3::new(0.25, 0.1, -1.0).normalize(),
@@ -84,7 +84,7 @@ impl View {
         }
     }
 
-    /// Looks from the thumb's side, fingers to the left and the palm facing down.
+    /// Views the hand from the thumb's side, fingers to the left and the palm facing down.
     pub fn thumb_side() -> Self {
         Self {
             eye: Vector3::new(1.0, 0.25, -0.15).normalize(),
@@ -94,12 +94,12 @@ impl View {
         }
     }
 
-    /// Looks onto the back of the hand, fingers up.
+    /// Views the back of the hand, fingers up.
     pub fn back() -> Self {
         Self { eye: Vector3::new(0.3, 0.15, 1.0).normalize(), ..Self::palm() }
     }
 
-    /// Looks from in front of the fingertips, palm down.
+    /// Views the hand from in front of the fingertips, palm down.
     pub fn tips() -> Self {
         Self { eye: Vector3::new(0.35, 1.0, -0.35).normalize(), up: Vector3::z(), ..Self::palm() }
     }

@@ -29,7 +29,7 @@ fn file_suffix(condition: Condition) -> String {
     format!("_{condition}{PNG_EXTENSION}")
 }
 
-/// Draws an object on its own, in its resting pose.
+/// Draws a single object in its resting pose.
 pub fn object(model: &ObjectModel, size: u32, width: f64, caption: &str) -> RgbImage {
     let eye = Vector3::new(0.75, -0.9, 0.75).normalize();
     let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center: Point3::origin(), width });
@@ -45,7 +45,7 @@ fn png(image: &RgbImage) -> Result<String> {
     Ok(data_uri("image/png", bytes.get_ref()))
 }
 
-/// Returns the sections. An object that does not come with the program is only named.
+/// Returns the sections. An object that is not built in is only named.
 pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
     let stills = match strip(folder) {
         Some((file, condition)) => {

@@ -1,7 +1,6 @@
 //! Line plots as pictures: axes with round ticks, one colour per line, names on the right.
 //!
-//! Written by hand: plotters needs a font for its bitmaps, or a backend with our own letters that would be longer than
-//! this file.
+//! Written by hand: plotters needs a font for its bitmaps, or a custom backend longer than this file.
 
 use image::{Rgb, RgbImage};
 

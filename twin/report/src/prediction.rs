@@ -20,23 +20,23 @@ pub fn section(records: &[TrialRecord]) -> Markup {
         Some([low, high]) => {
             format!(" [{}, {}] (95 %, Hanley and McNeil)", format_number(low, 3), format_number(high, 3))
         }
-        None => " (too few trials, or none that it confuses: no interval)".to_string(),
+        None => " (too few trials, or no misranked pair: no interval)".to_string(),
     };
     html! { @if blind {
-        h2 id="risk" { "What the predicted risk is worth" }
+        h2 id="risk" { "Quality of the predicted risk" }
         @match &prediction {
             None => p {
-                "The predicted risk cannot be compared with contacts: that takes blind trials with a contact and blind \
-                 trials without one, in both of which the first object was felt in the hand."
+                "The predicted risk cannot be compared with contacts: this takes blind trials with a contact and blind \
+                 trials without one, both with a pose estimate of the first object in the hand."
             }
             Some(prediction) => div.figures { figure {
                 (draw(prediction))
                 figcaption {
-                    "Risk of an unwanted contact if the plan is carried out, as predicted from what is felt of the first object, in "
+                    "Risk of an unwanted contact of the planned grasp, as predicted from the pose estimate of the first object, in "
                     (prediction.scored.len()) " blind trials with that object in the hand. Left: share of trials with a contact that are \
                     above a threshold over the share of those without one; area " (format_number(prediction.area, 3)) (interval) ". Right: \
-                    observed contacts over predicted risk in groups of like risk, with Wilson 95 % intervals; on the diagonal \
-                    predictions are true. Also as " a href="risk.svg" { "risk.svg" } "."
+                    observed contacts over predicted risk in groups of similar risk, with Wilson 95 % intervals; on the diagonal \
+                    predictions are correct. Also as " a href="risk.svg" { "risk.svg" } "."
                 }
             } }
         }

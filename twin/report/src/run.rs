@@ -8,10 +8,10 @@ use super::html::{ColumnAlignment, HtmlTable, format_duration, format_number};
 /// Keys shown first, in this order; the others follow in their own order.
 const FIRST_KEYS: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
 
-/// Key of the warnings, a list of texts that the reader must know before anything else.
+/// Key of the warnings, a list of texts of first importance to the reader.
 const WARNINGS_KEY: &str = "warnings";
 
-/// Returns the warnings on how this run differs from what it seems to be: at the top of the page, in red. Empty if
+/// Returns the warnings about deviations of this run from a full benchmark: at the top of the page, in red. Empty if
 /// there are none.
 pub fn warnings(run: &Value) -> Markup {
     let list = run.get(WARNINGS_KEY).and_then(Value::as_array).filter(|list| !list.is_empty());
@@ -43,14 +43,14 @@ pub fn section(run: &Value) -> Markup {
         table.row(&[key, text]);
     }
     html! {
-        h2 id="run" { "How it was run" }
+        h2 id="run" { "Run" }
         @if let Some(command) = run.get("command").and_then(command_line) { pre { code { (command) } } }
         @if !short.is_empty() { (table) }
         @for (key, text) in &long { details { summary { (key) } pre { code { (text.trim_end()) } } } }
     }
 }
 
-/// Formats the command as one line, whether it is given as text or as a list of words.
+/// Formats the command, given as text or as a list of words, as one line.
 pub fn command_line(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
@@ -59,7 +59,7 @@ pub fn command_line(value: &Value) -> Option<String> {
     }
 }
 
-/// Joins words to a line that a shell accepts.
+/// Joins words to a line for a shell.
 pub fn shell_line(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }

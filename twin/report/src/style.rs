@@ -3,5 +3,5 @@
 /// Palette and rules of figures. It is included once in the page, and in every standalone figure.
 pub const FIGURE_CSS: &str = include_str!("../data/figure.css");
 
-/// Rules of the page alone.
+/// Rules of the page only.
 pub const PAGE_CSS: &str = include_str!("../data/page.css");

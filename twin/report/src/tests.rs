@@ -1,4 +1,4 @@
-//! Tests of the report as a whole, on made-up records.
+//! Tests of the report as a whole, on synthetic records.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::*;
 
-/// Makes up a benchmark in which blind trials collide more often the higher the combination's number is.
+/// Creates a benchmark in which blind trials collide more often the higher the combination's number is.
 pub(crate) fn synthetic_records(combinations: usize, trials: usize) -> Vec<TrialRecord> {
     const OBJECTS: [&str; 6] = ["egg", "can_50", "tennis_ball", "mug <small>", "box & lid", "bottle"];
     let mut records = Vec::new();
@@ -45,8 +45,8 @@ pub(crate) fn synthetic_records(combinations: usize, trials: usize) -> Vec<Trial
                     disturbance: String::new(),
                     risk: (condition == Condition::Blind)
                         .then(|| f64::from(u8::from(contact)) * 0.6 + 0.02 * trial as f64),
-                    reason: "made up".into(),
-                    // The prediction comes true; touch finds a collision-free way.
+                    reason: "synthetic".into(),
+                    // The prediction is correct; touch finds a collision-free path.
                     plan_separation_mm: (condition != Condition::Reflex).then_some(if contact { -2.0 } else { 4.0 }),
                     chosen_separation_mm: (condition == Condition::Touch).then_some(4.0),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
@@ -108,8 +108,8 @@ fn every_combination_is_a_dot_of_every_condition() {
     assert_eq!(before_risk.matches("<circle ").count(), 480 + 480);
 }
 
-/// Panels c and d show our values by both counts beside the paper's. A run without predicted separations says that they
-/// are missing.
+/// Panels c and d show the simulated values by both counts beside the paper's. A run without predicted separations
+/// reports that they are missing.
 #[test]
 fn the_papers_panels_are_drawn_by_both_counts() {
     let section = |records: &[TrialRecord]| {
@@ -164,16 +164,16 @@ fn the_summarys_numbers_are_on_the_page() {
     assert!(page.contains("<strong>Touch raises clean success over blind; that its images are needed"), "{page}");
 }
 
-/// A policy of the user's own has its column, row and boxes if it was played, and none if it was not.
+/// An external policy has its column, row and boxes if it was run, and none otherwise.
 #[test]
 fn a_policy_of_ones_own_is_one_more_condition() {
     let mut records = synthetic_records(6, 2);
-    assert!(!report(&records)[0].contains("clean success, own"));
+    assert!(!report(&records)[0].contains("clean success, external"));
     let touch = records.iter().filter(|record| record.condition == Condition::Touch);
     let own: Vec<_> = touch.map(|record| TrialRecord { condition: Condition::External, ..record.clone() }).collect();
     records.extend(own);
     let [page, contact, _] = report(&records);
-    assert!(page.contains("clean success, own") && page.contains(">own</th>"), "{page}");
+    assert!(page.contains("clean success, external") && page.contains(">external</th>"), "{page}");
     assert_eq!(dots(&contact, "yours"), 6);
 }
 
@@ -191,7 +191,7 @@ fn the_quality_of_the_predicted_risk_is_shown() {
     let [page, ..] = report(&synthetic_records(60, 10));
     let section = page.split_once("id=\"risk\"").unwrap().1.split_once("<h2").unwrap().0;
     assert!(
-        section.contains("area 1.000 (too few trials, or none that it confuses: no interval)")
+        section.contains("area 1.000 (too few trials, or no misranked pair: no interval)")
             && section.contains("observed 0 of"),
         "{section}"
     );
@@ -222,8 +222,8 @@ fn little_or_nothing_still_makes_a_report() {
     }
 }
 
-/// Every non-empty subset of the conditions makes a report that names the conditions played, compares those of which
-/// both were played, and nothing else.
+/// Every non-empty subset of the conditions makes a report that names only the conditions that were run, and compares
+/// only pairs of them.
 #[test]
 fn nothing_is_said_of_conditions_that_were_not_played() {
     let all = synthetic_records(6, 2);
@@ -286,7 +286,7 @@ fn a_report_replaces_the_one_before() {
 }
 
 #[test]
-#[ignore = "leaves a report to look at in the temporary folder"]
+#[ignore = "leaves a report for inspection in the temporary folder"]
 fn sample() {
     let folder = std::env::temp_dir().join("ftac-report-sample");
     std::fs::create_dir_all(&folder).unwrap();

@@ -1,4 +1,4 @@
-//! Headline of the page: the results in words, of the conditions that were played.
+//! Headline of the page: the results in words, of the conditions that were run.
 
 use maud::{Markup, html};
 use scenarios::summary::Summary;
@@ -99,7 +99,7 @@ fn clean_success(summary: &Summary, compared: &[Comparison]) -> String {
         (Condition::Touch, "with touch"),
         (Condition::Blind, "blind"),
         (Condition::Reflex, "with further tries but no tactile image"),
-        (Condition::External, "with the policy of one’s own"),
+        (Condition::External, "with the external policy"),
     ];
     let parts: Vec<String> = words
         .into_iter()
@@ -133,7 +133,7 @@ fn contacts(summary: &Summary, compared: &[Comparison]) -> String {
         (Condition::Blind, "blind"),
         (Condition::Reflex, "with reflex"),
         (Condition::Touch, "with touch"),
-        (Condition::External, "with the policy of one’s own"),
+        (Condition::External, "with the external policy"),
     ];
     let parts: Vec<String> = words
         .into_iter()

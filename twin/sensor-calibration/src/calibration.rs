@@ -40,7 +40,7 @@ struct Ablation {
     similarity: Option<ViewSimilarity>,
 }
 
-/// A fitted sensor, with its quality in rendering and reconstructing presses that it has not seen.
+/// A fitted sensor, with its quality in rendering and reconstructing held-out presses.
 pub struct CalibrationRun {
     /// Fit to all presses.
     fit: BallFit,
@@ -144,22 +144,22 @@ impl CalibrationRun {
         self.photometry.write(path)
     }
 
-    /// Returns the reason why the calibration must not be used, if there is one: it is no better than doing nothing.
+    /// Returns the reason why the calibration must not be used, if any: it is no better than the trivial estimate.
     pub fn shortfall(&self) -> Option<String> {
         let Some(HeldOutSimilarity { rendered, floor, .. }) = &self.held_out else {
-            return Some("no press could be held out: there is no figure for the quality of the fit".to_owned());
+            return Some("no press could be held out: the quality of the fit is unknown".to_owned());
         };
         let (found, least) = (rendered.crop.psnr, floor.crop.psnr);
         if !found.is_finite() || !least.is_finite() {
-            return Some(format!("the quality of the fit cannot be told: {found} dB, {least} dB without a model"));
+            return Some(format!("the quality of the fit is undetermined: {found} dB, {least} dB without a model"));
         }
         if found <= least {
             return Some(format!(
-                "the model renders the held-out presses no better than the background alone does: {found:.2} dB, {least:.2} dB"
+                "the model renders the held-out presses no better than the background alone: {found:.2} dB, {least:.2} dB"
             ));
         }
         let [look_up, network] = SlopeMethod::ALL.map(|method| self.photometry.accuracy(method).fault());
-        Some(format!("no surface can be told: by look-up, {}; by the network, {}", look_up?, network?))
+        Some(format!("no surface can be reconstructed: by look-up, {}; by the network, {}", look_up?, network?))
     }
 
     /// Draws all presses with their circles and errors.
@@ -167,13 +167,13 @@ impl CalibrationRun {
         sheet::draw(&self.tiles)
     }
 
-    /// Returns warnings that a user needs to know with the result.
+    /// Returns warnings that belong to the result.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings: Vec<String> =
             self.left_out.iter().map(|(name, reason)| format!("{name} left out: {reason}")).collect();
         if let (PixelSource::Presses, Some([low, high])) = (self.source, self.fit.pixel_interval) {
             warnings.push(format!(
-                "the size of a pixel is known only to lie between {:.4} and {:.4} mm, and every depth as little: measure it \
+                "the size of a pixel is known only to lie between {:.4} and {:.4} mm, and every depth likewise: measure it \
                  (--ruler, --field-mm or --pixel-mm)",
                 1e3 * low,
                 1e3 * high
@@ -182,7 +182,7 @@ impl CalibrationRun {
         for method in SlopeMethod::ALL {
             let accuracy = self.photometry.accuracy(method);
             let (fault, doubt) = (accuracy.fault(), accuracy.doubt());
-            warnings.extend(fault.map(|fault| format!("{} is of no use: {fault}", method.name())).or_else(|| {
+            warnings.extend(fault.map(|fault| format!("{} must not be used: {fault}", method.name())).or_else(|| {
                 doubt.map(|doubt| {
                     format!("{} is doubtful, more presses help: on presses held out {doubt}", method.name())
                 })

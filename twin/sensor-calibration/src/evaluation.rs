@@ -1,5 +1,5 @@
-//! Evaluations: of a calibration on presses that it has not seen, of the gel's response to the paper's probe, and of
-//! the fit's ability to recover a known sensor.
+//! Evaluations: of a calibration on held-out presses, of the gel's response to the paper's probe, and of the fit's
+//! ability to recover a known sensor.
 
 use std::path::Path;
 
@@ -129,8 +129,8 @@ pub struct RenderedPresses {
     pub left_out: Vec<SkippedImage>,
 }
 
-/// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) for presses whose
-/// labels do not give it. `background` is the image of the untouched gel if it is not called `background`.
+/// Renders the presses of `folder` with the calibration in `file`. `diameter` is the ball's (m) for presses without one
+/// in their labels. `background` is the image of the untouched gel if it is not called `background`.
 pub fn similarity_to_presses(
     file: &Path,
     folder: &Path,

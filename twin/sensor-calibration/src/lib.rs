@@ -28,7 +28,7 @@ use hand_model::pads::PadCamera;
 
 pub use tactile_perception::grid;
 
-/// Returns the serial number of a camera's sensor in hand `unit`, as the tactile board numbers them.
+/// Returns the serial number of a camera's sensor in hand `unit`, as numbered by the tactile board.
 fn sensor_serial(hand: &Hand, unit: u64, camera: &PadCamera) -> u64 {
     let index = hand.cameras.iter().position(|other| other.name == camera.name).unwrap_or(0);
     unit.wrapping_mul(1000).wrapping_add(index as u64)

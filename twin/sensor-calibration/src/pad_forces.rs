@@ -32,7 +32,7 @@ pub struct PadForce {
     /// Cable tension, N.
     pub tension: f64,
     pub pad: String,
-    /// Normal force by the physics engine, N.
+    /// Normal force from the physics engine, N.
     pub engine: f64,
     /// Normal force estimated from the image, N.
     pub image: f64,
@@ -42,9 +42,9 @@ pub struct PadForce {
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Agreement {
     pub pads: usize,
-    /// Loaded pads whose image shows no touch.
+    /// Loaded pads without a touch in their image.
     pub unfelt: usize,
-    /// Median ratio of image force to engine force, over the pads that feel something.
+    /// Median ratio of image force to engine force, over the pads with a touch.
     pub median_ratio: f64,
     /// Median relative error: absolute difference over the engine's force.
     pub median_relative_error: f64,
@@ -156,7 +156,7 @@ pub fn table(rows: &[PadForce], all: &Agreement) -> String {
         text += &format!("{:12} {:9.0} {:20} {:9.2} {:9.2}\n", row.object, row.tension, row.pad, row.engine, row.image);
     }
     text += &format!(
-        "{} loaded pads, {} feel nothing; image over engine {:.2} (median), error {:.0} % (median), correlation {:.3}\n",
+        "{} loaded pads, {} without a detected touch; image over engine {:.2} (median), error {:.0} % (median), correlation {:.3}\n",
         all.pads,
         all.unfelt,
         all.median_ratio,

@@ -62,7 +62,7 @@ impl PressPlace {
     }
 }
 
-/// Presses `relief` into the pad that camera `index` looks at.
+/// Presses `relief` into the pad of camera `index`.
 pub fn press_into(
     hand: &Hand,
     (index, sensor): (usize, &Sensor),

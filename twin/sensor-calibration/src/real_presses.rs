@@ -15,7 +15,7 @@ use crate::grid::PadGrid;
 use crate::pressed_shapes::{PressPlace, Relief};
 use crate::reconstruction::known_ball::KnownBall;
 
-/// Placeholder for "the only sensor there is" where a pad's configuration is expected.
+/// Placeholder for the only sensor, in place of a pad's configuration.
 pub const CONFIGURATION: char = 'a';
 /// Range of penetration depths into a simulated sensor, m.
 const DEPTH_RANGE: std::ops::Range<f64> = 0.15e-3..1.1e-3;
@@ -32,7 +32,7 @@ pub struct RealPresses {
 }
 
 impl RealPresses {
-    /// Reads a folder as `optics calibrate` does. `diameter` is the ball's, `pixel` the size of the photos' pixels, m.
+    /// Reads a folder like `optics calibrate`. `diameter` is the ball's, `pixel` the size of the photos' pixels, m.
     pub fn read(folder: &Path, diameter: f64, pixel: f64) -> Result<Self> {
         let folder = PressFolder::read(folder, diameter, false)?;
         if let Some(image) = folder.skipped.first() {
@@ -74,7 +74,7 @@ pub struct SimulatedSensor {
 }
 
 impl SimulatedSensor {
-    /// Reads the file that `optics calibrate` wrote.
+    /// Reads a file of `optics calibrate`.
     pub fn read(file: &Path) -> Result<Self> {
         Ok(Self::from_sensor(CalibratedSensor::read(file)?))
     }

@@ -1,4 +1,4 @@
-//! Renders of a mesh pressed into a pad along its normal, as the pad's cameras see it. [`real_sensor`] does the same
+//! Renders of a mesh pressed into a pad along its normal, as viewed by the pad's cameras. [`real_sensor`] does the same
 //! for a calibrated real sensor. [`views`] writes the files.
 
 pub mod real_sensor;
@@ -71,7 +71,7 @@ impl MeshPose {
 pub enum SensorSource<'a> {
     /// Sensors of the hand with this serial number.
     Hand(u64),
-    /// Sensors of a calibration file as `optics pads` writes it.
+    /// Sensors of a calibration file of `optics pads`.
     Calibration(&'a Path),
 }
 

@@ -1,7 +1,7 @@
 //! Resampling of photos of any size to the grid of the pads' images, and back.
 //!
-//! A photo is averaged onto 240 x 240 pixels, so that photometric stereo runs on it as it does on a pad. The results
-//! are interpolated between the centres of those pixels.
+//! A photo is averaged onto 240 x 240 pixels, so that photometric stereo runs on it as on a pad. The results are
+//! interpolated between the centres of those pixels.
 
 use std::sync::Arc;
 

@@ -26,7 +26,7 @@ const REPORTED_TRACKING_ERROR: (f64, f64) = (0.02, 0.1);
 
 struct Edge {
     name: &'static str,
-    /// True if the target can be reached in the end.
+    /// True if the target is finally reachable.
     reachable: bool,
     path: PosePath,
 }
@@ -139,12 +139,12 @@ pub fn rows(world: &SimulatedWorld, out: Option<&Path>) -> Result<Vec<CheckRow>>
         .map(|s| {
             let mut row = CheckRow::new(
                 s.name,
-                format!("slowed to {:.2}, said {} of {}", s.slowest, s.held_back, s.ticks),
+                format!("slowed to {:.2}, reported {} of {}", s.slowest, s.held_back, s.ticks),
                 "slows, reports, never jumps",
                 &format!(
-                    "inverse kinematics at {:.0} Hz: greatest joint speed {:.3} and acceleration {:.3} of the limits (at most 1), {:.3} rad \
-                     left to the nearest position limit, {:.0} mm from the target in the end; ticks standing still behind the target \
-                     without saying so: {}, failed solves: {}",
+                    "inverse kinematics at {:.0} Hz: maximum joint speed {:.3} and acceleration {:.3} of the limits (at most 1), {:.3} rad \
+                     left to the nearest position limit, {:.0} mm from the target in the end; unreported ticks at rest behind the target: \
+                     {}, failed solves: {}",
                     1.0 / TICK,
                     s.speed,
                     s.acceleration,

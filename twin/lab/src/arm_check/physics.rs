@@ -23,8 +23,8 @@ const HOLD_TIME: f64 = 1.5;
 /// Tolerances: steady-state error of a held joint, rad, and difference of its torque from the gravity torque, N m.
 const SAG_TOLERANCE: f64 = 2e-3;
 const TORQUE_TOLERANCE: f64 = 0.2;
-/// Minimum clearance of the postures from the table, m. From themselves they only stay free of collision, because the
-/// tubes of links next but one are never far apart.
+/// Minimum clearance of the postures from the table, m. Self-collisions are only excluded, because the tubes of every
+/// other link are never far apart.
 const TABLE_CLEARANCE: f64 = 0.03;
 /// Set-point jump of all joints, rad, and tolerance on overshoot, rad.
 const SET_POINT_JUMP: f64 = 0.6;
@@ -157,20 +157,20 @@ pub fn rows(world: &SimulatedWorld, seed: u64) -> Result<Vec<CheckRow>> {
             format!("{:.0} % of the limit", 100.0 * loaded),
             "payload 4 kg mid-range",
             &format!(
-                "largest share of a joint's continuous torque where a trial starts (empty: {:.0} %); {carried} of {POSTURE_COUNT} random \
-                 postures could hold it for ever",
+                "largest share of a joint's continuous torque at the start of a trial (empty: {:.0} %); {carried} of {POSTURE_COUNT} random \
+                 postures can hold it permanently",
                 100.0 * empty
             ),
             Verdict::from_good(loaded <= 1.0),
         )
         .with_details(json!({ "postures_that_carry": carried, "postures": POSTURE_COUNT })),
         CheckRow::new(
-            "set-points that jump by 34 deg",
+            "set-point jump of 34 deg",
             format!("{:.2} of the speed limit", fastest),
             "joint speed limits",
             &format!(
-                "all joints at once, in physics: greatest speed over the limit at most 1.1, past the goal by {:.2} deg (at most {:.1}), \
-                 there after {there:.2} s",
+                "all joints at once, in physics: maximum speed over the limit at most 1.1, overshoot {:.2} deg (at most {:.1}), \
+                 settled after {there:.2} s",
                 past.to_degrees(),
                 OVERSHOOT_TOLERANCE.to_degrees()
             ),

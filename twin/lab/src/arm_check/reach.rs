@@ -18,7 +18,7 @@ use crate::hand_check::{CheckRow, Verdict};
 const GRID_STEP: f64 = 0.05;
 const HORIZONTAL_EXTENT: (f64, f64) = (-0.9, 0.9);
 const VERTICAL_EXTENT: (f64, f64) = (0.0, 1.2);
-/// Height of the map seen from above, m.
+/// Height of the map from above, m.
 const TOP_MAP_HEIGHT: f64 = 0.15;
 /// Minimum clearance of postures from themselves and from the table, m.
 const MIN_CLEARANCE: f64 = 0.0;
@@ -104,7 +104,7 @@ pub fn row(world: &SimulatedWorld, out: Option<&Path>, quiet: bool) -> Result<Ch
     bar.finish_and_clear();
     let number = |kind: Reachability| found.iter().filter(|place| **place == kind).count();
     let layout = &world.scenario.layout;
-    // Points above the places where the objects of a trial stand, at the map's height.
+    // Points above the object positions of a trial, at the map's height.
     let needed: Vec<[f64; 3]> =
         [&layout.first, &layout.second].iter().map(|spot| [spot.x, spot.y, TOP_MAP_HEIGHT]).collect();
     let mut served = 0;

@@ -1,4 +1,4 @@
-//! Accuracy of path following: the reference of the inverse kinematics alone, and the arm in physics.
+//! Accuracy of path following: the reference of the inverse kinematics, and the arm in physics.
 
 use std::path::Path;
 use std::time::Instant;
@@ -23,7 +23,7 @@ const REFERENCE_TOLERANCE: f64 = 1e-3;
 const PALM_TOLERANCE: f64 = 5e-3;
 /// Limit on the 99th percentile of the solve time, s.
 const SOLVE_TIME_LIMIT: f64 = 1e-3;
-/// Radius of the circle, m. The speed along it grows and shrinks smoothly.
+/// Radius of the circle, m. The speed along it rises and falls smoothly.
 const CIRCLE_RADIUS: f64 = 0.10;
 /// Time per turn, s. At the top of the circle, with the palm level, joint 5 turns fastest and allows a turn in 8 s. In
 /// half of [`TURN_TIME`] it cannot follow, and the reference has to cut the corner.
@@ -166,9 +166,9 @@ pub fn rows(world: &SimulatedWorld, out: Option<&Path>) -> Result<Vec<CheckRow>>
             format!("{:.2} / {:.1} mm, {:.2} deg", reference * 1e3, palm * 1e3, turn.to_degrees()),
             "-",
             &format!(
-                "greatest distance from four palm paths that the arm's limits allow: the quadratic program's reference on paper (at \
-                 most 1 mm) and the palm in physics under torque control (at most 5 mm); a circle that asks more of a Gen3's joint 5 than \
-                 its speed limit is cut short and said to be, or followed: {}",
+                "maximum distance from four palm paths within the arm's limits: the quadratic program's reference (at \
+                 most 1 mm) and the palm in physics under torque control (at most 5 mm); a circle that would exceed the speed limit of a Gen3's \
+                 joint 5 is cut short and reported, or followed: {}",
                 hasty.join(", ")
             ),
             Verdict::from_good(reference < REFERENCE_TOLERANCE && palm < PALM_TOLERANCE && said),

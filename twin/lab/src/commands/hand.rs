@@ -1,4 +1,4 @@
-//! `ftac hand`: checks of the body, closing of any hand, export of scenes for a second engine.
+//! `ftac hand`: checks of the hand, closing of any hand, export of scenes for a second engine.
 
 mod close;
 pub mod inspect;
@@ -98,7 +98,7 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
 /// Default folder of the public model, beside a checkout.
 const PUBLIC_MODEL_FOLDER: &str = "../shared/data/hands/ftac_public";
 
-/// Returns the folder of the public model: the named one, or the one beside a checkout, if there is one.
+/// Returns the folder of the public model: the named one, or the one beside a checkout, if any.
 fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
     let folder = named.unwrap_or(Path::new(PUBLIC_MODEL_FOLDER));
     match (folder.join(check::public_model::MODEL_FILE).is_file(), named) {
@@ -111,7 +111,7 @@ fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
         ),
         (false, None) => {
             eprintln!(
-                "left out: joint frames beside the public model of this hand, which is not at {PUBLIC_MODEL_FOLDER}; it comes from {}, and \
+                "left out: joint frames beside the public model of this hand: found none at {PUBLIC_MODEL_FOLDER}; it comes from {}, and \
                  --public-model FOLDER names it",
                 check::public_model::MODEL_SOURCE
             );

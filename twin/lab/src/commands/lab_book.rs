@@ -10,7 +10,7 @@ use lab::lab_book::{page, table};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Checks that `ftac` accepts these arguments; the error is the reason why it does not.
+/// Checks that `ftac` accepts these arguments; the error is the reason if it does not.
 pub type ArgumentParser = dyn Fn(&[&str]) -> Result<(), String>;
 
 /// Default path of the page without `--out`.

@@ -1,9 +1,9 @@
 //! Payload test: a dumbbell of 2.5 kg held for ten seconds.
 //!
-//! It is taken as from a rack. The fingers close on the bar, and while the rack still carries the weight, the hand
-//! grips hard a few times. Each time bar and phalanges come closer to the rest position that cables, joint stops and
-//! friction allow. Otherwise they would get there under load, and the settling of the bar into the hand would be
-//! measured as slip.
+//! It is taken from a rack. The fingers close on the bar, and while the rack still carries the weight, the hand grips
+//! hard a few times. Each time bar and phalanges come closer to the rest position that cables, joint stops and friction
+//! allow. Otherwise they would get there under load, and the settling of the bar into the hand would be measured as
+//! slip.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -108,7 +108,7 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>) -> Result<CheckRow> {
     ];
     let held: Vec<(HandTestStand, f64)> = ways.par_iter().map(|(_, down)| hold(hand, down)).collect();
     let text = |slip: f64| if slip < 0.05 { format!("{:.2} mm", slip * 1e3) } else { "dropped".to_string() };
-    // The row states the hanging arm, as one carries a dumbbell; the other directions are reported too.
+    // The row is for the hanging arm, as in carrying a dumbbell; the other directions are reported too.
     let main = held[0].1;
     let all: serde_json::Map<String, serde_json::Value> =
         ways.iter().zip(&held).map(|((name, _), (_, slip))| (name.to_string(), json!(slip * 1e3))).collect();
@@ -120,7 +120,7 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>) -> Result<CheckRow> {
         "holds a 2.5 kg dumbbell",
         &format!(
             "on a rack, four fingers closed with {GRIP_TENSION} N in each cable, gripped {HARD_GRIP_COUNT} times with {HARD_GRIP_TENSION} N, then the weight, \
-             fingers down; slip after 1 s of settling; below 2 mm. Of six directions of gravity {count} hold so well: {}",
+             fingers down; slip after 1 s of settling; below 2 mm. Of six directions of gravity {count} hold within this limit: {}",
             ways.iter().zip(&held).map(|((name, _), (_, slip))| format!("{name} {}", text(*slip))).collect::<Vec<_>>().join(", ")
         ),
         Verdict::from_good(main < SLIP_TOLERANCE),

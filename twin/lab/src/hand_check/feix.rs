@@ -3,12 +3,12 @@
 //!
 //! The thumb is turned (and if two fingers take the object between them, they are bent). The object is then put into
 //! the hand, held in place while the digits close, and released. A type is *formed* if the digits of its virtual
-//! fingers touch the object, the palm touches if the type opposes to the palm and does not if it opposes pads, no digit
-//! touches that the type does not name, and the thumb is abducted or adducted as the type requires. It is *held* if it
-//! is formed and the object stays within a centimetre under gravity from each of six directions. Placement and commands
-//! are found by a seeded search ([`search`]; [`seeds`] repeats it) over attempts in physics ([`trial`]). Its cost is
-//! made of the distance of the missing digits from the object, the motion of the object under gravity, and the time at
-//! which it is lost. No criterion of a type is relaxed to make it pass; the choice of objects is ours.
+//! fingers touch the object, the palm touches if the type opposes to the palm and does not if it opposes pads, no other
+//! digit touches, and the thumb is abducted or adducted as the type requires. It is *held* if it is formed and the
+//! object stays within a centimetre under gravity from each of six directions. Placement and commands are found by a
+//! seeded search ([`search`]; [`seeds`] repeats it) over attempts in physics ([`trial`]). Its cost consists of the
+//! distance of the missing digits from the object, the motion of the object under gravity, and the time of its loss. No
+//! criterion of a type is relaxed to make it pass; the choice of objects is this project's.
 
 mod aim;
 mod attempt;

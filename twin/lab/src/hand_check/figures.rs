@@ -22,7 +22,7 @@ const SKIN_ELEMENT_SIDE: f64 = 0.001;
 /// Maximum angle between the normal of palmar skin and the pads' direction, rad.
 const MAX_PALMAR_ANGLE: f64 = std::f64::consts::FRAC_PI_4;
 
-/// Returns the rows that are read off the model.
+/// Returns the rows derived directly from the model.
 pub fn rows(hand: &Hand) -> Vec<CheckRow> {
     let poses = hand.tree.forward(&[0.0; 15]);
     let tip = hand.tree.find("middle_3").map_or(f64::NAN, |link| (poses[link] * Point3::from(FINGERTIP)).y);
@@ -63,7 +63,7 @@ pub fn rows(hand: &Hand) -> Vec<CheckRow> {
             "thumb: CMC axis to PIP axis",
             format!("{tilt:.1} deg"),
             "45 deg",
-            "angle between the axes, open hand; the public model's frames rule, within 5 deg",
+            "angle between the axes, open hand; by the public model's frames, within 5 deg",
             Verdict::from_good((tilt - 45.0).abs() < 5.0),
         ),
         count("actuators (5 cables, opposition)", hand.parameters.actuator.len(), 6, "servos of the parameter file"),
@@ -108,7 +108,7 @@ pub fn coverage(hand: &Hand, out: Option<&Path>) -> Result<CheckRow> {
         format!("{:.1} % of {:.0} cm2", share * 100.0, palmar * 1e4),
         "70 %",
         "area of the covers' skin in 1 mm elements whose normal is within 45 deg of the pads' direction and that no other \
-         cover hides; covered where a pad's rectangle lies over it; at least 70 %",
+         cover hides; covered if a pad's rectangle lies over it; at least 70 %",
         Verdict::from_good(share >= 0.70),
     )
     .with_details(json!({ "links": by_link, "share_with_normals_up_to_90_deg": wide.1 / wide.0 }));

@@ -28,7 +28,7 @@ const CLOSED_FLEXION: f64 = 80.0;
 const PULL_TIME: f64 = 24.0;
 /// Tolerance of free closing against the static path, deg.
 const STATIC_TOLERANCE: f64 = 3.0;
-/// Flexion of a joint after the block was met from which it counts as having continued, deg.
+/// Further flexion of a joint after the contact with the block from which it counts as having continued, deg.
 const CONTINUED_FLEXION: f64 = 30.0;
 /// Tolerance on the motion of the blocked joint, deg.
 const BLOCKED_TOLERANCE: f64 = 6.0;
@@ -126,7 +126,7 @@ fn free_row(hand: &Hand, free: &FlexionPath) -> CheckRow {
         "0-90 deg, coordinated",
         &format!(
             "middle finger, tension raised evenly: up to {FREE_TENSION} N, where the tip meets the palm, all joints rise together \
-             (monotone) and stay within {STATIC_TOLERANCE} deg of static equilibrium with rubbing cables (found \
+             (monotone) and stay within {STATIC_TOLERANCE} deg of static equilibrium with cable friction (found \
              {difference:.1}); at {MAX_TENSION} N all are past {CLOSED_FLEXION} deg"
         ),
         Verdict::from_good(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > CLOSED_FLEXION)),
@@ -137,7 +137,7 @@ fn free_row(hand: &Hand, free: &FlexionPath) -> CheckRow {
 /// Tests a fixed block under a phalanx: the joints beyond it must continue.
 fn blocked_row(free: &FlexionPath, path: &FlexionPath, phalanx: usize, name: &str) -> CheckRow {
     let end = path.angles[path.angles.len() - 1];
-    // The block is met when the blocked joint leaves its free path.
+    // The block is touched when the blocked joint leaves its free path.
     let met = (0..path.angles.len())
         .find(|n| (path.angles[*n][phalanx] - free.angles[*n][phalanx]).abs() > 3.0)
         .unwrap_or(path.angles.len() - 1);
@@ -150,7 +150,7 @@ fn blocked_row(free: &FlexionPath, path: &FlexionPath, phalanx: usize, name: &st
         ours,
         "semi-independent",
         &format!(
-            "a fixed block under the {name} phalanx: MCP/PIP/DIP when it is met and at {MAX_TENSION} N; the joints beyond it go on by \
+            "a fixed block under the {name} phalanx: MCP/PIP/DIP at the first contact and at {MAX_TENSION} N; the joints beyond it continue by \
              more than {CONTINUED_FLEXION} deg"
         ),
         Verdict::from_good(stood && went_on && met + 1 < path.angles.len()),

@@ -136,7 +136,7 @@ fn run(
     (outcome, stand)
 }
 
-/// Predicts the joint angles (rad) of a command if nothing is in the way.
+/// Predicts the joint angles (rad) of a command without obstacles.
 fn predicted_angles(hand: &Hand, target: &KapandjiTarget, command: &ThumbCommand) -> HandVector {
     let opposition = command.opposition.min(std::f64::consts::FRAC_PI_2);
     let [mut thumb, finger] = command.overdrive.map(|harder| {
@@ -212,7 +212,7 @@ fn search(hand: &Arc<Hand>, target: &KapandjiTarget, tip: &[Point3<f64>], rng: &
     found.swap_remove(0)
 }
 
-/// Describes each missed point: the smallest distance by the servos, and the smallest by the joints alone.
+/// Describes each missed point: the smallest distance with the servos, and the smallest with free joints.
 fn describe_missed(targets: &[KapandjiTarget], outcomes: &[CommandResult], reaches: &[Reach]) -> String {
     let lines: Vec<String> = targets
         .iter()
@@ -223,9 +223,9 @@ fn describe_missed(targets: &[KapandjiTarget], outcomes: &[CommandResult], reach
             let why = if reach.unconstrained > REACH_TOLERANCE {
                 "out of the joints' reach"
             } else if reach.without_overlap > REACH_TOLERANCE {
-                "covers are in the way"
+                "covers collide"
             } else {
-                "one cable a finger does not take it there"
+                "not reachable with one cable per finger"
             };
             let [by_servos, any, clear] = [outcome.distance, reach.unconstrained, reach.without_overlap].map(|distance| distance * 1e3);
             format!(

@@ -12,7 +12,7 @@ use serde_json::json;
 use super::row::{CheckRow, Verdict};
 
 const POSTURE_COUNT: usize = 500;
-/// Our thumb frames that are rotated by pi about x, so that a positive angle flexes as on every other joint.
+/// Thumb frames that are rotated by pi about x, so that a positive angle flexes as on every other joint.
 const FLIPPED_LINKS: [&str; 2] = ["thumb_2", "thumb_3"];
 
 /// Path of the model within its folder.

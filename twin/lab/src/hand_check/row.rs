@@ -1,4 +1,4 @@
-//! One row of a check: quantity, our figure, the paper's, the method, and the verdict.
+//! One row of a check: quantity, measured figure, the paper's, the method, and the verdict.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -24,13 +24,13 @@ impl Verdict {
 pub struct CheckRow {
     /// Compared quantity.
     pub what: String,
-    /// Our figure.
+    /// Measured figure.
     pub ours: String,
     /// The paper's figure.
     pub paper: String,
-    /// Method by which our figure was measured, with the tolerance.
+    /// Method by which the figure was measured, with the tolerance.
     pub method: String,
-    /// Verdict on our figure.
+    /// Verdict on the measured figure.
     pub verdict: Verdict,
     /// File name of the picture.
     pub picture: Option<String>,

@@ -1,4 +1,4 @@
-//! Export of scenes for a second engine: MJCF files, the actuator commands, and the results of our engine.
+//! Export of scenes for a second engine: MJCF files, the actuator commands, and the results of the built-in engine.
 //!
 //! `tests/mujoco/compare.py` runs the same commands in MuJoCo and prints the results of both engines.
 
@@ -31,11 +31,11 @@ const SAMPLE_INTERVAL: f64 = 0.05;
 const SETTLING_TIME: f64 = 1.0;
 const SLIP_TIME: f64 = 5.0;
 
-/// Outer iterations with which friction against a fixed body converges. With one, as in trials, a finger that is pulled
-/// hard against a fixed object slides where it should stick.
+/// Outer iterations with which friction against a fixed body converges. With one, as in trials, a finger pulled hard
+/// against a fixed object slides where it should stick.
 const CONVERGED_ITERATIONS: usize = 4;
 
-/// Factors by which the time step of a closing is shortened, to see how each engine's posture converges.
+/// Factors by which the time step of a closing is shortened, to observe the convergence of each engine's posture.
 const STEP_DIVISORS: [u32; 5] = [1, 2, 4, 8, 16];
 
 /// A period of constant commands.
@@ -103,7 +103,7 @@ fn stand_tests(hand: &Hand, friction: f64) -> Vec<StandTest> {
         under(0.0, -0.005, 0.025, across),
         under(0.0, -0.003, 0.022, UnitQuaternion::identity()),
     );
-    // Without friction there is one rest pose, and it does not depend on the way there.
+    // Without friction there is one rest pose, independent of the path to it.
     let slick = |prop: &Prop| Prop { friction: 0.0, ..prop.clone() };
     let (slick_cylinder, slick_box) = (slick(&cylinder), slick(&block));
     let gripping = dumbbell::grip_sequence().into_iter();
@@ -142,7 +142,8 @@ fn scene_file(name: &str) -> String {
     format!("{}.xml", name.replace(' ', "_"))
 }
 
-/// Returns the rest postures of the digits on a fixed prop, with [`CONVERGED_ITERATIONS`] outer iterations and ever shorter steps.
+/// Returns the rest postures of the digits on a fixed prop, with [`CONVERGED_ITERATIONS`] outer iterations and shorter
+/// and shorter steps.
 fn refined_postures(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
     let closing = StandTest { releases_prop: false, grip_phases: Vec::new(), ..test.clone() };
     let standard = EngineSettings::default();
@@ -161,7 +162,7 @@ fn refined_postures(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
         .collect()
 }
 
-/// Runs a test in our engine. Returns the motion, the result, and the time per step.
+/// Runs a test in the built-in engine. Returns the motion, the result, and the time per step.
 fn run_own_engine(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
     // MuJoCo's tendons have the same tension along their whole length.
     let mut stand = HandTestStand::with_friction(hand.clone(), settings, CableFriction::NONE);
@@ -210,8 +211,8 @@ fn run_own_engine(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) 
     json!({ "angles": motion, "result": result, "step_us": wall / steps * 1e6 })
 }
 
-/// Describes a test for the second engine, and adds our results: with the settings of hands without an arm, with
-/// [`CONVERGED_ITERATIONS`] outer iterations, and, if requested, with these and shorter steps.
+/// Describes a test for the second engine, and adds the results of the built-in one: with the settings of hands without
+/// an arm, with [`CONVERGED_ITERATIONS`] outer iterations, and, if requested, with these and shorter steps.
 fn describe_test(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
     let settings = EngineSettings::default();
     let told = |phase: &CommandPhase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
@@ -297,7 +298,7 @@ pub fn export(robot: &RobotModel, folder: &Path, friction: f64, refine: bool) ->
     let mut scenes = Vec::new();
     for test in stand_tests(hand, friction) {
         let props: Vec<_> = test.prop.iter().cloned().collect();
-        // A fixed prop feels no gravity; gravity is turned on with the release.
+        // A fixed prop is not subject to gravity, which is turned on with the release.
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
         let scene = MjcfScene { hand: &model, arm: None, props: &props, start: None, gravity, dt: settings.dt };
         write_atomically(&folder.join(scene_file(test.name)), mjcf::write(&scene).as_bytes())?;

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use super::error::FieldError;
 use super::figure::LabBookFigure;
 
-/// Options of `check_cargo` without a value, and with a value.
+/// Options of `cargo` without a value, and with a value.
 const CARGO_FLAGS: [&str; 5] = ["--release", "--lib", "--workspace", "--all-targets", "--no-run"];
 const CARGO_OPTIONS: [&str; 8] =
     ["-p", "--package", "--test", "--bench", "--example", "--bin", "--features", "--manifest-path"];
 /// Package of the program `ftac`, which `cargo run` uses without `-p`.
 const FTAC_PACKAGE: &str = "ftac";
 
-/// Parser of the arguments of `ftac` (without its name); the error says what is wrong.
+/// Parser of the arguments of `ftac` (without its name); the error is the reason for a refusal.
 pub type ParseArguments = dyn Fn(&[&str]) -> Result<(), String>;
 
 /// Reference against which commands are checked.
@@ -61,14 +61,14 @@ impl<'a> CommandCheck<'a> {
             ["cargo", "test" | "bench" | "run", ..] => self.check_cargo(words[1], &words[2..]),
             ["python3", script, ..] => {
                 let exists = script.ends_with(".py") && self.root.join(script).is_file();
-                require(exists, format!("no script {script}"), "the path of a script, seen from the workspace")
+                require(exists, format!("no script {script}"), "the path of a script in the workspace")
             }
             _ => Err(RefusedCommand::new("another program", "ftac, cargo test, cargo bench, cargo run or python3")),
         }
     }
 
     fn check_program(&self, arguments: &[&str]) -> Result<(), RefusedCommand> {
-        (self.parse)(arguments).map_err(|found| RefusedCommand::new(found, "arguments that ftac takes"))
+        (self.parse)(arguments).map_err(|found| RefusedCommand::new(found, "arguments of ftac"))
     }
 
     fn check_cargo(&self, verb: &str, arguments: &[&str]) -> Result<(), RefusedCommand> {
@@ -85,7 +85,7 @@ impl<'a> CommandCheck<'a> {
             if !CARGO_OPTIONS.contains(word) {
                 // A filter of tests or benchmarks.
                 let filter = !word.starts_with('-') && verb != "run";
-                require(filter, format!("`{word}`"), format!("what cargo {verb} takes"))?;
+                require(filter, format!("`{word}`"), format!("an option of cargo {verb}"))?;
                 continue;
             }
             let value =

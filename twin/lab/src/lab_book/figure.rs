@@ -34,8 +34,7 @@ impl fmt::Display for DecimalNumber {
     }
 }
 
-/// Load of the machine during the measurement, which decides how far a time can be trusted: idle otherwise, busy, or
-/// unknown.
+/// Load of the machine during the measurement, which determines the reliability of a time: idle, busy, or unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MachineIdle {
     Yes,
@@ -52,7 +51,7 @@ pub struct LabBookFigure {
     pub id: String,
     pub value: DecimalNumber,
     pub unit: String,
-    /// 95 % interval, unless the note says otherwise.
+    /// 95 % interval, unless another one is noted.
     pub interval: Option<(DecimalNumber, DecimalNumber)>,
     /// Number of samples behind the value: trials, grasps, images, pixels.
     pub n: Option<u64>,

@@ -8,8 +8,8 @@ const INTRODUCTION: &str = "\
 # Figures
 
 The current figures of this project beside the paper's and the goals, each with the command that measures it again.
-`ftac report --lab-book` makes this page from [recordings/figures.csv](recordings/figures.csv), which also says on which commit and machine each figure was measured.
-What was tried, what it gave and how figures changed is in [recordings/log](recordings/log).
+`ftac report --lab-book` makes this page from [recordings/figures.csv](recordings/figures.csv), with the commit and machine of each measurement.
+Experiments, their results and the history of the figures are in [recordings/log](recordings/log).
 
 Brackets are 95 % intervals, n is the number of samples, `ftac` stands for `cargo run --release --`. A figure in the paper column that is not the paper's names its source.
 ";
@@ -18,13 +18,13 @@ const OTHER_FIGURES_INTRODUCTION: &str = "
 ## Beside the paper
 
 Every figure that the paper states and this project measures; they are also in the tables of their groups. Panels c and d of the paper's figure on adaptive behaviours, drawn
-with its values beside ours, and the commands that play what it shows without figures are in the `report.html` of `ftac bench`.
+with its values beside ours, and the commands for its demonstrations without figures are in the `report.html` of `ftac bench`.
 
 ";
 const TABLE_HEAD: &str = "| figure | ours | unit | paper | goal | seed | command |\n|---|---|---|---|---|---|---|\n";
 
-/// Returns `BENCHMARKS.md`: first the figures that the paper states, then a table for each group. Groups and figures
-/// are in the order of their first appearance.
+/// Returns `BENCHMARKS.md`: first the figures stated in the paper, then a table for each group. Groups and figures are
+/// in the order of their first appearance.
 pub fn page(figures: &[LabBookFigure]) -> String {
     let mut groups: Vec<&str> = Vec::new();
     for figure in figures {

@@ -47,7 +47,7 @@ pub fn parse(file: &Path, text: &str) -> Result<Vec<LabBookFigure>, FieldError> 
         let figure = Row { file, line, record: &record }.figure()?;
         if let Some(first) = lines.insert(figure.id.clone(), line) {
             let found = format!("`{}`, which is in line {first} already", figure.id);
-            return Err(FieldError::new((file, line), "id", found, "an id that stands once"));
+            return Err(FieldError::new((file, line), "id", found, "a unique id"));
         }
         figures.push(figure);
     }
@@ -275,7 +275,7 @@ mod tests {
         assert_eq!((error.line, error.field), (3, "id"));
         assert_eq!(
             error.to_string(),
-            "figures.csv:3: id: found `bench.touch.success.mean`, which is in line 2 already, expected an id that stands once"
+            "figures.csv:3: id: found `bench.touch.success.mean`, which is in line 2 already, expected a unique id"
         );
     }
 

@@ -1,8 +1,8 @@
 //! Annotation page: shows every grasp in turn, to be rotated and labelled first with a broad type, then with one of the
 //! 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`grasp_analysis::read_labels`] reads. Nothing on the page
-//! reveals the result of the rules: that would make the agreement between people and rules worthless.
+//! Labels stay in the browser until they are exported as the JSON that [`grasp_analysis::read_labels`] reads. Nothing
+//! on the page reveals the result of the rules, so that the agreement between people and rules stays meaningful.
 
 use dexterous_grasping::taxonomy::Taxonomy;
 use grasp_analysis::labels::VERSION;
@@ -32,7 +32,7 @@ pub fn page(taxonomy: &Taxonomy, scene: &PageScene, title: &str) -> Result<Strin
     let button = |id: &str, key: &str, words: &str| html! { button id=(id) { kbd { (key) } " " (words) } };
     let shown = |id: &str, key: &str| html! { button.on id=(id) { kbd { (key) } " " (id) } };
     let body = html! { main {
-        h1 { "Which grasp is it?" }
+        h1 { "Annotation of grasps" }
         p.soft {
             (title) ": " (scene.grasp_count()) " grasps. Drag to turn, wheel to zoom, double click to start over. First the broad type, then one of its \
             types. Labels stay in this browser until you export them."

@@ -1,7 +1,7 @@
-//! Rows of the study's page: the paper's figure, ours, the difference, and the reason.
+//! Rows of the study's page: the paper's figure, this project's, the difference, and the reason.
 //!
-//! A row gives a reason only if it was measured or follows from how the figure is made; otherwise it says that the
-//! difference was not investigated.
+//! A row gives a reason only if it was measured or follows from how the figure is made; otherwise the reason is marked
+//! as not investigated.
 
 use grasp_analysis::sensors::TactileArray;
 use schemars::JsonSchema;
@@ -92,7 +92,7 @@ fn types(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
         ours: found["types_present"].to_string(),
         difference: signed(&found["types_present"], 19.0, "", 0),
         why: format!(
-            "by method: rules here, people's eyes there; {} types have grasps that meet all their conditions, {} have clear ones; \
+            "by method: rules here, people there; {} types have grasps that meet all their conditions, {} have clear ones; \
              {} grasps are ambiguous",
             found["types_fitted"], found["types_clear"], found["ambiguous"]
         ),
@@ -117,8 +117,8 @@ fn boundary(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
         ours: format!("{} (seeds: {} to {})", percent(training), percent(low), percent(high)),
         difference: training.as_f64().map_or("-".into(), |x| format!("{:+.2} points", 100.0 * x - 81.54)),
         why: format!(
-            "by method: both classes weigh the same here, for {} grasps are power and {} precision; without it the boundary said \
-             power always (measured on 900 earlier grasps). Anything beyond: {UNKNOWN_REASON}",
+            "by method: both classes have the same weight here, for {} grasps are power and {} precision; without it the boundary always \
+             gave power (measured on 900 earlier grasps). Anything beyond: {UNKNOWN_REASON}",
             found["power"], found["precision"]
         ),
     });
@@ -147,7 +147,7 @@ fn boundary(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
 fn basins(found: &Value, lines: &mut Vec<PaperComparisonRow>) {
     let number = |value: &Value| value.as_f64().map_or("-".into(), |x| format!("{x:.2}"));
     let mut why = format!(
-        "by method: the count follows pull, temperature and grasps (ours: {} calibrated, {}, {}); the paper prints none of its own.",
+        "by method: the count depends on pull, temperature and grasps (ours: {} calibrated, {}, {}); the paper states none of its values.",
         number(&found["pull"]),
         number(&found["temperature"]),
         found["grasps"]
@@ -199,7 +199,7 @@ fn sensors(sensing: &SensorFigures, lines: &mut Vec<PaperComparisonRow>) {
         ours: format!("{:.0} taxels/cm2", array.taxels_per_cm2),
         difference: format!("{:+.0}", array.taxels_per_cm2 - 10_000.0),
         why: format!(
-            "by method: 240 x 240 pixels a camera on its share of the pad are {:.3} mm a pixel on average; 10000 is 0.1 mm",
+            "by method: 240 x 240 pixels per camera on its share of the pad are {:.3} mm per pixel on average; 10000 is 0.1 mm",
             array.pitch_mm
         ),
     });

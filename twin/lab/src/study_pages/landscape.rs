@@ -17,12 +17,12 @@ use super::hover;
 use super::scene::PageScene;
 use super::tree::{self, Leaf};
 
-/// Number of basins that the page shows below the tree.
+/// Number of basins shown below the tree.
 const SHOWN_BASINS: usize = 12;
 
 /// Text below the heading of the count.
-const COUNT_TEXT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
-                     paper reports 79 basins over six objects and does not say of how many grasps.";
+const COUNT_TEXT: &str = "The count grows with the number of sorted grasps, so it depends on this number and is no property of the landscape. The \
+                     paper reports 79 basins over six objects and does not state the number of grasps.";
 /// Number of basins in the paper.
 const PAPER_BASIN_COUNT: f64 = 79.0;
 
@@ -42,7 +42,8 @@ fn growth(counts: &[(usize, usize)]) -> RgbImage {
     .draw()
 }
 
-/// Writes `landscape.svg`, `growth.png` and `landscape.html` into `folder`. `objects` are in the order of the classification.
+/// Writes `landscape.svg`, `growth.png` and `landscape.html` into `folder`. `objects` are in the order of the
+/// classification.
 pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found: &MappedGrasps<'_>) -> Result<()> {
     let basins = &found.map.basins;
     let shown: Vec<&ClassifiedGrasp> = basins.iter().map(|basin| found.lowest(basin)).collect();
@@ -68,12 +69,12 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
     largest.truncate(SHOWN_BASINS);
     let gallery: Vec<(usize, String)> = largest.iter().map(|n| (*n, leaves[*n].text.clone())).collect();
-    let introduction = "Circles are basins: as large as they have grasps, coloured by the broad type of most of them, at the height \
+    let introduction = "Circles are basins: sized by their number of grasps, coloured by their majority's broad type, at the height \
                         of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
                         circle to see a grasp of it. Below: the largest basins.";
     let body = html! {
         div style="overflow-x:auto" { (nominal) }
-        h2 { "How many basins there are" }
+        h2 { "Number of basins" }
         p { (COUNT_TEXT) }
         img src="growth.png" alt="basins over grasps" style="max-width:100%";
         h2 { "The largest basins" }

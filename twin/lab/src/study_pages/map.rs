@@ -98,7 +98,7 @@ pub fn write(
     let picture = svg(&dots, |at| map.boundary.is_power(&at), &title);
     write_atomically(&folder.join("map.svg"), picture.0.as_bytes())?;
     let scene = PageScene::from_grasps(hand, objects, grasps);
-    let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
+    let introduction = "Each dot is a grasp; neighbours touch with the same parts of the hand. Shading: the side of the boundary \
                         between power and precision. Point at a dot to see the grasp.";
     let page = hover::page(&title, introduction, &html! { div style="max-width:900px" { (picture) } }, &scene)?;
     Ok(write_atomically(&folder.join("map.html"), page.as_bytes())?)

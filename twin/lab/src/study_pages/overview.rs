@@ -1,5 +1,5 @@
-//! Page of the whole grasp study: the paper's figure, ours, the difference and the reason, then the results of each
-//! part.
+//! Page of the whole grasp study: the paper's figure, this project's, the difference and the reason, then the results
+//! of each part.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::comparison::{PaperComparisonRow, SensorFigures};
 
-/// Returns the page. Pictures and the pages of the parts are taken from `folder` as far as they exist; `hands` is
+/// Returns the page. Pictures and the pages of the parts are taken from `folder` if they exist; `hands` is
 /// `hands.json`.
 pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, sensing: &SensorFigures) -> String {
     let words = ColumnAlignment::Words;
@@ -22,20 +22,20 @@ pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, 
     let parts = [
         (
             "Grasp types by object",
-            "How many verified grasps of each object have which of the paper's 19 types, given by written rules.",
+            "Numbers of verified grasps by object and by the paper's 19 types, assigned by written rules.",
             "types.svg",
             None,
         ),
         (
             "Energy landscape",
-            "Grasps that lead to one another without climbing share a basin, a circle as large as it has grasps and as high as its \
+            "Grasps that lead to one another without climbing share a basin, a circle sized by its number of grasps, at the height of its \
              lowest energy. A bar joins two basins at the energy over which one leads to the other.",
             "landscape/landscape.svg",
             Some("landscape/landscape.html"),
         ),
         (
             "Contact maps",
-            "Each point is a grasp, placed by where it touches the hand: near points touch alike. The line separates power from \
+            "Each point is a grasp, placed by its contacts with the hand: neighbours have similar contacts. The line separates power from \
              precision grasps.",
             "map.svg",
             Some("map.html"),
@@ -43,7 +43,7 @@ pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, 
     ];
     let is_there = |file: &str| folder.join(file).exists();
     let body = html! {
-        p.byline { "What the paper reports on grasps, made again from this project's own verified grasps." }
+        p.byline { "The paper's results on grasps, reproduced with this project's own verified grasps." }
         (table)
         @for (title, caption, file, more) in parts {
             @if let Ok(svg) = std::fs::read_to_string(folder.join(file)) {
@@ -55,7 +55,7 @@ pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, 
         }
         @if is_there("landscape/growth.png") {
             figure { img src="landscape/growth.png" alt="basins over grasps" style="max-width:100%"; }
-            p { "The number of basins grows with the grasps that are sorted; the paper does not say of how many grasps its 79 are." }
+            p { "The number of basins grows with the number of sorted grasps; the paper does not state this number for its 79." }
         }
         h2 { "Other hands" }
         (hand_table(folder, hands))
@@ -68,7 +68,7 @@ pub fn page(folder: &Path, lines: &[PaperComparisonRow], hands: Option<&Value>, 
 /// Returns the table of success by object and hand from `hands.json`, with its picture sheet.
 fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
     let Some(rows) = hands.and_then(|hands| hands["rows"].as_array()) else {
-        return html! { p { "Not made: " code { "ftac grasps hands" } " leaves it in this folder." } };
+        return html! { p { "Not made: " code { "ftac grasps hands" } " writes it to this folder." } };
     };
     let distinct = |key: &str| {
         let mut found: Vec<&str> = Vec::new();
@@ -96,7 +96,7 @@ fn hand_table(folder: &Path, hands: Option<&Value>) -> Markup {
     html! {
         (table)
         p {
-            "The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is nothing to set beside these \
+            "The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is no comparison with these \
             figures. The objects here are eight of this project's 23."
         }
         @if folder.join("hands.png").exists() {

@@ -23,8 +23,7 @@ pub struct LocatedBallPress {
     pub center: Point3<f64>,
 }
 
-/// Presses a ball of `radius` (m) with a force (N) at a position (m, pad frame) into the pad that camera `index` looks
-/// at.
+/// Presses a ball of `radius` (m) with a force (N) at a position (m, pad frame) into the pad of camera `index`.
 pub fn press_ball(
     hand: &Hand,
     (index, sensor): (usize, &Sensor),

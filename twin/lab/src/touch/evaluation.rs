@@ -1,5 +1,5 @@
-//! Evaluation of the accuracy and latency of touch, from images to poses: on simulated grasps, on unseen shapes, under
-//! changed optics, and on a real sensor. [`figures`] and [`table`] report the results.
+//! Evaluation of the accuracy and latency of touch, from images to poses: on simulated grasps, on held-out shapes,
+//! under changed optics, and on a real sensor. [`figures`] and [`table`] report the results.
 
 pub mod figures;
 pub mod table;
@@ -20,7 +20,7 @@ const ACCEPTANCE_LIMITS: [f64; 2] = [0.5, 2.0];
 
 /// Results of `ftac touch eval`.
 pub struct TouchEvaluation {
-    /// Every grasp, as perceived by the pipeline that trials use.
+    /// Every grasp, as perceived by the pipeline used in trials.
     pub felt: Vec<PoseEvaluation>,
     /// Results as built, then under every change of the optics.
     pub changed: Vec<ChangedOptics>,
@@ -33,20 +33,20 @@ pub struct TouchEvaluation {
 pub struct ChangedOptics {
     /// Name of the change.
     change: &'static str,
-    /// Errors of normals on the unseen shapes, by method.
+    /// Errors of normals on the held-out shapes, by method.
     normals: Vec<(NormalMethod, NormalErrors)>,
-    /// Errors of poses by method; under a change only for the method that trials use.
+    /// Errors of poses by method; under a change only for the method used in trials.
     poses: Vec<(NormalMethod, ErrorPercentiles)>,
 }
 
 impl TouchEvaluation {
-    /// Returns the reason why the poses fall short, if they do.
+    /// Returns the reason why the poses fail, if they do.
     pub fn shortfall(&self) -> Option<String> {
         let found = error_percentiles(&self.felt, PoseSource::Touch, |felt| felt.class == SymmetryClass::Irregular).mm;
         let (median, p95) = (found.median?, found.p95?);
         (median > ACCEPTANCE_LIMITS[0] || p95 > ACCEPTANCE_LIMITS[1]).then(|| {
             format!(
-                "objects without symmetry are {median:.2} mm off in the median and {p95:.2} mm in the 95th percentile, aim {} and {}",
+                "objects without symmetry are {median:.2} mm off in the median and {p95:.2} mm in the 95th percentile, limits {} and {}",
                 ACCEPTANCE_LIMITS[0], ACCEPTANCE_LIMITS[1]
             )
         })
@@ -61,8 +61,8 @@ fn of_method(rows: &[(NormalMethod, NormalErrors)], method: NormalMethod) -> Opt
     rows.iter().find(|row| row.0 == method).map(|row| row.1)
 }
 
-/// Presses unseen shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
-/// The background images are taken under the change too, as a hand takes them when it is switched on.
+/// Presses held-out shapes, and perceives `count` grasps, evenly spread over the list, as built and under every change.
+/// The background images are taken under the change too, like those of a hand at power-on.
 pub fn under_changes(
     bench: &Bench,
     networks: &Networks,

@@ -14,7 +14,7 @@ use sim::tactile::{BrightnessDrift, TactileBoard};
 use tactile_optics::{IndentationMap, SensorModel};
 use world::geometry::ObjectShape;
 
-/// Difference of a hand from those that touch was trained on.
+/// Difference of a hand from those in the training data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OpticsChange {
     pub name: &'static str,
@@ -61,7 +61,7 @@ pub struct CameraUnit {
     drift: Option<(PadEffects, u64)>,
 }
 
-/// Time at which a first grasp is felt, s after the trial's start.
+/// Time of the perception of a first grasp, s after the trial's start.
 const TOUCH_TIME: f64 = 8.0;
 
 impl CameraUnit {

@@ -244,7 +244,7 @@ mod tests {
         TrainingSchedule { kind, epochs: 2, batch: 4, rate: 0.01, halving: 5, seed: 3 }
     }
 
-    /// Our plain-CPU layers and burn's agree.
+    /// The plain-CPU layers agree with burn's.
     #[test]
     fn inference_is_what_burn_computes() {
         for kind in [NetworkKind::EncoderDecoder, NetworkKind::PerPixel] {
@@ -277,7 +277,7 @@ mod tests {
         (0..count).map(|_| TrainingSquare::synthetic_square(&mut rng)).collect()
     }
 
-    /// The network learns information from a pixel's surroundings, which it sees; the perceptron does not.
+    /// The network learns from a pixel's surroundings; the perceptron cannot.
     #[test]
     fn surroundings_are_learnt_from() {
         let (samples, held_out) = (synthetic_squares(1, 12), synthetic_squares(2, 4));

@@ -1,4 +1,4 @@
-//! Networks that come with the program, and the method for normals that trials use.
+//! Built-in networks, and the method for normals used in trials.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ impl NormalMethod {
     }
 }
 
-/// Method that trials use: the best on shapes and pads not trained on, within the available time.
+/// Method used in trials: the best on held-out shapes and pads, within the available time.
 pub const METHOD_IN_USE: NormalMethod = NormalMethod::LookUp;
 
 /// Networks that are evaluated.
@@ -51,7 +51,7 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// Loads the networks that come with the program.
+    /// Loads the built-in networks.
     pub fn builtin() -> Result<Self> {
         macro_rules! builtin {
             ($name:literal) => {
@@ -79,7 +79,7 @@ impl Networks {
         })
     }
 
-    /// Returns the pipeline with `method`; `look_up` is the pipeline of the calibration alone.
+    /// Returns the pipeline with `method`; `look_up` is the pipeline of the calibration only.
     pub fn pipeline(&self, look_up: &TouchPipeline, method: NormalMethod) -> TouchPipeline {
         match method {
             NormalMethod::LookUp => look_up.clone(),

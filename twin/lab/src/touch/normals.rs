@@ -1,5 +1,5 @@
 //! Accuracy of normals and heights by look-up, by a perceptron and by the network, on shapes, pads and a real sensor
-//! that they were not trained on.
+//! that are not in the training data.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,11 +22,11 @@ use tactile_perception::{
 use super::images::CameraUnit;
 use crate::touch::networks::{Networks, NormalMethod};
 
-/// Number of presses of each unseen shape, and of samples drawn from each press: 4 x 36 x 324 = 46,656.
+/// Number of presses of each held-out shape, and of samples drawn from each press: 4 x 36 x 324 = 46,656.
 const PRESSES_PER_SHAPE: usize = 36;
 const SAMPLES_PER_PRESS: usize = 324;
 
-/// A press of an unseen shape into a pad of a hand unit, with the evaluated pixels.
+/// A press of a held-out shape into a pad of a hand unit, with the evaluated pixels.
 pub struct SampledPress {
     press: CalibrationPress,
     unit: usize,
@@ -134,8 +134,7 @@ pub struct RealSource {
 }
 
 /// Evaluates every method on the real sensor's odd-numbered presses, at all pixels inside the ball's circle. The
-/// look-up table is fitted to the even-numbered ones; the networks are those given, whatever sensor they were trained
-/// on.
+/// look-up table is fitted to the even-numbered ones; the networks are those given, whatever their training sensor.
 pub fn evaluate_real_presses(source: &RealSource, networks: &Networks) -> Result<Vec<RealRow>> {
     let presses = RealPresses::read(&source.folder, 1e-3 * source.ball_diameter_mm, 1e-3 * source.pixel_mm)?;
     let pixel = presses.pixel;

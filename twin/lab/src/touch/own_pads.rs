@@ -110,8 +110,8 @@ pub fn board_with_scaled_lamp(hand: &Hand, serial: u64, strength: f64) -> Result
     Ok(TactileBoard::with_models(hand, serial, dim)?)
 }
 
-/// Calibrates the pads of a board from presses on a ball of `radius` (m) and as a laboratory does, for the cameras
-/// selected by `wanted`. `other` is another unit's calibration.
+/// Calibrates the pads of a board from presses on a ball of `radius` (m) and in a laboratory, for the cameras selected
+/// by `wanted`. `other` is another unit's calibration.
 pub fn evaluate_pads(
     hand: &Hand,
     other: &PhotometricCalibration,

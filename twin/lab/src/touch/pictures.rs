@@ -52,10 +52,10 @@ pub fn write(bench: &Bench, detector: &CameraUnit, grasps: &[HeldGrasp], folder:
         let (sigma, turn) = estimate.sigma();
         let scene = EstimatedScene {
             text: format!(
-                "# {}\nCombination {}, trial {}. Blue: where touch has it; in its own colour: where it is.\n\n\
-                 - touch is {mm:.2} mm and {deg:.1} deg off, and says {:.2} mm and {:.1} deg (standard deviation)\n\
-                 - the plan was {plan_mm:.2} mm and {plan_deg:.1} deg off\n- {} patches; {} other poses fit about as well; \
-                 {} axes of rotation cannot be told\n",
+                "# {}\nCombination {}, trial {}. Blue: pose estimate from touch; own colour: true pose.\n\n\
+                 - touch: error {mm:.2} mm and {deg:.1} deg, stated standard deviation {:.2} mm and {:.1} deg\n\
+                 - planned pose: error {plan_mm:.2} mm and {plan_deg:.1} deg\n- {} patches; {} other poses fit about as well; \
+                 {} axes of rotation undetermined\n",
                 grasp.object,
                 grasp.combination,
                 grasp.trial,
@@ -79,7 +79,7 @@ pub fn write(bench: &Bench, detector: &CameraUnit, grasps: &[HeldGrasp], folder:
 
 type ContactPoints = Vec<(Option<usize>, nalgebra::Point3<f64>, nalgebra::Vector3<f64>)>;
 
-/// Returns all felt points with normals, palm frame, at joint angles `q` (rad).
+/// Returns all contact points with normals, palm frame, at joint angles `q` (rad).
 fn points(hand: &Hand, touches: &[PadTouch], q: &[f64]) -> ContactPoints {
     let places = hand.pad_poses(&hand.tree.forward(q));
     let of = |touch: &PadTouch| {

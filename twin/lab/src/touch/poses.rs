@@ -1,5 +1,5 @@
-//! Errors of in-hand pose estimates of simulated grasps by class of object, compared with the plan and with felt points
-//! alone.
+//! Errors of in-hand pose estimates of simulated grasps by class of object, compared with the prior and with contact
+//! points only.
 
 use std::borrow::Cow;
 use std::time::Instant;
@@ -22,7 +22,7 @@ use super::images::CameraUnit;
 pub enum PoseSource {
     /// Planned pose of the object (the prior).
     Prior,
-    /// Servos and felt points, without normals and without absence of touch.
+    /// Servos and contact points, without normals and without absence of touch.
     Points,
     /// All evidence of touch, including absence of touch.
     Touch,
@@ -32,7 +32,7 @@ pub enum PoseSource {
 pub struct PoseEvaluation {
     pub object: String,
     pub class: SymmetryClass,
-    /// Errors of the plan, of felt points alone, and of touch: mm and degrees.
+    /// Errors of the prior, of contact points only, and of touch: mm and degrees.
     pub errors: [[f64; 2]; 3],
     /// Ratio of position error to stated standard deviation.
     pub ratio: f64,
@@ -40,7 +40,7 @@ pub struct PoseEvaluation {
     pub covered: bool,
     /// True if a pose found by descending from the truth has a lower cost than the estimate: the search is at fault.
     pub missed: bool,
-    /// True if not `describe_missed`, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
+    /// True if not `missed`, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: bool,
     /// Latencies from raw images to touches, and from touches to the pose, ms.
     pub millis: [f64; 2],
@@ -99,8 +99,8 @@ pub fn pose_difference(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isom
     ]
 }
 
-/// Returns, of all poses that look like the truth by the object's discrete symmetry, the one whose rotation is closest
-/// to `estimate`. This matters because the plan's prior contributes to a pose's cost.
+/// Returns, of all poses equivalent to the truth by the object's discrete symmetry, the one whose rotation is closest
+/// to `estimate`. This matters because the prior contributes to a pose's cost.
 fn nearest_symmetric_pose(object: &ObjectModel, truth: &Isometry3<f64>, estimate: &Isometry3<f64>) -> Isometry3<f64> {
     let turned = |turn: &UnitQuaternion<f64>| (truth.rotation * turn).angle_to(&estimate.rotation);
     let best = object.symmetry.rotations().into_iter().min_by(|a, b| turned(a).total_cmp(&turned(b)));
@@ -127,7 +127,7 @@ pub fn evaluate_poses(
         .enumerate()
         .map(|(n, grasp)| {
             let known: &KnownObject = &bench.known_objects[&grasp.object];
-            // A trial does the same before it begins.
+            // A trial does the same at its start.
             known.prepare();
             let object = &known.model;
             let seed = bench.seed ^ (n as u64) << 20;
@@ -223,7 +223,7 @@ impl MedianP95 {
     }
 }
 
-/// Computes the spread of the errors of `source` among the grasps selected by `pick`.
+/// Computes the percentiles of the errors of `source` among the grasps selected by `pick`.
 pub fn error_percentiles(
     felt: &[PoseEvaluation],
     source: PoseSource,

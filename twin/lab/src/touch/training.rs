@@ -29,7 +29,7 @@ const HELD_OUT_INTERVAL: usize = 10;
 pub enum TrainingSource<'a> {
     /// Renders of this number of presses into the hand's pads.
     Pads { robot: &'a RobotModel, presses: usize },
-    /// Renders of this number of presses into the sensor that a calibration file describes.
+    /// Renders of this number of presses into the sensor of a calibration file.
     Sensor { file: &'a Path, presses: usize },
     /// Even-numbered presses of a ball into a real sensor; the ball's diameter and a pixel's size in m.
     RealPresses { folder: &'a Path, ball_diameter: f64, pixel: f64 },

@@ -25,7 +25,7 @@ impl CollisionCount {
         }
     }
 
-    /// True if the plan collided; `None` if nothing was predicted.
+    /// True if the planned grasp collided; `None` if nothing was predicted.
     pub fn collided(self, record: &TrialRecord) -> Option<bool> {
         match self {
             Self::Contact => Some(record.contact),
@@ -33,7 +33,7 @@ impl CollisionCount {
         }
     }
 
-    /// True if the executed grasp succeeds: the plan, or the one that touch chose instead. `None` if nothing was
+    /// True if the executed grasp succeeds: the planned one, or the one that touch chose instead. `None` if nothing was
     /// predicted.
     pub fn succeeded(self, record: &TrialRecord) -> Option<bool> {
         match self {

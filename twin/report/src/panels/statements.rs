@@ -1,4 +1,4 @@
-//! Statements in the paper's text beside its figure, and the commands that reproduce what the paper shows without
+//! Statements in the paper's text beside its figure, and the commands that reproduce the paper's demonstrations without
 //! figures.
 
 use std::collections::HashMap;
@@ -13,16 +13,16 @@ use crate::comparisons::format_with_interval;
 use crate::html::{ColumnAlignment, HtmlTable, format_number};
 use crate::paper;
 
-/// Events that the paper shows without figures, each with the command that plays it.
+/// Events that the paper shows without figures, each with the command that runs it.
 const SHOWN_EVENTS: [(&str, &str); 5] = [
     (
         "Four balls, one of them pushed while it is grasped (its illustration of the methods)",
         "ftac transport --scenario scenarios/data/transport/four_balls.toml --out DIR",
     ),
-    ("Objects that are not where they are seen", "ftac bench --scenario scenarios/data/wrong_position.toml"),
+    ("Objects beside their detected poses", "ftac bench --scenario scenarios/data/wrong_position.toml"),
     ("Balls of another size than planned for", "ftac bench --scenario scenarios/data/wrong_size.toml"),
     ("A finger without power", "ftac bench --scenario scenarios/data/disabled_digits.toml"),
-    ("Body, pads and grasps", "ftac hand check; ftac optics eval; ftac grasps classify"),
+    ("Hand, pads and grasps", "ftac hand check; ftac optics eval; ftac grasps classify"),
 ];
 
 /// Returns the end of the section.
@@ -30,7 +30,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     html! {
         (table(summary, records))
         p {
-            "What the paper shows without figures is played by these commands, from the repository’s root; BENCHMARKS.md there begins with \
+            "These commands reproduce the paper's demonstrations without figures, from the repository’s root; BENCHMARKS.md there begins with \
             every figure that the paper states and this project measures. Recordings in DIR are shown by " code { "ftac view DIR" } "."
         }
         dl.terms { @for (shown, command) in SHOWN_EVENTS { dt { (shown) } dd { code { (command) } } } }
@@ -57,7 +57,7 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> HtmlTable {
         let clear = collided.iter().filter(|record| CollisionCount::Predicted.succeeded(record) == Some(true)).count();
         let rate = SuccessRate::new(clear as u64, collided.len() as u64);
         row(
-            "where a collision is predicted, touch switches to a strategy without one",
+            "after a predicted collision, touch switches to a strategy without one",
             "always".to_owned(),
             format!(
                 "{clear} of {} trials: {} [{}, {}]",
@@ -70,7 +70,7 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> HtmlTable {
     }
     if let (Some(median), Some(last)) = (summary.decision_ms.p50, summary.decision_ms.p99) {
         row(
-            "time in which it switches",
+            "duration of the switch",
             format!("about {:.0} ms", paper::DECISION_MS),
             format!(
                 "slowest decision of a trial: median {} ms, 99th percentile {} ms",
@@ -82,7 +82,7 @@ fn table(summary: &Summary, records: &[TrialRecord]) -> HtmlTable {
     let longer = paired_times(records);
     if !longer.is_empty() {
         row(
-            "time that feeling adds to a trial without a collision",
+            "time that touch adds to a trial without a collision",
             format!("about {:.0} s", paper::TOUCH_TIME_S),
             format!(
                 "{} s, {} trials that are clean blind, and with touch at the first try",
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
     use crate::tests::synthetic_records;
 
-    /// In six trials with a predicted collision touch finds a collision-free way in four; its clean trials take 3 s
+    /// In six trials with a predicted collision touch finds a collision-free path in four; its clean trials take 3 s
     /// longer.
     #[test]
     fn switches_and_times_are_counted() {

@@ -1,11 +1,11 @@
-//! Soft shadows in corners and dark outlines, from the depth buffer alone ("screen-space ambient occlusion", Crytek
+//! Soft shadows in corners and dark outlines, from the depth buffer only ("screen-space ambient occlusion", Crytek
 //! 2007).
 
 /// Radii (m) at which neighbours are sampled, and number of directions.
 const SAMPLE_RADII: [f64; 3] = [0.002, 0.005, 0.010];
 const DIRECTION_COUNT: usize = 5;
-/// Occlusion threshold, as a share of the radius. A pixel is occluded where the mean of two opposite neighbours is
-/// nearer than it by more than this; on a plane it is not.
+/// Occlusion threshold, as a share of the radius. A pixel is occluded if the mean of two opposite neighbours is nearer
+/// than it by more than this; on a plane it is not.
 const OCCLUSION_THRESHOLD: f64 = 0.10;
 /// Limit of a neighbour's depth difference, radii.
 const MAX_DEPTH_DIFFERENCE: f64 = 1.2;

@@ -14,10 +14,8 @@ pub fn misfits(fit: &BallFit, folder: &PressFolder) -> Vec<Option<String>> {
     let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
     let is_misfit = |error: f64| error > MISFIT_THRESHOLDS.0 * typical && error > typical + MISFIT_THRESHOLDS.1;
     let reason = |(error, labelled): (f64, bool)| {
-        let expected = if labelled { "a ball where the label says" } else { "a ball" };
-        format!(
-            "found what the model of a ball misses by {error:.1} grey levels, other presses by {typical:.1}; expected {expected}"
-        )
+        let expected = if labelled { "a ball at the label" } else { "a ball" };
+        format!("found a misfit of {error:.1} grey levels, {typical:.1} for other presses; expected {expected}")
     };
     let each = errors.into_iter().zip(folder.presses.iter().map(|press| press.labelled));
     each.map(|(error, labelled)| is_misfit(error).then(|| reason((error, labelled)))).collect()

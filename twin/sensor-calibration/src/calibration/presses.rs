@@ -1,4 +1,4 @@
-//! Presses for a calibration: read, rectified, and given the checks that take only seconds.
+//! Presses for a calibration: read, rectified and given the checks that take seconds.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::video;
 pub const CHECKERBOARD_FOLDER: &str = "checkerboards";
 /// Minimum number of presses to learn from and to evaluate on.
 const MIN_PRESSES: usize = 4;
-/// Minimum share of usable images. Below it, more is wrong than single presses.
+/// Minimum share of usable images. Below it, the fault is not in single presses.
 const MIN_USABLE_SHARE: f64 = 0.5;
 
 /// Checked presses, with the source of the pixel size.
@@ -24,7 +24,7 @@ pub struct CheckedPresses {
     pub(super) lens: Option<Lens>,
     pub(super) checkerboards: Option<LensFit>,
     pub(super) source: PixelSource,
-    /// Pixel size by that source, if it gives one.
+    /// Pixel size from that source, if available.
     pub(super) measured: Option<PixelSize>,
     pub(super) shallow: bool,
 }
@@ -116,10 +116,10 @@ impl CheckedPresses {
         let reasons = self.folder.skipped.iter().take(6).map(|image| format!("\n{}: {}", image.name, image.reason));
         let reasons: String = reasons.collect();
         if kept < MIN_PRESSES {
-            bail!("found {kept} presses that can be used, of {total}; expected at least {MIN_PRESSES}{reasons}");
+            bail!("found {kept} usable presses of {total}; expected at least {MIN_PRESSES}{reasons}");
         }
         bail!(
-            "found {left} of {total} presses out of line; expected less than half: more is wrong than they are{reasons}"
+            "found {left} of {total} presses out of line; expected less than half: the fault is not in single presses{reasons}"
         )
     }
 

@@ -89,8 +89,8 @@ fn impossibility(press: &BallPress, pixel: f64) -> Option<String> {
 }
 
 /// Rejects presses whose circles are larger than their balls. If these are at least half of them, the balls' diameter
-/// or the pixel size was given in another unit or is that of another ball, and an error is returned. `corrected` says
-/// that the model has corrected the circles found without labels.
+/// or the pixel size is in another unit or belongs to another ball, and an error is returned. `corrected` is true if
+/// the model has corrected the circles found without labels.
 pub fn leave_out_impossible(folder: &mut PressFolder, pixel: f64, corrected: bool) -> Result<()> {
     // A circle found without a label is judged only after the model has corrected it.
     let judged = |press: &&BallPress| press.labelled || corrected;
@@ -144,7 +144,7 @@ pub fn from_presses(folder: &PressFolder, seed: u64) -> Result<PixelSize> {
     let good = |n: usize| tried[n].1 <= RESIDUAL_TOLERANCE * best;
     let possible: Vec<usize> = (0..tried.len()).filter(|&n| good(n)).collect();
     let (Some(first), Some(last)) = (possible.first(), possible.last()) else {
-        bail!("found no size of a pixel with which the presses can be explained");
+        bail!("found no pixel size that explains the presses");
     };
     // The true size may lie between the last possible candidate and the first impossible one.
     let low = tried[first.saturating_sub(1)].0;

@@ -1,9 +1,9 @@
 //! Errors of reconstructed surfaces of balls with known size and contact.
 //!
 //! The circle of a ball determines the gel's shape well inside it. Towards the rim the gel leaves the ball smoothly,
-//! and the depth to which the surrounding gel sinks is unknown. Heights are therefore compared over the inner [`INNER_SHARE`]
-//! of the contact's radius, relative to their mean at that radius; normals are compared over the whole contact, as
-//! usual.
+//! and the depth to which the surrounding gel sinks is unknown. Heights are therefore compared over the inner
+//! [`INNER_SHARE`] of the contact's radius, relative to their mean at that radius; normals are compared over the whole
+//! contact, as usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use tactile_perception::AngularError;
@@ -94,7 +94,7 @@ fn shared_area(found: &GridSurface, share: f32, inside: impl Fn(usize) -> bool) 
 }
 
 impl ReconstructionErrors {
-    /// Compares the reconstructed surfaces of presses with the balls. A press that shows nothing counts as level.
+    /// Compares the reconstructed surfaces of presses with the balls. A press without a detected touch counts as level.
     pub fn add(&mut self, reader: &Reconstructor, known: &KnownPresses, (grid, pixel): (PadGrid, f64), share: f32) {
         for (press, ball) in known.presses.iter().zip(&known.balls) {
             let found = reader.on_grid(&press.image);

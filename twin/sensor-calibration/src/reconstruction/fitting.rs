@@ -20,12 +20,12 @@ use super::surface::Reconstructor;
 use super::synthetic;
 use crate::grid::PadGrid;
 
-/// Number of imagined presses, and approximate number of training pixels of each.
+/// Number of synthetic presses, and approximate number of training pixels of each.
 const SYNTHETIC_PRESSES: usize = 48;
 const SYNTHETIC_PIXELS: usize = 700;
 /// Approximate number of training pixels of all real presses.
 const REAL_PIXELS: usize = 60_000;
-/// Equivalent sample size of the prior: with this many presses a pixel of an imagined press weighs as much as a real
+/// Equivalent sample size of the prior: with this many presses, a pixel of a synthetic press has the weight of a real
 /// one. The weight falls with the square of the number of presses: the more there are, the less the model's errors may
 /// count. Tuned on the even presses of Taxim's sensor (recordings/log/own-sensor.md).
 const PRIOR_SAMPLE_SIZE: f32 = 2.3;
@@ -38,7 +38,7 @@ const LEVEL_SHARE: f64 = 0.15;
 const LEVEL_DISTANCE: f64 = 2.0;
 
 impl Photometry {
-    /// Learns from presses into `sensor`, with presses imagined by its model as the prior. `step` is called after each
+    /// Learns from presses into `sensor`, with synthetic presses of its model as the prior. `step` is called after each
     /// of [`Self::EPOCH_COUNT`] epochs. The accuracy of the result is not set yet.
     pub fn learn(
         presses: &PressFolder,
@@ -129,7 +129,7 @@ fn real_pixels(known: &KnownPresses, (grid, pixel): (PadGrid, f64), seed: u64) -
     pixels
 }
 
-/// Samples pixels of imagined presses, for which the gel is known everywhere; `pixel` is the grid's pixel size, m.
+/// Samples pixels of synthetic presses, for which the gel is known everywhere; `pixel` is the grid's pixel size, m.
 fn synthetic_pixels(presses: &[CalibrationPress], (dx, dy): (f64, f64), weight: f32, seed: u64) -> Vec<LabelledPixel> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696d_6167);
     let mut pixels = Vec::new();

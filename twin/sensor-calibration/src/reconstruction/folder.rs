@@ -19,7 +19,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Lists the inputs in a folder, or the single image or video that `path` is.
+    /// Lists the inputs in the folder, or the single image or video, at `path`.
     pub fn find(path: &Path, named: Option<&Path>) -> Result<Self> {
         if path.is_file() {
             return Ok(Self { files: vec![path.to_owned()], background: named.map(Path::to_owned) });
@@ -62,8 +62,8 @@ pub struct FolderWatcher {
 }
 
 impl FolderWatcher {
-    /// Returns the new or changed images whose size and modification time are the same as at the last call: a file that
-    /// is still being written has to wait.
+    /// Returns the new or changed images whose size and modification time are unchanged since the last call: a file
+    /// that is still being written has to wait.
     pub fn new_files(&mut self, folder: &Path, background: Option<&Path>) -> Result<Vec<PathBuf>> {
         let mut ready = Vec::new();
         for file in Inputs::find(folder, background)?.files {

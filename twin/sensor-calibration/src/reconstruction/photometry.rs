@@ -14,7 +14,7 @@ use tactile_perception::{Network, PhotometricModel};
 use super::accuracy::Accuracy;
 use super::range::CalibrationRange;
 
-/// Placeholder for "the only sensor there is" where a pad's configuration is expected.
+/// Placeholder for the only sensor, in place of a pad's configuration.
 pub const CONFIGURATION: char = 'a';
 /// Version of the file format.
 pub(super) const VERSION: u32 = 2;
@@ -50,7 +50,7 @@ pub struct Photometry {
     pub(super) columns: usize,
     pub(super) rows: usize,
     pub(super) pixel_mm: f64,
-    /// Number of presses that it was learned from.
+    /// Number of presses from which it was learned.
     pub presses: usize,
     pub(super) look_up: PhotometricModel,
     pub(super) network: Network,
@@ -61,8 +61,8 @@ pub struct Photometry {
     /// Gains on heights, by look-up and by the network, that correct the mean depth of the training presses: a
     /// regression on noisy colours underestimates slopes.
     pub(super) gains: [f32; 2],
-    /// Accuracy from cross-validation: each press was held out once and evaluated with what the others teach. This file
-    /// itself is learned from all presses.
+    /// Accuracy from cross-validation: each press was held out once and evaluated with a mapping learned from the
+    /// others. This file itself is learned from all presses.
     pub(super) accuracy: [Accuracy; 2],
 }
 
@@ -113,7 +113,7 @@ impl Photometry {
         let name = || path.display().to_string();
         let text = std::fs::read(&path).with_context(|| {
             format!(
-                "{}: what `optics calibrate` learned of the way from colours to slopes, beside {}",
+                "{}: mapping from colours to slopes of `optics calibrate`, beside {}",
                 name(),
                 calibration.display()
             )
@@ -125,7 +125,7 @@ impl Photometry {
         }
         let Versioned { version } = serde_json::from_slice(&text).with_context(name)?;
         if version != VERSION {
-            bail!("{}: version: found {version}, expected {VERSION}; calibrate anew", name());
+            bail!("{}: version: found {version}, expected {VERSION}; calibrate again", name());
         }
         let found: Self = serde_json::from_slice(&text).with_context(name)?;
         found.range.check().map_err(anyhow::Error::msg).with_context(name)?;

@@ -259,16 +259,16 @@ impl Reconstructor {
         if border_share(&found.touched) > MAX_TOUCHED_BORDER {
             surface.deepest = None;
             surface.notes.push(
-                "no depth: the contact reaches most of the border, and no untouched gel tells its level".to_owned(),
+                "no depth: the contact reaches most of the border, and no untouched gel shows the level".to_owned(),
             );
         }
         let bump = found.height.iter().zip(&found.touched).filter(|(_, touched)| **touched);
         if bump.map(|(height, _)| f64::from(*height)).sum::<f64>() <= 0.0 {
-            surface.notes.push("comes out as a bump; expected a dent: mirrored, or of another sensor".to_owned());
+            surface.notes.push("found a bump, expected a dent: image mirrored, or of another sensor".to_owned());
         }
         if found.misfit > (MISFIT_FACTOR * accuracy.misfit).max(MIN_MISFIT) {
             surface.notes.push(format!(
-                "{:.0} % of the slopes fit no surface, of the calibration's presses {:.0} % at most: mirrored, of another sensor, or \
+                "{:.0} % of the slopes fit no surface, {:.0} % at most in the calibration's presses: image mirrored, of another sensor, or \
                  with shadows",
                 100.0 * found.misfit,
                 100.0 * accuracy.misfit
@@ -316,8 +316,8 @@ impl Reconstructor {
     }
 }
 
-/// Returns the expected error (root mean square, degrees) of an out-of-range normal: all that is known is that the true
-/// slope is anywhere from the estimated one up to [`MAX_SLOPE_DEG`].
+/// Returns the expected error (root mean square, degrees) of an out-of-range normal: the true slope may be anywhere
+/// from the estimated one up to [`MAX_SLOPE_DEG`].
 fn unknown_error([gx, gy]: [f32; 2]) -> f32 {
     (MAX_SLOPE_DEG - gx.hypot(gy).atan().to_degrees()).max(0.0) / f32::sqrt(3.0)
 }

@@ -1,4 +1,4 @@
-//! Synthetic ("imagined") presses, rendered with a sensor's fitted image-formation model.
+//! Synthetic presses, rendered with a sensor's fitted image-formation model.
 //!
 //! A dozen presses of one ball cover few slopes at few positions. Renders of other shapes, sizes and positions serve as
 //! the prior for learning from the real presses.

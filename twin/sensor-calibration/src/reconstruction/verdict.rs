@@ -14,13 +14,13 @@ impl Accuracy {
     pub fn fault(&self) -> Option<String> {
         let (presses, normals) = (self.presses, self.normals_deg.mean);
         if presses == 0 {
-            return Some("no press was held out that could tell its errors".to_owned());
+            return Some("no press was held out, so its errors are unknown".to_owned());
         }
         // NaN fails every comparison.
         let better = self.depth_relative < 1.0;
         if !better {
             return Some(format!(
-                "depths of presses held out are wrong by {:.0} % (rms); a level surface is by 100 %",
+                "depths of presses held out are wrong by {:.0} % (rms); those of a level surface by 100 %",
                 100.0 * self.depth_relative
             ));
         }
@@ -32,10 +32,10 @@ impl Accuracy {
             ));
         }
         (2 * self.wrong_sign >= presses)
-            .then(|| format!("{} of {presses} presses held out come out as bumps; expected dents", self.wrong_sign))
+            .then(|| format!("{} of {presses} presses held out appear as bumps; expected dents", self.wrong_sign))
     }
 
-    /// Returns the caveats of a method that is better than nothing.
+    /// Returns the caveats of a method that is better than the trivial estimate.
     pub fn doubt(&self) -> Option<String> {
         let mut doubts = Vec::new();
         if self.depth_relative > DOUBTFUL_DEPTH {
@@ -47,11 +47,11 @@ impl Accuracy {
         }
         for (what, found) in [("depths", self.depth_ratio), ("slopes", self.slope_ratio)] {
             if !DOUBTFUL_RATIO.contains(&found) {
-                doubts.push(format!("{what} come out {found:.2} times as large as they are"));
+                doubts.push(format!("{what} are estimated at {found:.2} times their true size"));
             }
         }
         if self.wrong_sign > 0 {
-            doubts.push(format!("{} of {} presses come out as bumps", self.wrong_sign, self.presses));
+            doubts.push(format!("{} of {} presses appear as bumps", self.wrong_sign, self.presses));
         }
         (!doubts.is_empty()).then(|| doubts.join("; "))
     }

@@ -14,7 +14,7 @@ use world::geometry::Mesh;
 use super::views::{Views, normals};
 use super::{MeshPose, RAY_START};
 
-/// True if the file is a sensor's calibration, as `optics calibrate` writes it, and not a pad's.
+/// True if the file is a sensor's calibration of `optics calibrate`, and not a pad's.
 pub fn is_sensor(path: &Path) -> Result<bool> {
     /// The field that only a sensor's calibration has.
     #[derive(Deserialize)]

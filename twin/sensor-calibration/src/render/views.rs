@@ -20,8 +20,8 @@ pub(super) struct Views {
 }
 
 impl Views {
-    /// Writes image, indentation and normals as PNG, NPY and EXR. `white` is the indentation (m) that the PNG shows
-    /// white.
+    /// Writes image, indentation and normals as PNG, NPY and EXR. `white` is the indentation (m) shown white in the
+    /// PNG.
     pub(super) fn write(&self, white: f32, out: &Path) -> Result<()> {
         let [width, height] = self.size;
         let (columns, rows) = (width as u32, height as u32);

@@ -14,7 +14,7 @@ const FFMPEG: &str = "ffmpeg";
 /// Largest side of a frame, pixels.
 const MAX_FRAME_SIDE: usize = 16_384;
 
-/// Passes the frames on. If the program is missing, the error says how to proceed.
+/// Passes the frames on. If the program is missing, the error explains how to proceed.
 pub(super) fn frames(path: &Path, take: FrameCallback<'_>) -> Result<()> {
     let name = || path.display().to_string();
     std::fs::File::open(path).with_context(name)?;
@@ -43,7 +43,7 @@ pub(super) fn frames(path: &Path, take: FrameCallback<'_>) -> Result<()> {
     });
     let read = pictures(BufReader::with_capacity(1 << 20, output), take);
     if !matches!(read, Ok(true)) {
-        // Nobody reads the remaining output.
+        // The remaining output is discarded.
         let _ = child.kill();
     }
     let status = child.wait().with_context(|| format!("{}: {FFMPEG}", name()))?;

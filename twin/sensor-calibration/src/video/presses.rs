@@ -85,7 +85,7 @@ mod tests {
     use super::*;
     use crate::video::avi;
 
-    /// A film of an untouched gel and three presses that come and go.
+    /// A film of an untouched gel and three successive presses.
     #[test]
     fn each_touch_of_a_film_is_a_press() {
         let (width, height) = (160usize, 120usize);

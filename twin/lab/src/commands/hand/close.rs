@@ -19,7 +19,7 @@ pub fn run(terminal: &Terminal, args: &CloseArgs) -> Outcome {
     let (tensions, above) = hand.limit_tensions(&asked);
     for n in above {
         eprintln!(
-            "note: {}: {} N asked for, {:.1} N taken: {}",
+            "note: {}: {} N requested, {:.1} N used: {}",
             hand.actuators[n].name,
             asked[n],
             tensions[n],

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use world::geometry::LINK_MESHES;
 
-/// Output for a URDF tree with the joints of our own hand.
+/// Output for a URDF tree with the joints of the built-in hand.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct TreeOutput<'a> {
     /// URDF file.
@@ -75,7 +75,7 @@ pub fn run(terminal: &Terminal, path: &Path, pulls: Option<&Path>) -> Outcome {
         RobotModel::ftac_gen3().hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
     let frames = urdf::read_frames(path, &[])?;
     if pulls.is_none() && frames.joints.iter().any(|joint| ours.contains(&joint.name)) {
-        // Our own hand's URDF, which must have all of the joints.
+        // The built-in hand's URDF, which must have all of the joints.
         let names: Vec<&str> = ours.iter().map(String::as_str).collect();
         let tree = urdf::read_tree(path, &names)?;
         let text = format!("{}: {} joints, all of the hand's joints are there\n", path.display(), tree.len());

@@ -31,8 +31,7 @@ struct StudyPart {
     make: fn(&Terminal, &StudyArgs, PathBuf) -> Result<PartResult>,
 }
 
-/// Parts in order. The times are for the built-in grasps and our hand alone; they only weigh the parts against each
-/// other.
+/// Parts in order. The times are for the built-in grasps and hand; they only weight the parts relative to each other.
 const PARTS: [StudyPart; 4] = [
     StudyPart { name: "types of grasps", expected: [1.0, 1.0], make: classify_types },
     StudyPart { name: "contact maps", expected: [30.0, 30.0], make: draw_maps },
@@ -86,7 +85,7 @@ fn map_basins(terminal: &Terminal, args: &StudyArgs, out: PathBuf) -> Result<Par
     let each = if args.full { standard.each } else { 24 };
     let sweep = args.full.then_some(24);
     let (grasps, out) = (args.grasps.clone(), out.join("landscape"));
-    // Those of the paper's objects for which there are grasps.
+    // The paper's objects with grasps.
     let known = GraspSource::read(&grasps.paths)?.classification.objects;
     let objects = standard.objects.into_iter().filter(|object| known.contains(object)).collect();
     landscape::make(terminal, &LandscapeArgs { grasps, objects, each, sweep, out, ..standard }).map(part_result)

@@ -1,7 +1,7 @@
 //! `ftac grasps hands`: compares several hands on the same objects, by the same search and the same checks: success
 //! rates side by side, and one picture of a grasp each.
 //!
-//! Our own hand is the first column; others come as URDF with a pulls file. Running the same command again resumes
+//! The built-in hand is the first column; others come as URDF with a pulls file. Running the same command again resumes
 //! after the last finished hand and object.
 
 use anyhow::{Context, Result, ensure};
@@ -71,7 +71,7 @@ fn search_request(terminal: &Terminal, args: &HandsArgs) -> Result<SynthesisRequ
     Ok(SynthesisRequest { chains, max_grasps: usize::MAX, contacts, closings, seed: terminal.seed, table: false })
 }
 
-/// Returns our hand and those of the arguments.
+/// Returns the built-in hand and those of the arguments.
 pub fn compared_hands(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
     let mut hands = vec![ComparedHand::from_hand(RobotModel::ftac_gen3().hand)];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {

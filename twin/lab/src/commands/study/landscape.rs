@@ -22,7 +22,7 @@ use lab::study_pages;
 
 use super::source::GraspSource;
 
-/// Number of points on the hand's surface: coarser than in synthesis, whose energy is used here.
+/// Number of points on the hand's surface: fewer than in synthesis, whose energy is used here.
 const SURFACE_POINTS: usize = 1000;
 
 /// Runs `ftac grasps landscape`.

@@ -23,7 +23,7 @@ pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<CommandOutput<MapFigu
         args.seeds
     );
     let GraspSource { hand, objects, classification } = GraspSource::read(&args.grasps.paths)?;
-    // Checks first what would otherwise fail only at the end.
+    // Checks first for errors that would otherwise appear only at the end.
     check_both_classes(&classification)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     let distance = |object: usize, point: &_| objects[object].shape.signed_distance(point).0;

@@ -1,5 +1,4 @@
-//! `ftac grasps classify --pairs`: types of the benchmark's pick-ups, by the position of their object in the
-//! combination.
+//! `ftac grasps classify --pairs`: types of the benchmark's grasps, by the position of their object in the combination.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,7 +18,7 @@ use scenarios::Scenario;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A pick-up with its type.
+/// A grasp with its type.
 #[derive(Debug, Serialize, JsonSchema)]
 struct TypedGrasp {
     /// Names of the objects of its combination.
@@ -36,18 +35,18 @@ struct TypedGrasp {
     ambiguous: bool,
 }
 
-/// Pick-ups of one type.
+/// Grasps of one type.
 #[derive(Debug, Serialize, JsonSchema)]
 struct TypeRow {
     name: String,
     category: Category,
-    /// Numbers of pick-ups of first and of second objects.
+    /// Numbers of grasps of first and of second objects.
     places: [usize; 2],
     /// Number of those that meet all conditions of the type.
     fit: usize,
 }
 
-/// Grasp types of the plans' pick-ups.
+/// Grasp types of the grasp pair table.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RepertoireTypes {
     /// Grasp types of the paper.
@@ -60,7 +59,7 @@ pub struct RepertoireTypes {
 impl RepertoireTypes {
     fn text(&self) -> String {
         let present = self.types.iter().filter(|kind| kind.places != [0, 0]).count();
-        let mut text = format!("{} pick-ups of {present} of {} types\n", self.pick_ups.len(), self.types.len());
+        let mut text = format!("{} grasps of {present} of {} types\n", self.pick_ups.len(), self.types.len());
         text += &format!("{:24} {:13} {:>7} {:>7} {:>7}\n", "type", "category", "first", "second", "fit");
         for TypeRow { name, category, places: [first, second], fit } in &self.types {
             text += &format!("{name:24} {:13} {first:>7} {second:>7} {fit:>7}\n", category.name());
@@ -69,7 +68,7 @@ impl RepertoireTypes {
     }
 }
 
-/// Simulates the pick-ups of the plan file, or of the built-in plans, and assigns each its type.
+/// Simulates the grasps of the grasp pair table in the file, or of the built-in one, and assigns each its type.
 pub fn make(terminal: &Terminal, file: &Path) -> Result<CommandOutput<RepertoireTypes>> {
     let plans = if file == Path::new(BUILT_IN_PLANS) {
         grasp_verification::builtin::grasp_pairs()?

@@ -1,5 +1,5 @@
-//! `ftac report --study`: all results of the study on one page, compared with the paper: the paper's figure, ours, the
-//! difference, and its reason.
+//! `ftac report --study`: all results of the study on one page, compared with the paper: the paper's figure, this
+//! project's, the difference, and its reason.
 
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ pub fn report_folders(terminal: &Terminal, folders: &[PathBuf]) -> Outcome {
 fn run(terminal: &Terminal, folder: &Path) -> Outcome {
     if !folder.is_dir() {
         bail!(
-            "{}: found no such folder; expected what `ftac grasps classify --out {0}`, `map` and `landscape` leave",
+            "{}: found no such folder; expected the results of `ftac grasps classify --out {0}`, `map` and `landscape`",
             folder.display()
         );
     }

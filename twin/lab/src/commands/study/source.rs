@@ -15,7 +15,7 @@ use world::objects::{ObjectModel, ObjectSet};
 /// Grasps with their hand and objects.
 pub struct GraspSource {
     pub hand: Arc<Hand>,
-    /// Objects for which there are grasps, in the order of the set.
+    /// Objects with grasps, in the order of the set.
     pub objects: Vec<Arc<ObjectModel>>,
     /// Classified grasps, object by object in the same order.
     pub classification: Classification,

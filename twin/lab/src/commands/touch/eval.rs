@@ -60,7 +60,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     Ok(found.shortfall())
 }
 
-/// Returns the named real presses, else the known ones if they are there.
+/// Returns the named real presses, else the known ones if available.
 fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
     let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
     else {
@@ -70,7 +70,7 @@ fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
             return Ok(Some(known));
         }
         eprintln!(
-            "left out: a real GelSight, whose presses are not at {folder}; they come from {KNOWN_REAL_PRESSES_ORIGIN}, and --real FOLDER names them or those \
+            "left out: a real GelSight: found no presses at {folder}; they come from {KNOWN_REAL_PRESSES_ORIGIN}, and --real FOLDER names them or those \
              of another sensor"
         );
         return Ok(None);

@@ -42,7 +42,7 @@ const PRESS_TENSIONS: (f64, f64) = (1.5, 30.0);
 const LIGHT_OBJECT_FACTOR: f64 = 0.3;
 /// Range of the share of the meeting tension that remains in a finger that presses by its springs.
 const REMAINING_TENSION_SHARES: (f64, f64) = (0.0, 0.7);
-/// Spread of the contact centres that determines a rod's direction, m.
+/// Minimum distance between the contact centres that determine a rod's direction, m.
 const MIN_CONTACT_SPREAD: f64 = 0.01;
 
 /// Part of a digit that is to touch.
@@ -150,8 +150,7 @@ impl ContactGuess {
         next
     }
 
-    /// Returns the link poses to which the command leads without the object, palm frame. Fingers that take no part stay
-    /// open.
+    /// Returns the link poses that result from the command without the object, palm frame. Unused fingers stay open.
     fn links(&self, hand: &Hand, curls: &FreePostureTable, kind: &GraspType) -> Vec<Isometry3<f64>> {
         let mut tensions = [0.0; 5];
         for digit in kind.digits.iter().chain(kind.helpers) {
@@ -296,7 +295,7 @@ mod tests {
         std::iter::once(thumb).chain(fingers).collect()
     }
 
-    /// An object that lies properly between skin points has no misfit, and one finger that is off by MISFIT costs its
+    /// An object that lies properly between skin points has no misfit, and one finger with an error of MISFIT costs its
     /// share.
     #[test]
     fn a_rod_and_a_ball_between_opposed_skins() {

@@ -121,7 +121,7 @@ mod tests {
     use super::super::run;
     use super::*;
 
-    /// The same seed finds the same attempts, however many threads search.
+    /// The same seed finds the same attempts for any number of threads.
     #[test]
     fn threads_change_nothing() {
         let hand = Arc::new(Hand::ftac());

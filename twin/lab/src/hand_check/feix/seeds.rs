@@ -1,4 +1,4 @@
-//! Grasp types over many seeds: a result that depends on one seed says nothing.
+//! Grasp types over many seeds, since a result for one seed is not significant.
 
 use std::sync::Arc;
 

@@ -164,7 +164,7 @@ pub fn all_types() -> Vec<GraspType> {
 mod tests {
     use super::*;
 
-    /// Totals that the taxonomy states.
+    /// Totals stated in the taxonomy.
     #[test]
     fn totals_of_the_taxonomy() {
         let types = all_types();

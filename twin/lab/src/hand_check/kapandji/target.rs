@@ -1,9 +1,9 @@
-//! The ten points of the Kapandji test on our covers, and the distance of the thumb's tip from them.
+//! The ten points of the Kapandji test on the model's covers, and the distance of the thumb's tip from them.
 //!
 //! Distances of creases from their joints were measured on 53 hands by Bugbee and Botte (Clin Orthop 296, 1993): the
 //! distal digital crease lies 7 to 8 mm and the middle one 2 to 3 mm on the wrist's side of their joints, the proximal
-//! one 14 to 20 mm on the fingertip's side of the MCP joint (ours ends with the palm's cover, at 14.5 mm), the distal
-//! palmar crease 6.8 to 10.3 mm on the wrist's side of the MCP joints, from the ulnar edge to the middle finger.
+//! one 14 to 20 mm on the fingertip's side of the MCP joint (the model's ends with the palm's cover, at 14.5 mm), the
+//! distal palmar crease 6.8 to 10.3 mm on the wrist's side of the MCP joints, from the ulnar edge to the middle finger.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};

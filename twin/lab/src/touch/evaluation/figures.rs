@@ -16,7 +16,7 @@ use crate::touch::poses::{
 /// Errors of normals.
 #[derive(Serialize, JsonSchema)]
 struct Normals<'a> {
-    /// Method that trials use for normals.
+    /// Method for normals used in trials.
     method: NormalMethod,
     /// Errors on shapes that were not trained on.
     unseen_shapes: Option<NormalErrors>,
@@ -34,9 +34,9 @@ struct Poses {
     touch: ErrorPercentiles,
     /// Shares of the grasps: truth in the 95 % region, large errors, and their causes.
     causes: Causes,
-    /// Errors of the plan's prior.
+    /// Errors of the planned pose (the prior).
     prior: ErrorPercentiles,
-    /// Errors of the estimate from servos and felt points alone.
+    /// Errors of the estimate from servos and contact points only.
     points_only: ErrorPercentiles,
 }
 
@@ -80,7 +80,7 @@ pub struct TouchEvaluationFigures<'a> {
     error_over_sigma: MedianP95,
     /// Latency of images, of the pose, and of both together, on this machine, ms.
     latency_ms: BTreeMap<&'static str, Latency>,
-    /// Results under changes of the optics that touch was not trained on.
+    /// Results under changes of the optics that are not in the training data.
     changed: &'a [ChangedOptics],
 }
 

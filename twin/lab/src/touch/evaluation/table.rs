@@ -73,7 +73,7 @@ fn normals(rows: &[(NormalMethod, NormalErrors)], real: Option<&(RealSource, Vec
     if let Some((RealSource { folder, ball_diameter_mm, pixel_mm }, _)) = real {
         text += &format!(
             "real GelSight: {}, balls of {ball_diameter_mm} mm, pixels of {pixel_mm} mm; the networks are those of the folder that \
-             `--networks` names, else those of the GelSight that the program knows\n",
+             `--networks`, else the built-in ones of the GelSight\n",
             folder.display()
         );
     }
@@ -83,7 +83,7 @@ fn normals(rows: &[(NormalMethod, NormalErrors)], real: Option<&(RealSource, Vec
 fn poses(felt: &[PoseEvaluation]) -> String {
     let mut text = format!(
         "{:16} {:>6}   {:^27}   {:^27}   {:^27}\n{:16} {:>6}",
-        "in-hand pose", "", "plan", "felt points alone", "touch", "", "grasps"
+        "in-hand pose", "", "prior", "points only", "touch", "", "grasps"
     );
     for _ in SOURCES {
         text += &format!("   {:>6} {:>6} {:>6} {:>6}", "mm", "p95", "deg", "p95");
