@@ -2,15 +2,17 @@
 //! programs.
 //!
 //! The format is JSON lines. The first is the header: version, command, seed. Then, object by object, there is a line
-//! with the summary of the search and a line for each of its grasps: an array of integers in the order of [`GraspRow`], in
-//! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm
+//! with the summary of the search and a line for each of its grasps: an array of integers in
+//! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). They are the chain's number; the
+//! pose of the object in the palm frame; joints; the pose at the start; open joints; tensions; opposition; contacts (link,
+//! point, normal, force); approach; clearance; margin and penetration, with mass, friction and payload if the load is
+//! stated; motion; energy. Derived fields (digits, palm
 //! contact) are not stored. A grasp is read bit for bit as [`HeldGrasp::at_file_precision`] left it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use hand_model::Digit;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
@@ -23,16 +25,20 @@ pub const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CollectionHeader {
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
     /// Command that generated it.
     pub command: String,
+    /// Seed of the search.
     pub seed: u64,
 }
 
 /// Summary of the search for one object.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SearchSummary {
+    /// Name of the object.
     pub object: String,
     /// Number of grasps requested.
     pub wanted: usize,
@@ -48,6 +54,7 @@ pub struct SearchSummary {
 /// The grasps of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectGrasps {
+    /// Summary of the search.
     pub summary: SearchSummary,
     /// Grasps, ordered by chain.
     pub grasps: Vec<HeldGrasp>,
@@ -56,7 +63,9 @@ pub struct ObjectGrasps {
 /// Synthesized grasps of many objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
+    /// Origin of the collection.
     pub header: CollectionHeader,
+    /// Grasps by object, in the file's order.
     pub objects: Vec<ObjectGrasps>,
 }
 
@@ -207,11 +216,16 @@ impl Collection {
         self.objects.iter().find(|entry| entry.summary.object == object)
     }
 
+    /// Iterates over the grasps of all objects.
     pub fn grasps(&self) -> impl Iterator<Item = &HeldGrasp> {
         self.objects.iter().flat_map(|entry| &entry.grasps)
     }
 
-    /// Formats the collection as the file's text.
+    /// Formats the collection as the file's text. Grasps that are not complete records of the F-TAC Hand are left out;
+    /// [`is_complete`] tells them.
+    ///
+    /// # Errors
+    /// An error of the JSON formatter; none is known.
     pub fn to_text(&self) -> Result<String, serde_json::Error> {
         let mut text = serde_json::to_string(&self.header)? + "\n";
         for entry in &self.objects {
@@ -225,6 +239,9 @@ impl Collection {
     }
 
     /// Reads a file.
+    ///
+    /// # Errors
+    /// [`GraspFileError`], with the line of the fault.
     pub fn read(path: &Path) -> Result<Self, GraspFileError> {
         let text =
             ftac_platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
@@ -232,6 +249,9 @@ impl Collection {
     }
 
     /// Parses the text of a file. `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`GraspFileError::Line`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, GraspFileError> {
         let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line: line + 1, message };
         let mut lines = text.lines().enumerate();
