@@ -25,6 +25,8 @@ type Error = Box<dyn std::error::Error>;
 
 const CHAINS: u64 = 8;
 const CONTACTS: usize = 4;
+/// A sample with a contact point farther from the object is no grasp, m.
+const MAX_CONTACT_DISTANCE: f64 = 0.01;
 
 fn main() -> Result<(), Error> {
     let files: Vec<String> = std::env::args().skip(1).collect();
@@ -53,11 +55,15 @@ fn main() -> Result<(), Error> {
     for number in 0..CHAINS {
         let mut rng = chain::chain_rng(1, number);
         let best = chain::run(&energy, &mut frames, CONTACTS, &AnnealingSchedule::default(), &mut rng).best;
+        if best.terms.max_contact_distance > MAX_CONTACT_DISTANCE {
+            continue;
+        }
         let Some(contacts) = sampled.friction_contacts(&best, &bottle, 0.8) else { continue };
         // With all normal forces together at most 10 N.
         found.push((wrench_margin(&contacts, &bottle.center, bottle.length, 10.0)?, number, best));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    println!("{} of {CHAINS} chains ended in a grasp", found.len());
     for (margin, number, best) in found {
         let terms = best.terms;
         println!(

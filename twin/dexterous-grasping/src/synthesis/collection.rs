@@ -61,6 +61,22 @@ pub struct ObjectGrasps {
 }
 
 /// Synthesized grasps of many objects.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use dexterous_grasping::synthesis::collection::{Collection, CollectionHeader, ObjectGrasps, SearchSummary, VERSION};
+///
+/// let header = CollectionHeader { version: VERSION, command: "a search".into(), seed: 1 };
+/// let short = Some("no chain ended in a grasp that holds".into());
+/// let summary = SearchSummary { object: "needle".into(), wanted: 10, kept: 0, chains: 500, short };
+/// let collection = Collection { header, objects: vec![ObjectGrasps { summary, grasps: Vec::new() }] };
+///
+/// let text = collection.to_text()?;
+/// let read = Collection::parse(&text, Path::new("collection.jsonl"))?;
+/// assert_eq!(read.for_object("needle").map(|entry| entry.summary.chains), Some(500));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
     /// Origin of the collection.

@@ -85,6 +85,29 @@ pub enum GraspFileError {
 }
 
 /// Appends grasps to a file, one line each.
+///
+/// ```
+/// use dexterous_grasping::synthesis::grasp_file::{self, GraspFileHeader, GraspWriter};
+/// use dexterous_grasping::synthesis::held::HeldGrasp;
+///
+/// // A gripper with one joint holds a ball.
+/// let grasp: HeldGrasp = serde_json::from_str(
+///     r#"{"object": "ball", "chain": 7, "root_from_object": [0, 0, -0.05, 0, 0, 0, 1], "joints": [["turn", 0.5]],
+///     "start": [0, 0, -0.05, 0, 0, 0, 1], "open_joints": [["turn", 0.1]], "tensions": [["close", 30]],
+///     "contacts": [[0, [0, 0, 0], [0, 0, 1], 2]], "margin": 2, "penetration": 0}"#,
+/// )?;
+/// let path = std::env::temp_dir().join(format!("grasp-file-example-{}.jsonl", std::process::id()));
+/// let header = GraspFileHeader::new("a search".into(), 1);
+/// GraspWriter::create(&path, &header)?.add(&grasp)?;
+///
+/// // An interrupted search goes on after the last whole line.
+/// let (mut writer, found) = GraspWriter::resume(&path, &header)?;
+/// assert_eq!(found, [grasp.clone()]);
+/// writer.add(&HeldGrasp { chain: 8, ..grasp })?;
+/// assert_eq!(grasp_file::read(&path)?.1.len(), 2);
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct GraspWriter {
     path: PathBuf,
