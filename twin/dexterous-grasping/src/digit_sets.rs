@@ -13,6 +13,15 @@ use crate::grasp::Grasp;
 /// if no digit is left for it. Without such data, thumb, index and middle finger take the last object and the other
 /// digits those before it. A single object is taken by these other digits, if there are any. If there are more objects
 /// than sets, each object but the last gets one digit, the outermost first.
+///
+/// ```
+/// use dexterous_grasping::digit_sets;
+/// use hand_model::{Digit, Hand};
+///
+/// let sets = digit_sets(&Hand::ftac(), 2);
+/// assert_eq!(sets[0], [Digit::Ring, Digit::Little]);
+/// assert_eq!(sets[1], [Digit::Thumb, Digit::Index, Digit::Middle]);
+/// ```
 pub fn digit_sets(hand: &Hand, objects: usize) -> Vec<Vec<Digit>> {
     let own = hand.parameters.grasps.as_ref().map_or(&[][..], |grasps| &grasps.set);
     let has = |set: &[Digit]| set.iter().all(|digit| hand.digits().contains(digit));
@@ -87,45 +96,5 @@ pub fn propose_ball_grasp(
         held_joints: None,
         held_sigmas: None,
         score: 0.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use Digit::{Index, Little, Middle, Ring, Thumb};
-
-    use super::*;
-
-    fn sets(file: &str, objects: usize) -> Vec<Vec<Digit>> {
-        let path = Path::new("../../hand-model/data").join(file);
-        let text = std::fs::read_to_string(&path).expect(file);
-        digit_sets(&Hand::parse(&text, &path).expect(file), objects)
-    }
-
-    /// The sets are those of the file, with one digit each if there are not enough. They are derived if the file says
-    /// nothing.
-    #[test]
-    fn objects_are_taken_by_sets_of_digits() {
-        let pinch = vec![Thumb, Index, Middle];
-        assert_eq!(sets("ftac_hand.toml", 1), [vec![Ring, Little]]);
-        assert_eq!(sets("ftac_hand.toml", 2), [vec![Ring, Little], pinch.clone()]);
-        assert_eq!(sets("ftac_hand.toml", 3), [vec![Little], vec![Ring], pinch.clone()]);
-        assert_eq!(sets("robots/allegro.toml", 2), [vec![Ring], pinch]);
-        assert_eq!(sets("robots/allegro.toml", 3), [[]; 3]);
-        assert_eq!(sets("robots/franka_hand.toml", 2), [vec![Thumb, Index], vec![]]);
-    }
-
-    /// A file may name digits other than the derived ones. Digits that take two objects are refused with the field's
-    /// name.
-    #[test]
-    fn a_file_names_the_sets() {
-        let text = include_str!("../../../hand-model/data/ftac_hand.toml");
-        let parse = |from: &str, to: &str| Hand::parse(&text.replace(from, to), Path::new("own.toml"));
-        let hand = parse("digits = [\"ring\", \"little\"]", "digits = [\"little\"]").expect("valid");
-        assert_eq!(digit_sets(&hand, 2)[0], [Little]);
-        let error = parse("digits = [\"ring\", \"little\"]", "digits = [\"middle\"]").expect_err("twice").to_string();
-        assert_eq!(error, "own.toml: grasps.set[1].digits: found middle, expected digits that take no object before");
     }
 }

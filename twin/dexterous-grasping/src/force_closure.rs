@@ -43,7 +43,9 @@ pub enum ForceClosureError {
     Argument {
         /// Name of the argument, such as `contacts[2].friction`.
         field: String,
+        /// Value of the argument.
         found: f64,
+        /// Valid values.
         expected: &'static str,
     },
     /// The cone program ended without a solution.
@@ -60,19 +62,20 @@ pub enum ForceClosureError {
 /// by `length_scale`, m, taken about `center`), when the normal forces of all contacts add up to at most
 /// `max_normal_force`, N. It is 0 without force closure.
 ///
+/// # Errors
+/// [`ForceClosureError::Argument`] for a length or a force that is not positive, a negative friction coefficient, or
+/// coordinates that are not finite; [`ForceClosureError::Solver`] if a cone program ends without a solution.
+///
 /// ```
-/// use dexterous_grasping::force_closure::{Contact, wrench_margin};
-/// use nalgebra::{Point3, Vector3};
+/// use dexterous_grasping::force_closure::{FrictionContact, wrench_margin};
+/// use nalgebra::{Point3, UnitVector3, Vector3};
 ///
 /// // Three fingers around a ball of 3 cm radius.
-/// let contacts: Vec<Contact> = [0.0_f64, 120.0, 240.0]
-///     .iter()
-///     .map(|angle| {
-///         let (sin, cos) = angle.to_radians().sin_cos();
-///         let outward = Vector3::y_axis().scale(sin) + Vector3::x_axis().scale(cos);
-///         Contact { point: Point3::from(outward * 0.03), normal: nalgebra::UnitVector3::new_normalize(-outward), friction: 0.8 }
-///     })
-///     .collect();
+/// let contacts = [0.0_f64, 120.0, 240.0].map(|angle| {
+///     let (sin, cos) = angle.to_radians().sin_cos();
+///     let outward = UnitVector3::new_normalize(Vector3::new(cos, sin, 0.0));
+///     FrictionContact { point: Point3::from(outward.scale(0.03)), normal: -outward, friction: 0.8 }
+/// });
 /// let margin = wrench_margin(&contacts, &Point3::origin(), 0.03, 10.0)?;
 /// assert!(margin > 1.0, "resists more than 1 N in every direction: {margin}");
 /// # Ok::<(), dexterous_grasping::force_closure::ForceClosureError>(())
@@ -90,6 +93,27 @@ pub fn wrench_margin(
 /// bears a torque of mu f `torsion_arm` (m) about its normal, less as it bears more friction along the surface (the
 /// ellipsoid of Howe and Cutkosky 1996). A pair of opposed contacts then resists the torque about the line through
 /// them, which point contacts do not.
+///
+/// For a circular contact of radius a under the pressure of Hertz, the arm is 3 pi / 16 a.
+///
+/// # Errors
+/// As those of [`wrench_margin`], and [`ForceClosureError::Argument`] for a negative `torsion_arm`.
+///
+/// ```
+/// use dexterous_grasping::force_closure::{FrictionContact, soft_wrench_margin, wrench_margin};
+/// use nalgebra::{Point3, Vector3};
+///
+/// // A parallel gripper holds a box of 50 mm with gel pads whose contacts have a radius of 5 mm.
+/// let contacts = [1.0, -1.0].map(|side| FrictionContact {
+///     point: Point3::new(0.025 * side, 0.0, 0.0),
+///     normal: if side > 0.0 { -Vector3::x_axis() } else { Vector3::x_axis() },
+///     friction: 0.9,
+/// });
+/// let torsion_arm = 3.0 * std::f64::consts::PI / 16.0 * 0.005;
+/// assert_eq!(wrench_margin(&contacts, &Point3::origin(), 0.025, 20.0)?, 0.0);
+/// assert!(soft_wrench_margin(&contacts, torsion_arm, &Point3::origin(), 0.025, 20.0)? > 1.0);
+/// # Ok::<(), dexterous_grasping::force_closure::ForceClosureError>(())
+/// ```
 pub fn soft_wrench_margin(
     contacts: &[FrictionContact],
     torsion_arm: f64,

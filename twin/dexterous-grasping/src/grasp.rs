@@ -5,11 +5,30 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 use serde::{Deserialize, Serialize};
 
 /// A grasp. Angles in rad, lengths in m, tensions in N.
+///
+/// ```
+/// use dexterous_grasping::Grasp;
+/// use nalgebra::Point3;
+///
+/// // Ring and little finger of a five-fingered hand. Without `digits`, those that are pulled close.
+/// let text = r#"{"id": 0, "object": "ball", "yaw": 0.3, "pitch": 0.2, "roll": -0.9, "center": [-0.03, -0.04, -0.02],
+///     "pre_tension": [0, 0, 0, 1.5, 1.5], "close_tension": [0, 0, 0, 18, 18], "opposition": 0.0, "raise": 0.0,
+///     "thumb_delay": 0.0, "held": null, "held_joints": null, "score": 0.0}"#;
+/// let grasp: Grasp = serde_json::from_str(text)?;
+/// assert_eq!(grasp.digits.len(), 2);
+///
+/// // `world_from_palm` for a ball on the table.
+/// let ball = Point3::new(0.5, 0.1, 0.02);
+/// let palm = grasp.palm_pose(&ball, 0.0);
+/// assert!((palm.inverse_transform_point(&ball) - Point3::from(grasp.center)).norm() < 1e-12);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(from = "GraspFields")]
 pub struct Grasp {
     /// Number within the repertoire.
     pub id: u32,
+    /// Name of the object.
     pub object: String,
     /// Digits that close, in the order of [`Digit::ALL`].
     pub digits: Vec<Digit>,
@@ -40,7 +59,7 @@ pub struct Grasp {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(alias = "held_spread")]
     pub held_sigmas: Option<[f64; 2]>,
-    /// Success rate over the proving runs, which have placement errors.
+    /// Success rate over the verification runs, which have placement errors.
     pub score: f64,
 }
 

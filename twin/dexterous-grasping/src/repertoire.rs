@@ -1,4 +1,5 @@
-//! Repertoire: ranked grasps of each object, with the seed and the command that generated them.
+//! Repertoire: ranked grasps of each object, with the seed and the command that generated them. The file format is JSON
+//! with one grasp per line.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,27 +14,80 @@ use crate::grasp::Grasp;
 /// Errors of repertoire files.
 #[derive(Debug, thiserror::Error)]
 pub enum RepertoireError {
+    /// The file could not be read or written.
     #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// The text is not a repertoire, or a grasp has another number of values than the robot's hand.
     #[error("{path}: {message}")]
-    Syntax { path: PathBuf, message: String },
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// The parser's message, or the field with the found and the expected number of values.
+        message: String,
+    },
+    /// The file has another version of the format.
     #[error("{path}: version: found {found}, expected {VERSION}")]
-    Version { path: PathBuf, found: u32 },
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Version in the file.
+        found: u32,
+    },
+    /// The grasps are those of a robot that moves differently.
     #[error("{path}: robot: found grasps of {found}, expected those of {expected}, which moves otherwise")]
-    Robot { path: PathBuf, found: String, expected: String },
+    Robot {
+        /// The file.
+        path: PathBuf,
+        /// Name of the robot in the file.
+        found: String,
+        /// Name of the requested robot.
+        expected: String,
+    },
 }
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
 
 /// Grasps of several objects.
+///
+/// ```
+/// use dexterous_grasping::{Grasp, Repertoire};
+/// # let grasp = |id: u32, score: f64| -> Grasp {
+/// #     serde_json::from_value(serde_json::json!({"id": id, "object": "ball", "yaw": 0.0, "pitch": 0.2, "roll": -0.9,
+/// #         "center": [-0.03, -0.04, -0.02], "pre_tension": [0, 0, 0, 1.5, 1.5], "close_tension": [0, 0, 0, 18, 18],
+/// #         "opposition": 0.0, "raise": 0.0, "thumb_delay": 0.0, "held": null, "held_joints": null, "score": score}))
+/// #         .expect("a grasp")
+/// # };
+/// use dexterous_grasping::repertoire::VERSION;
+/// use hand_model::Digit;
+///
+/// let mut repertoire =
+///     Repertoire { version: VERSION, command: "a search".into(), seed: 7, ..Repertoire::default() };
+/// repertoire.insert(grasp(0, 0.4));
+/// repertoire.insert(grasp(1, 0.9));
+///
+/// let path = std::env::temp_dir().join(format!("repertoire-example-{}.json", std::process::id()));
+/// repertoire.write(&path)?;
+/// let read = Repertoire::read(&path)?;
+/// # std::fs::remove_file(&path).expect("removed");
+/// let best = read.for_digits("ball", &[Digit::Ring, Digit::Little]).next();
+/// assert_eq!(best.map(|grasp| grasp.id), Some(1));
+/// # Ok::<(), dexterous_grasping::RepertoireError>(())
+/// ```
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Repertoire {
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
     /// Command that generated it.
     pub command: String,
+    /// Seed of the search.
     pub seed: u64,
-    /// Name of the robot and SHA-256 of its [mechanics](RobotModel::mechanics). `None` for the built-in robot.
+    /// Name of the robot and SHA-256 of its [mechanics](RobotModel::mechanics_text). `None` for the built-in robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<[String; 2]>,
     /// Grasps by object, best first.
@@ -42,6 +96,9 @@ pub struct Repertoire {
 
 impl Repertoire {
     /// Parses text; `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`RepertoireError::Syntax`] or [`RepertoireError::Version`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, RepertoireError> {
         let repertoire: Self = serde_json::from_str(text)
             .map_err(|error| RepertoireError::Syntax { path: path.into(), message: error.to_string() })?;
@@ -60,7 +117,8 @@ impl Repertoire {
     /// Reads a file of grasps of `robot`.
     ///
     /// # Errors
-    /// [`RepertoireError::Robot`] for a file of a robot that moves differently.
+    /// [`RepertoireError::Robot`] for a file of a robot that moves differently, [`RepertoireError::Syntax`] for a grasp
+    /// with another number of tensions or joint angles, and those of [`Self::read`].
     pub fn read_for(robot: &RobotModel, path: &Path) -> Result<Self, RepertoireError> {
         let (found, expected) = (Self::read(path)?, Self::robot_identity(robot));
         let digest = |mark: &Option<[String; 2]>| mark.as_ref().map(|[_, digest]| digest.clone());
@@ -90,6 +148,10 @@ impl Repertoire {
         Ok(())
     }
 
+    /// Reads a file of grasps of any robot.
+    ///
+    /// # Errors
+    /// [`RepertoireError::Io`], [`RepertoireError::Syntax`] or [`RepertoireError::Version`].
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
         let text =
             ftac_platform::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
@@ -97,6 +159,9 @@ impl Repertoire {
     }
 
     /// Writes a file with one grasp per line. It is written whole or not at all.
+    ///
+    /// # Errors
+    /// [`RepertoireError::Io`].
     pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
         let robot = self.robot.as_ref().map_or(String::new(), |mark| format!("\"robot\":{},", serde_json::json!(mark)));
         let mut text = format!(

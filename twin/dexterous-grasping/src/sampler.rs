@@ -2,7 +2,7 @@
 //!
 //! Their ranges are data of the hand ([`Grasps`]), wide enough that physics decides which proposals hold. They describe
 //! a left hand of the file's size. A right hand mirrors them, and a hand of another size scales them. A parallel
-//! gripper takes an object from above between its jaws ([`jaws`]).
+//! gripper takes an object from above between its jaws.
 
 mod jaws;
 
@@ -17,6 +17,7 @@ use crate::grasp::Grasp;
 /// Size of an object, for the sampler.
 #[derive(Debug, Clone)]
 pub struct ObjectExtent {
+    /// Name of the object.
     pub name: String,
     /// Half extents of the resting object in world axes at yaw 0, m.
     pub half: Vector3<f64>,
@@ -24,7 +25,7 @@ pub struct ObjectExtent {
     pub yaw_matters: bool,
 }
 
-/// Form of a hand, as far as proposals depend on it.
+/// Form of a hand, as far as proposals depend on it: side, size, number of digits, and the ranges of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandForm {
     /// 1 for a left hand, -1 for a right one.
@@ -39,6 +40,7 @@ pub struct HandForm {
 }
 
 impl HandForm {
+    /// Reads the form from a hand's parameters.
     pub fn from_hand(hand: &Hand) -> Self {
         let side = match hand.parameters.handedness {
             Handedness::Left => 1.0,
@@ -59,6 +61,19 @@ impl HandForm {
 }
 
 /// Proposes a random grasp with `digits` of a hand. Returns `None` if there are no ranges for a set like this one.
+///
+/// ```
+/// use dexterous_grasping::sampler::{HandForm, ObjectExtent, propose};
+/// use hand_model::{Digit, Hand};
+/// use nalgebra::Vector3;
+/// use rand::SeedableRng;
+///
+/// let form = HandForm::from_hand(&Hand::ftac());
+/// let can = ObjectExtent { name: "can".into(), half: Vector3::new(0.033, 0.033, 0.06), yaw_matters: false };
+/// let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+/// let grasp = propose(&form, &can, &[Digit::Thumb, Digit::Index, Digit::Middle], 0, &mut rng).expect("has ranges");
+/// assert!(grasp.close_tension[Digit::Ring.index()] == 0.0);
+/// ```
 pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Option<Grasp> {
     if let Some(jaws) = &hand.jaws {
         return Some(jaws::propose(jaws, object, digits, id, rng));
@@ -106,7 +121,8 @@ pub fn propose(hand: &HandForm, object: &ObjectExtent, digits: &[Digit], id: u32
     })
 }
 
-/// Varies `grasp` by a small random change of each of its parameters.
+/// Varies `grasp` by a small random change of each of its parameters. The result was not closed in physics yet: pose,
+/// joint angles and score are those of a proposal.
 pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
     let mut new = grasp.clone();

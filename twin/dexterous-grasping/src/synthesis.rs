@@ -1,4 +1,6 @@
-//! Grasp synthesis for any object: the paper's grasp energy, sampled by a Metropolis-adjusted Langevin chain.
+//! Grasp synthesis for any object and any hand: a grasp energy, sampled by a Metropolis-adjusted Langevin chain.
+//!
+//! [`sampled_hand`] describes the hand, from a parameter file or a URDF.
 //!
 //! [`field`] is the object, sampled once as signed distance and normal. [`surface`] is the hand's surface with its
 //! contact candidates. [`frames`] places the surface on the object and maps forces back to pose and joints.
@@ -27,5 +29,6 @@ pub mod kind;
 pub mod langevin;
 pub mod mechanism;
 pub mod posture;
+pub mod sampled_hand;
 pub mod surface;
 pub mod tabletop;

@@ -1,9 +1,10 @@
-//! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data
-//! (`data/types.toml`). [`attributes`] measures a held grasp, and [`rules`] decides on its type.
+//! A taxonomy of 19 grasp types: the GRASP taxonomy's 33 types (Feix et al. 2016), merged where hand and opposition are the
+//! same, as in the F-TAC Hand's paper. The table is data (`data/types.toml`). [`attributes`] measures a held grasp, and
+//! [`rules`] decides on its type.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use schemars::JsonSchema;
+use ftac_platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::synthesis::hand_use::HandUse;
@@ -12,7 +13,8 @@ pub mod attributes;
 pub mod rules;
 
 /// Feix's three broad kinds of grasps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Category {
     /// Held rigidly: only the arm moves the object.
@@ -27,6 +29,7 @@ impl Category {
     /// All categories, in the order of the paper's table.
     pub const ALL: [Category; 3] = [Category::Power, Category::Intermediate, Category::Precision];
 
+    /// Returns the name: `power`, `intermediate` or `precision`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "power",
@@ -44,23 +47,12 @@ pub struct GraspType {
     pub name: String,
     /// Feix's types that it includes.
     pub includes: Vec<String>,
+    /// Power, intermediate or precision.
     pub category: Category,
     /// Definition in one sentence.
     pub definition: String,
     /// Limits of a search for grasps of this type.
     pub form: HandUse,
-}
-
-/// Errors of the taxonomy's data files, and of files of people's labels.
-#[derive(Debug, thiserror::Error)]
-pub enum TaxonomyError {
-    #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
-    #[error("{path}: {message}")]
-    Format { path: PathBuf, message: String },
-    /// Invalid value.
-    #[error("{path}: {field}: found {found}, expected {expected}")]
-    Field { path: PathBuf, field: String, found: String, expected: String },
 }
 
 #[derive(Deserialize)]
@@ -71,6 +63,14 @@ struct File {
 }
 
 /// The table of types.
+///
+/// ```
+/// use dexterous_grasping::taxonomy::{Category, Taxonomy};
+///
+/// let taxonomy = Taxonomy::paper();
+/// let hook = taxonomy.find("Fixed Hook").expect("a type of the table");
+/// assert_eq!(taxonomy.types[hook].category, Category::Power);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taxonomy {
     /// Types in the table's order.
@@ -87,25 +87,19 @@ impl Taxonomy {
     }
 
     /// Parses a table; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, TaxonomyError> {
-        let File { types } = toml::from_str(text)
-            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
+    ///
+    /// # Errors
+    /// [`DataError`] for a text that is not TOML, an unknown or missing field, a type without digits, or two types of
+    /// the same name.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let File { types } = parse_toml(text, path)?;
         for (n, kind) in types.iter().enumerate() {
             if kind.form.digits.is_empty() {
-                return Err(TaxonomyError::Field {
-                    path: path.into(),
-                    field: format!("type[{n}].form.digits"),
-                    found: "none".into(),
-                    expected: "at least one".into(),
-                });
+                return Err(DataError::field(path, format!("type[{n}].form.digits"), "none", "at least one"));
             }
             if types[..n].iter().any(|other| other.name == kind.name) {
-                return Err(TaxonomyError::Field {
-                    path: path.into(),
-                    field: format!("type[{n}].name"),
-                    found: format!("{:?} twice", kind.name),
-                    expected: "unique names".into(),
-                });
+                let found = format!("{:?} twice", kind.name);
+                return Err(DataError::field(path, format!("type[{n}].name"), found, "unique names"));
             }
         }
         Ok(Self { types })

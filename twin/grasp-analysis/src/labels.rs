@@ -6,7 +6,8 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use dexterous_grasping::taxonomy::{Taxonomy, TaxonomyError};
+use dexterous_grasping::taxonomy::Taxonomy;
+use ftac_platform::data::DataError;
 
 /// Version of the file that the annotation page exports.
 pub const VERSION: u32 = 1;
@@ -23,12 +24,14 @@ pub struct Labels {
 
 impl Labels {
     /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `known`.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, TaxonomyError> {
-        let labels: Self = serde_json::from_str(text)
-            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
-        let fault = |field: &str, found: String, expected: &str| {
-            Err(TaxonomyError::Field { path: path.into(), field: field.into(), found, expected: expected.into() })
-        };
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, DataError> {
+        let labels: Self = serde_json::from_str(text).map_err(|error| DataError::Line {
+            path: path.into(),
+            line: error.line(),
+            found: format!("something else ({error})"),
+            expected: "the JSON export of the annotation page".into(),
+        })?;
+        let fault = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if labels.version != VERSION {
             return fault("version", labels.version.to_string(), &VERSION.to_string());
         }

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use dexterous_grasping::taxonomy::{Taxonomy, TaxonomyError};
+use dexterous_grasping::taxonomy::Taxonomy;
+use ftac_platform::data::{DataError, parse_toml};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,15 +54,9 @@ impl HumanGraspShares {
     }
 
     /// Parses shares. Each type of the `taxonomy` belongs to exactly one way. `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, TaxonomyError> {
-        let File { way: ways } = toml::from_str(text)
-            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
-        let fault = |field: String, found: String, expected: &str| TaxonomyError::Field {
-            path: path.into(),
-            field,
-            found,
-            expected: expected.into(),
-        };
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
+        let File { way: ways } = parse_toml(text, path)?;
+        let fault = |field: String, found: String, expected: &str| DataError::field(path, field, found, expected);
         for (n, way) in ways.iter().enumerate() {
             if let Some(unknown) = way.types.iter().find(|name| taxonomy.find(name).is_none()) {
                 return Err(fault(format!("way[{n}].types"), format!("{unknown:?}"), "one of the types' names"));

@@ -19,7 +19,7 @@ const HEIGHT_RANGE: f64 = 0.018;
 const FORCE_RANGE: [f64; 2] = [12.0, 40.0];
 
 /// Draws a random proposal.
-pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Grasp {
+pub(super) fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rng: &mut impl Rng) -> Grasp {
     // Jaws close along the object's y at yaw 0 and along its x at a quarter turn.
     let quarters = [(0.0, object.half.y), (FRAC_PI_2, object.half.x), (-FRAC_PI_2, object.half.x)];
     let fits = |(_, half): &(f64, f64)| 2.0 * half + OPENING_CLEARANCE < jaws.opening;
@@ -53,36 +53,5 @@ pub fn propose(jaws: &Jaws, object: &ObjectExtent, digits: &[Digit], id: u32, rn
         held_joints: None,
         held_sigmas: None,
         score: 0.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use hand_model::Hand;
-    use nalgebra::{Point3, Vector3};
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
-
-    use super::*;
-    use crate::grasp::pregrasp_pose;
-
-    /// Jaws come from above, clear of the table, and close across the side of a box that fits between them.
-    #[test]
-    fn jaws_come_from_above_across_the_narrow_side() {
-        let text = include_str!("../../../../hand-model/data/robots/franka_hand.toml");
-        let hand = Hand::parse(text, Path::new("franka_hand.toml")).expect("valid");
-        let jaws = hand.jaws().expect("jaws");
-        let half = Vector3::new(0.05, 0.02, 0.02);
-        let object = ObjectExtent { name: "bar".into(), half, yaw_matters: true };
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for id in 0..100 {
-            let grasp = propose(&jaws, &object, hand.digits(), id, &mut rng);
-            let palm = grasp.palm_pose(&Point3::new(0.5, 0.0, half.z), 0.0);
-            assert!((palm * Vector3::y()).z < -0.95 && (palm * Vector3::x()).y.abs() > 0.95, "{grasp:?}");
-            assert!((palm * (jaws.center + Vector3::y() * jaws.tip_reach)).z > 0.0, "{grasp:?}");
-            assert!(pregrasp_pose(&hand, &palm, 0.1).translation.z - palm.translation.z > 0.095);
-        }
     }
 }

@@ -40,11 +40,14 @@ const MAX_START_OVERLAP: f64 = 0.0156;
 /// Largest standard deviations of the noise at step 1: translations (m), rotations and joints (rad).
 const MAX_NOISE: [f64; 3] = [0.01, 0.15, 0.2];
 
+/// A state of the chain.
 #[derive(Debug, Clone)]
 pub struct GraspSample {
     /// Pose and joints.
     pub state: HandState,
+    /// Indices of the contact points in [`HandSurface::candidates`](super::surface::HandSurface::candidates).
     pub contacts: Vec<usize>,
+    /// Terms of the energy.
     pub terms: EnergyTerms,
 }
 
@@ -55,6 +58,7 @@ pub struct ChainEnd {
     pub best: GraspSample,
     /// Share of accepted Langevin proposals at the final temperature.
     pub acceptance: f64,
+    /// Number of iterations.
     pub steps: usize,
 }
 
@@ -147,10 +151,34 @@ pub fn replace_contact(
     None
 }
 
-/// Runs a chain from a random start with `contacts` contact points.
+/// Runs a chain from a random start with `contacts` contact points. `frames` is working space for the same hand.
 ///
 /// # Panics
-/// With more contacts than the energy takes, or none.
+/// With more contacts than [`MAX_CONTACTS`](super::energy::MAX_CONTACTS), without contacts, or with a surface without
+/// candidates.
+///
+/// ```
+/// use dexterous_grasping::synthesis::chain::{self, AnnealingSchedule};
+/// use dexterous_grasping::synthesis::energy::EnergyWeights;
+/// use dexterous_grasping::synthesis::field::DistanceField;
+/// use dexterous_grasping::synthesis::sampled_hand::SampledHand;
+/// use hand_model::Hand;
+/// use nalgebra::{Point3, Vector3};
+///
+/// // A ball of 30 mm radius, by its signed distance and outward normal.
+/// let corner = Point3::new(0.03, 0.03, 0.03);
+/// let field = DistanceField::sample(&-corner, &corner, &Point3::origin(), 0.003, 0.02, |p| {
+///     (p.coords.norm() - 0.03, p.coords.try_normalize(1e-9).unwrap_or_else(Vector3::x))
+/// })?;
+/// let hand = SampledHand::from_hand(&Hand::ftac(), 400);
+/// let energy = hand.energy(&field, EnergyWeights::default(), None);
+/// let schedule = AnnealingSchedule { burn_in: 400, steady: 50, ..AnnealingSchedule::default() };
+/// // Seed 1, chain 0: the same grasp in every run.
+/// let end = chain::run(&energy, &mut hand.frames(), 4, &schedule, &mut chain::chain_rng(1, 0));
+/// assert_eq!(end.best.contacts.len(), 4);
+/// println!("energy {:.2}, deepest point {:.1} mm", end.best.terms.total, 1e3 * end.best.terms.max_depth);
+/// # Ok::<(), dexterous_grasping::synthesis::field::FieldError>(())
+/// ```
 pub fn run(
     energy: &GraspEnergy,
     frames: &mut LinkFrames,
@@ -165,7 +193,7 @@ pub fn run(
 /// Runs a chain as [`run`] does, but from `state`.
 ///
 /// # Panics
-/// With more contacts than the energy takes, or none.
+/// As [`run`].
 pub fn run_from(
     energy: &GraspEnergy,
     frames: &mut LinkFrames,

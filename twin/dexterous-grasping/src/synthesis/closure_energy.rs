@@ -2,7 +2,7 @@
 //! rank term.
 //!
 //! For contacts at x_i (from the centre of mass, over the object's length) with unit forces c_i, the grasp map is G
-//! with blocks [I; [x_i]x]. *Balance* is |G c| / n, the deviation of equal forces from equilibrium. *Rank* is -log
+//! with blocks `[I; [x_i]x]`. *Balance* is |G c| / n, the deviation of equal forces from equilibrium. *Rank* is -log
 //! det(G G' / n + delta I). It grows without bound as the contacts approach a line and is flat where they span space.
 //! The published term lambda_0(G G' - eps I) is numerically ineffective at its eps.
 //!

@@ -2,15 +2,17 @@
 //! programs.
 //!
 //! The format is JSON lines. The first is the header: version, command, seed. Then, object by object, there is a line
-//! with the summary of the search and a line for each of its grasps: an array of integers in the order of [`GraspRow`], in
-//! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm
+//! with the summary of the search and a line for each of its grasps: an array of integers in
+//! fixed units (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). They are the chain's number; the
+//! pose of the object in the palm frame; joints; the pose at the start; open joints; tensions; opposition; contacts (link,
+//! point, normal, force); approach; clearance; margin and penetration, with mass, friction and payload if the load is
+//! stated; motion; energy. Derived fields (digits, palm
 //! contact) are not stored. A grasp is read bit for bit as [`HeldGrasp::at_file_precision`] left it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use hand_model::Digit;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grasp_file::GraspFileError;
@@ -23,16 +25,20 @@ pub const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CollectionHeader {
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
     /// Command that generated it.
     pub command: String,
+    /// Seed of the search.
     pub seed: u64,
 }
 
 /// Summary of the search for one object.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SearchSummary {
+    /// Name of the object.
     pub object: String,
     /// Number of grasps requested.
     #[serde(alias = "wanted")]
@@ -49,15 +55,34 @@ pub struct SearchSummary {
 /// The grasps of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectGrasps {
+    /// Summary of the search.
     pub summary: SearchSummary,
     /// Grasps, ordered by chain.
     pub grasps: Vec<HeldGrasp>,
 }
 
 /// Synthesized grasps of many objects.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use dexterous_grasping::synthesis::collection::{Collection, CollectionHeader, ObjectGrasps, SearchSummary, VERSION};
+///
+/// let header = CollectionHeader { version: VERSION, command: "a search".into(), seed: 1 };
+/// let short = Some("no chain ended in a grasp that holds".into());
+/// let summary = SearchSummary { object: "needle".into(), wanted: 10, kept: 0, chains: 500, short };
+/// let collection = Collection { header, objects: vec![ObjectGrasps { summary, grasps: Vec::new() }] };
+///
+/// let text = collection.to_text()?;
+/// let read = Collection::parse(&text, Path::new("collection.jsonl"))?;
+/// assert_eq!(read.for_object("needle").map(|entry| entry.summary.chains), Some(500));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
+    /// Origin of the collection.
     pub header: CollectionHeader,
+    /// Grasps by object, in the file's order.
     pub objects: Vec<ObjectGrasps>,
 }
 
@@ -208,11 +233,16 @@ impl Collection {
         self.objects.iter().find(|entry| entry.summary.object == object)
     }
 
+    /// Iterates over the grasps of all objects.
     pub fn grasps(&self) -> impl Iterator<Item = &HeldGrasp> {
         self.objects.iter().flat_map(|entry| &entry.grasps)
     }
 
-    /// Formats the collection as the file's text.
+    /// Formats the collection as the file's text. Grasps that are not complete records of the F-TAC Hand are left out;
+    /// [`is_complete`] tells them.
+    ///
+    /// # Errors
+    /// An error of the JSON formatter; none is known.
     pub fn to_text(&self) -> Result<String, serde_json::Error> {
         let mut text = serde_json::to_string(&self.header)? + "\n";
         for entry in &self.objects {
@@ -226,6 +256,9 @@ impl Collection {
     }
 
     /// Reads a file.
+    ///
+    /// # Errors
+    /// [`GraspFileError`], with the line of the fault.
     pub fn read(path: &Path) -> Result<Self, GraspFileError> {
         let text =
             ftac_platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
@@ -233,6 +266,9 @@ impl Collection {
     }
 
     /// Parses the text of a file. `path` is used in errors.
+    ///
+    /// # Errors
+    /// [`GraspFileError::Line`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, GraspFileError> {
         let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line: line + 1, message };
         let mut lines = text.lines().enumerate();

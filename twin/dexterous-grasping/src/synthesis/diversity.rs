@@ -1,4 +1,4 @@
-//! Diversity of a set of grasps: digits, thumb, opposition, and the dimensionality of the postures.
+//! Diversity of a set of the F-TAC Hand's grasps: digits, thumb, opposition, and the dimensionality of the postures.
 //!
 //! *Opposition* (Iberall 1987; the GRASP taxonomy of Feix et al. 2016): one virtual finger, the thumb or the palm,
 //! presses against another, the fingers. The direction in which it presses, in the palm frame, defines the kind: along
@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 
 use hand_model::Digit;
 use nalgebra::{DMatrix, Vector3};
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::held::HeldGrasp;
@@ -17,7 +16,7 @@ use super::held::HeldGrasp;
 /// Thumb opposition angle above which the thumb counts as abducted, facing the fingers, rad.
 const ABDUCTION_ANGLE: f64 = 0.6;
 
-/// Kinds of opposition.
+/// Kinds of opposition, as [`opposition`] finds them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Opposition {
@@ -32,6 +31,7 @@ pub enum Opposition {
 }
 
 impl Opposition {
+    /// Returns the name: `pad`, `palm`, `side` or `fingers`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pad => "pad",
@@ -71,7 +71,8 @@ pub fn digit_set(grasp: &HeldGrasp) -> String {
 }
 
 /// Statistics of a set of grasps.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct Diversity {
     /// Number of grasps.
     pub grasps: usize,

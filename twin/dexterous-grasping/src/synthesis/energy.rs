@@ -77,6 +77,7 @@ pub struct TablePlane {
 /// Weighted terms of the energy, and some of the quantities behind them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EnergyTerms {
+    /// Sum of the weighted terms.
     pub total: f64,
     /// Balance and rank.
     pub closure: f64,
@@ -106,10 +107,35 @@ impl EnergyTerms {
 }
 
 /// Energy of one hand on one object.
+///
+/// ```
+/// use dexterous_grasping::synthesis::chain::{chain_rng, random_start};
+/// use dexterous_grasping::synthesis::energy::EnergyWeights;
+/// use dexterous_grasping::synthesis::field::DistanceField;
+/// use dexterous_grasping::synthesis::sampled_hand::SampledHand;
+/// use hand_model::Hand;
+/// use nalgebra::{Point3, Vector3};
+///
+/// # let corner = Point3::new(0.03, 0.03, 0.03);
+/// # let field = DistanceField::sample(&-corner, &corner, &Point3::origin(), 0.003, 0.02, |p| {
+/// #     (p.coords.norm() - 0.03, p.coords.try_normalize(1e-9).unwrap_or_else(Vector3::x))
+/// # })?;
+/// let hand = SampledHand::from_hand(&Hand::ftac(), 400);
+/// let energy = hand.energy(&field, EnergyWeights::default(), None);
+/// let state = random_start(&energy, &mut chain_rng(1, 0));
+/// // Three contact candidates; the gradient is that of translation, rotation and joints.
+/// let mut gradient = vec![0.0; state.freedom()];
+/// let terms = energy.evaluate(&state, &[0, 200, 400], &mut hand.frames(), &mut gradient);
+/// assert!(terms.total.is_finite() && gradient.iter().any(|slope| *slope != 0.0));
+/// # Ok::<(), dexterous_grasping::synthesis::field::FieldError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct GraspEnergy<'a> {
+    /// The object.
     pub field: &'a DistanceField,
+    /// The hand's surface and contact candidates.
     pub surface: &'a HandSurface,
+    /// Weights of the terms.
     pub weights: EnergyWeights,
     /// Places at which chains begin, object frame, m. If empty, they begin around the whole object.
     pub start_points: &'a [Vector3<f64>],

@@ -24,7 +24,14 @@ const MAX_NODES: usize = 4_000_000;
 pub enum FieldError {
     /// Invalid argument.
     #[error("{field}: found {found}, expected {expected}")]
-    Argument { field: &'static str, found: f64, expected: &'static str },
+    Argument {
+        /// Name of the argument.
+        field: &'static str,
+        /// Value of the argument.
+        found: f64,
+        /// Valid values.
+        expected: &'static str,
+    },
 }
 
 /// Distance and normal at one point, with derivatives.
@@ -41,6 +48,21 @@ pub struct FieldSample {
 }
 
 /// The sampled field of one object, in the object's frame.
+///
+/// ```
+/// use dexterous_grasping::synthesis::field::DistanceField;
+/// use nalgebra::{Point3, Vector3};
+///
+/// // A ball of 30 mm radius on a grid of 2 mm.
+/// let corner = Point3::new(0.03, 0.03, 0.03);
+/// let field = DistanceField::sample(&-corner, &corner, &Point3::origin(), 0.002, 0.02, |p| {
+///     (p.coords.norm() - 0.03, p.coords.try_normalize(1e-9).unwrap_or_else(Vector3::x))
+/// })?;
+/// let sample = field.sample_at(&Vector3::new(0.0, 0.04, 0.0));
+/// assert!((sample.distance - 0.01).abs() < 1e-4);
+/// assert!((sample.normal - Vector3::y()).norm() < 1e-3);
+/// # Ok::<(), dexterous_grasping::synthesis::field::FieldError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct DistanceField {
     origin: Vector3<f64>,
@@ -69,6 +91,9 @@ struct GridPosition {
 impl DistanceField {
     /// Samples `signed_distance` (distance and outward unit gradient, in the object's frame) in the box from `low` to `high`
     /// widened by `margin` on every side, with cells of `cell`, all m. `center` is the object's centre of mass.
+    ///
+    /// # Errors
+    /// [`FieldError::Argument`] for an empty box, a length that is not positive, or more than 4e6 nodes.
     pub fn sample(
         low: &Point3<f64>,
         high: &Point3<f64>,

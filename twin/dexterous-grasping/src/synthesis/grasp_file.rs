@@ -18,9 +18,11 @@ pub const VERSION: u32 = 1;
 /// First line of a file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GraspFileHeader {
+    /// Version of the file format, [`VERSION`].
     pub version: u32,
     /// Command that generated it.
     pub command: String,
+    /// Seed of the search.
     pub seed: u64,
     /// The hand, if it is not our own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,6 +43,7 @@ impl GraspFileHeader {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourceFile {
+    /// The file.
     pub path: PathBuf,
     /// SHA-256, hexadecimal.
     pub sha256: String,
@@ -52,6 +55,7 @@ pub struct SourceFile {
 pub struct HandSource {
     /// Name of the URDF's robot.
     pub name: String,
+    /// URDF of the hand.
     pub urdf: SourceFile,
     /// Pulls file: the actuators on its joints.
     pub pulls: SourceFile,
@@ -62,18 +66,48 @@ pub struct HandSource {
 pub enum GraspFileError {
     /// File that cannot be read or written.
     #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
+        /// The file.
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
+        /// Description of the fault.
         message: String,
     },
 }
 
 /// Appends grasps to a file, one line each.
+///
+/// ```
+/// use dexterous_grasping::synthesis::grasp_file::{self, GraspFileHeader, GraspWriter};
+/// use dexterous_grasping::synthesis::held::HeldGrasp;
+///
+/// // A gripper with one joint holds a ball.
+/// let grasp: HeldGrasp = serde_json::from_str(
+///     r#"{"object": "ball", "chain": 7, "root_from_object": [0, 0, -0.05, 0, 0, 0, 1], "joints": [["turn", 0.5]],
+///     "start": [0, 0, -0.05, 0, 0, 0, 1], "open_joints": [["turn", 0.1]], "tensions": [["close", 30]],
+///     "contacts": [[0, [0, 0, 0], [0, 0, 1], 2]], "margin": 2, "penetration": 0}"#,
+/// )?;
+/// let path = std::env::temp_dir().join(format!("grasp-file-example-{}.jsonl", std::process::id()));
+/// let header = GraspFileHeader::new("a search".into(), 1);
+/// GraspWriter::create(&path, &header)?.add(&grasp)?;
+///
+/// // An interrupted search goes on after the last whole line.
+/// let (mut writer, found) = GraspWriter::resume(&path, &header)?;
+/// assert_eq!(found, [grasp.clone()]);
+/// writer.add(&HeldGrasp { chain: 8, ..grasp })?;
+/// assert_eq!(grasp_file::read(&path)?.1.len(), 2);
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct GraspWriter {
     path: PathBuf,
@@ -82,6 +116,9 @@ pub struct GraspWriter {
 
 impl GraspWriter {
     /// Starts a file, replacing an existing one.
+    ///
+    /// # Errors
+    /// [`GraspFileError::Io`].
     pub fn create(path: &Path, header: &GraspFileHeader) -> Result<Self, GraspFileError> {
         let io = |source| GraspFileError::Io { path: path.into(), source };
         let file = std::fs::File::create(path).map_err(io)?;
@@ -92,6 +129,9 @@ impl GraspWriter {
 
     /// Continues the file of an interrupted run with the same header, and returns its grasps. An incomplete last line is
     /// removed.
+    ///
+    /// # Errors
+    /// [`GraspFileError::Line`] for a file with another header or a faulty line, [`GraspFileError::Io`].
     pub fn resume(path: &Path, header: &GraspFileHeader) -> Result<(Self, Vec<HeldGrasp>), GraspFileError> {
         let io = |source| GraspFileError::Io { path: path.into(), source };
         let mut text = std::fs::read_to_string(path).map_err(io)?;
@@ -110,6 +150,10 @@ impl GraspWriter {
         Ok((Self { path: path.into(), file }, grasps))
     }
 
+    /// Appends a grasp.
+    ///
+    /// # Errors
+    /// [`GraspFileError::Io`].
     pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), GraspFileError> {
         self.line(grasp)
     }
@@ -122,7 +166,10 @@ impl GraspWriter {
     }
 }
 
-/// Reads a file. An incomplete last line is an error that names it.
+/// Reads a file.
+///
+/// # Errors
+/// [`GraspFileError::Line`] for a faulty line, also an incomplete last one; [`GraspFileError::Io`].
 pub fn read(path: &Path) -> Result<(GraspFileHeader, Vec<HeldGrasp>), GraspFileError> {
     let text =
         ftac_platform::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
@@ -132,7 +179,10 @@ pub fn read(path: &Path) -> Result<(GraspFileHeader, Vec<HeldGrasp>), GraspFileE
 /// Longest header, bytes.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Reads the header alone. A file of another format is an error.
+/// Reads the header alone.
+///
+/// # Errors
+/// [`GraspFileError::Line`] for a file of another format; [`GraspFileError::Io`].
 pub fn read_header(path: &Path) -> Result<GraspFileHeader, GraspFileError> {
     let io = |source| GraspFileError::Io { path: path.into(), source };
     let mut first = String::new();

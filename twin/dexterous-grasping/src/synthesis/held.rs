@@ -11,11 +11,11 @@ use std::ops::{Deref, DerefMut};
 
 use hand_model::Digit;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A contact of a held grasp, palm frame. In a file it is a list of its four fields.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
     /// Link in joint order, `None` for the palm.
@@ -43,7 +43,8 @@ impl From<HeldContact> for ContactRow {
 }
 
 /// Load for which a grasp was verified.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct VerifiedLoad {
     /// Mass of the object, kg.
     pub mass: f64,
@@ -54,15 +55,18 @@ pub struct VerifiedLoad {
 }
 
 /// Values of a hand's joints or actuators, in the hand's order.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(from = "ValuesRow", into = "ValuesRow")]
 pub struct NamedValues {
     /// One name per value. Empty for the built-in hand, whose files have the values alone.
     pub names: Vec<String>,
+    /// Values: angles in rad, slides in m, tensions in N.
     pub values: Vec<f64>,
 }
 
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 enum ValuesRow {
     Plain(Vec<f64>),
@@ -137,7 +141,8 @@ impl DerefMut for ClosedPose {
 }
 
 /// Schema of a [`ClosedPose`]: exactly one of its fields is present.
-#[derive(Serialize, JsonSchema)]
+#[cfg(feature = "schemars")]
+#[derive(Serialize, schemars::JsonSchema)]
 struct ClosedPoseFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     palm_from_object: Option<[f64; 7]>,
@@ -146,10 +151,11 @@ struct ClosedPoseFields {
 }
 
 /// Parts of a hand with named digits that hold an object, and the clearance of the others.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct DigitUse {
     /// Digits in contact.
-    #[schemars(with = "Vec<String>")]
+    #[cfg_attr(feature = "schemars", schemars(with = "Vec<String>"))]
     pub digits: Vec<Digit>,
     /// True if the palm is in contact.
     pub palm: bool,
@@ -160,14 +166,16 @@ pub struct DigitUse {
 }
 
 /// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N; frame of the hand's root.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct HeldGrasp {
+    /// Name of the object.
     pub object: String,
     /// Number of the chain that found it, which with the header's seed reproduces it.
     pub chain: u64,
     /// `root_from_object` when closed.
     #[serde(flatten)]
-    #[schemars(with = "ClosedPoseFields")]
+    #[cfg_attr(feature = "schemars", schemars(with = "ClosedPoseFields"))]
     pub closed: ClosedPose,
     /// Joint coordinates when closed.
     pub joints: NamedValues,
@@ -183,6 +191,7 @@ pub struct HeldGrasp {
     /// Opposition angle of the thumb. `None` for a hand without an opposition drive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opposition: Option<f64>,
+    /// Contacts of hand and object.
     pub contacts: Vec<HeldContact>,
     /// Parts of the hand in use. `None` for a hand whose digits have no names.
     #[serde(flatten)]
@@ -295,22 +304,22 @@ pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
 /// Precision of the file: steps per unit.
 pub(super) mod per_unit {
     /// Lengths (m) and quaternions.
-    pub const POSE: f64 = 1e5;
+    pub(in super::super) const POSE: f64 = 1e5;
     /// Joint angles, rad.
-    pub const ANGLE: f64 = 1e4;
+    pub(in super::super) const ANGLE: f64 = 1e4;
     /// Forces, N.
-    pub const FORCE: f64 = 1e3;
+    pub(in super::super) const FORCE: f64 = 1e3;
     /// Unit vectors.
-    pub const DIRECTION: f64 = 1e4;
+    pub(in super::super) const DIRECTION: f64 = 1e4;
     /// Penetration, m.
-    pub const DEPTH: f64 = 1e6;
+    pub(in super::super) const DEPTH: f64 = 1e6;
     /// Motion of the object, m and rad.
-    pub const MOTION: f64 = 1e4;
-    pub const ENERGY: f64 = 1e3;
+    pub(in super::super) const MOTION: f64 = 1e4;
+    pub(in super::super) const ENERGY: f64 = 1e3;
     /// Masses, kg.
-    pub const MASS: f64 = 1e4;
+    pub(in super::super) const MASS: f64 = 1e4;
     /// Friction coefficients.
-    pub const FRICTION: f64 = 1e4;
+    pub(in super::super) const FRICTION: f64 = 1e4;
 }
 
 #[cfg(test)]

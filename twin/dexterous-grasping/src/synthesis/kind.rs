@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::diversity::{digit_set, opposition};
 use super::held::HeldGrasp;
 
 /// A kind of grasp: the number of its grasps, and the one with the largest wrench margin.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct GraspKind<'a> {
     /// Name of the kind, as text.
     #[serde(rename = "kind")]

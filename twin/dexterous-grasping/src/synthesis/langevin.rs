@@ -31,7 +31,8 @@ pub struct Langevin {
 }
 
 impl Langevin {
-    /// Creates a kernel with the noise widths `widest`, times `step`, at `temperature`.
+    /// Creates a kernel with the noise widths `widest`, times `step`, at `temperature`. They remain the upper limit of
+    /// the noise at step 1.
     pub fn new(step: f64, widest: &[f64], temperature: f64) -> Self {
         let curvature = widest.iter().map(|width| temperature / (width * width)).collect();
         Self { step, curvature, max_noise: widest.to_vec() }

@@ -100,6 +100,7 @@ fn clearance(frames: &LinkFrames, surface: &HandSurface, field: &DistanceField, 
 pub struct OpenedHand {
     /// Pose and joints, clear of the object.
     pub state: HandState,
+    /// Open posture, in which the hand approaches.
     pub open: FreePosture,
     /// Projected posture, before opening.
     pub projected: FreePosture,

@@ -6,7 +6,9 @@
 
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
-use nalgebra::{Point3, Vector3};
+use hand_model::hand_mechanism::{CollisionSolid, HandMechanism, SolidShape};
+use hand_model::kinematics::Tree;
+use nalgebra::{Point3, Translation3, Vector3};
 
 /// Points of a patch along each side.
 const PATCH_SIDE_POINTS: usize = 3;
@@ -14,7 +16,10 @@ const PATCH_SIDE_POINTS: usize = 3;
 const CANDIDATE_SPACING: f64 = 0.003;
 /// Largest distance of a contact candidate from the cover, m. A pad's rim may be farther off.
 const MAX_COVER_DISTANCE: f64 = 1.0e-3;
+/// Distance within which a point counts as on a surface, m.
+const SURFACE_TOLERANCE: f64 = 1.0e-6;
 
+/// A ball in the frame of its link.
 #[derive(Debug, Clone, Copy)]
 pub struct LinkSphere {
     /// Centre, m.
@@ -26,6 +31,7 @@ pub struct LinkSphere {
 /// Neighbouring points with their bounding ball.
 #[derive(Debug, Clone)]
 pub struct SurfacePatch {
+    /// Bounding ball.
     pub bound: LinkSphere,
     /// Indices of the link's points.
     pub range: std::ops::Range<usize>,
@@ -36,6 +42,7 @@ pub struct SurfacePatch {
 pub struct LinkSurface {
     /// Points, patch after patch, m.
     pub points: Vec<Vector3<f64>>,
+    /// Patches of neighbouring points.
     pub patches: Vec<SurfacePatch>,
     /// Bounding ball of all points.
     pub bound: LinkSphere,
@@ -48,6 +55,7 @@ pub struct LinkSurface {
 pub struct ContactCandidate {
     /// Link: 0 is the palm.
     pub link: usize,
+    /// Pad, in the hand's order. For a hand without pads, the link.
     pub pad: usize,
     /// Position in the link's frame, m.
     pub point: Vector3<f64>,
@@ -70,24 +78,46 @@ impl HandSurface {
     /// Places at least `count` points (and few more) evenly on the covers of `hand`, and the candidates on its pads.
     pub fn new(hand: &Hand, count: usize) -> Self {
         let covers: Vec<CoverShape> = std::iter::once(hand.palm_cover).chain(hand.covers.iter().copied()).collect();
-        let area: f64 =
-            covers.iter().map(|c| 8.0 * (c.half.x * c.half.y + c.half.y * c.half.z + c.half.z * c.half.x)).sum();
-        // Rounding to whole steps on every face may give too few points. The spacing is then reduced until there are
-        // enough.
-        let mut spacing = (area / count.max(1) as f64).sqrt();
-        let links = loop {
-            let links: Vec<LinkSurface> = covers.iter().map(|cover| link_surface(cover, spacing)).collect();
-            if links.iter().map(|link| link.points.len()).sum::<usize>() >= count {
-                break links;
+        let links = spread_points(&covers.iter().map(std::slice::from_ref).collect::<Vec<_>>(), count);
+        Self { links, candidates: candidates(hand, &covers), pairs: separate_links(&hand.tree).collect() }
+    }
+
+    /// Places at least `count` points on the collision shapes of a hand from a URDF. Those points for which `may_touch`
+    /// is true are the contact candidates; their `pad` is the link.
+    ///
+    /// Boxes, spheres and capsules are exact. A cylinder loses its edges, and a convex hull is replaced by its bounding
+    /// box. A more precise surface is passed to [`Self::from_points`]. Links that overlap at rest may pass through each
+    /// other.
+    pub fn from_mechanism(
+        hand: &HandMechanism,
+        count: usize,
+        mut may_touch: impl FnMut(&ContactCandidate) -> bool,
+    ) -> Self {
+        let mut covers: Vec<Vec<CoverShape>> = vec![Vec::new(); hand.tree.len() + 1];
+        for solid in &hand.solids {
+            covers[solid.link.map_or(0, |link| link + 1)].push(rounded_box(solid));
+        }
+        let links = spread_points(&covers.iter().map(Vec::as_slice).collect::<Vec<_>>(), count);
+        let mut candidates = Vec::new();
+        for (link, (surface, covers)) in links.iter().zip(&covers).enumerate() {
+            for &point in &surface.points {
+                if let Some(normal) = outward_normal(covers, &point) {
+                    candidates.push(ContactCandidate { link, pad: link, point, normal });
+                }
             }
-            spacing *= 0.99;
+        }
+        candidates.retain(&mut may_touch);
+        let rest = hand.tree.forward(&hand.rest_coordinates());
+        let center = |link: usize, sphere: &LinkSphere| match link {
+            0 => Point3::from(sphere.center),
+            link => rest[link - 1] * Point3::from(sphere.center),
         };
-        let parent = |link: usize| hand.tree.joints[link - 1].parent.map_or(0, |joint| joint + 1);
-        let pairs = (0..links.len())
-            .flat_map(|a| (a + 1..covers.len()).map(move |b| (a, b)))
-            .filter(|&(a, b)| parent(b) != a)
-            .collect();
-        Self { links, candidates: candidates(hand, &covers), pairs }
+        let overlap = |a: usize, b: usize| {
+            let meet = |x: &LinkSphere, y: &LinkSphere| (center(a, x) - center(b, y)).norm() < x.radius + y.radius;
+            links[a].spheres.iter().any(|x| links[b].spheres.iter().any(|y| meet(x, y)))
+        };
+        let pairs = separate_links(&hand.tree).filter(|&(a, b)| !overlap(a, b)).collect();
+        Self { links, candidates, pairs }
     }
 
     /// Builds the surface from links given as points on their surface and balls that fill them (link frames, m), palm
@@ -100,12 +130,7 @@ impl HandSurface {
         let links = links.into_iter().map(|(mut points, balls)| {
             let mut patches = Vec::new();
             split_into_patches(&mut points, 0, &mut patches);
-            let bound = if points.is_empty() {
-                LinkSphere { center: Vector3::zeros(), radius: 0.0 }
-            } else {
-                bounding_sphere(&points)
-            };
-            LinkSurface { bound, points, patches, spheres: balls }
+            LinkSurface { bound: bounding_sphere(&points), points, patches, spheres: balls }
         });
         Self { links: links.collect(), candidates, pairs }
     }
@@ -123,13 +148,66 @@ impl HandSurface {
         palm.bound = bounding_sphere(&palm.points);
     }
 
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.links.iter().map(|link| link.points.len()).sum()
     }
 
+    /// True without points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
+
+/// Returns the pairs of links that no joint connects. Link 0 is the root.
+fn separate_links(tree: &Tree) -> impl Iterator<Item = (usize, usize)> {
+    let parent = |link: usize| tree.joints[link - 1].parent.map_or(0, |joint| joint + 1);
+    let links = tree.len() + 1;
+    (0..links).flat_map(move |a| (a + 1..links).map(move |b| (a, b))).filter(move |&(a, b)| parent(b) != a)
+}
+
+/// Spreads at least `count` points evenly on the covers of all links.
+fn spread_points(covers: &[&[CoverShape]], count: usize) -> Vec<LinkSurface> {
+    let half = |c: &CoverShape| 8.0 * (c.half.x * c.half.y + c.half.y * c.half.z + c.half.z * c.half.x);
+    let area: f64 = covers.iter().copied().flatten().map(half).sum();
+    // Rounding to whole steps on every face may give too few points. The spacing is then reduced until there are
+    // enough.
+    let mut spacing = (area / count.max(1) as f64).sqrt();
+    loop {
+        let links: Vec<LinkSurface> = covers.iter().map(|covers| link_surface(covers, spacing)).collect();
+        if area == 0.0 || links.iter().map(|link| link.points.len()).sum::<usize>() >= count {
+            return links;
+        }
+        spacing *= 0.99;
+    }
+}
+
+/// Returns the rounded box that stands for a collision shape.
+fn rounded_box(solid: &CollisionSolid) -> CoverShape {
+    let (middle, half) = solid.shape.extent();
+    let radius = match solid.shape {
+        SolidShape::Cuboid(_) | SolidShape::Hull(_) => 0.0,
+        SolidShape::RoundedCuboid(_, radius) | SolidShape::Sphere(radius) | SolidShape::Capsule(radius, _) => radius,
+        SolidShape::Cylinder(radius, half) => radius.min(half),
+    };
+    CoverShape { link_from_cover: solid.link_from_solid * Translation3::from(middle), half, radius }
+}
+
+/// Returns the outward normal at a point on the surface of one of the covers. `None` if the point is inside another.
+fn outward_normal(covers: &[CoverShape], point: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let mut found = None;
+    for cover in covers {
+        let local = cover.link_from_cover.inverse_transform_point(&Point3::from(*point)).coords;
+        let (surface, normal) = nearest(cover, &local);
+        let height = (local - surface).dot(&normal);
+        if height < -SURFACE_TOLERANCE {
+            return None;
+        }
+        if height < SURFACE_TOLERANCE && (local - surface).norm() < SURFACE_TOLERANCE {
+            found = found.or(Some(cover.link_from_cover * normal));
+        }
+    }
+    found
 }
 
 /// Returns the nearest point of a rounded box's surface and the outward normal there, box frame.
@@ -148,9 +226,17 @@ fn nearest(cover: &CoverShape, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>)
     (core + normal * (cover.radius + reach), normal)
 }
 
-fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
-    let mut points = Vec::new();
-    let mut patches = Vec::new();
+fn link_surface(covers: &[CoverShape], spacing: f64) -> LinkSurface {
+    let (mut points, mut patches) = (Vec::new(), Vec::new());
+    for cover in covers {
+        tile(cover, spacing, &mut points, &mut patches);
+    }
+    let spheres = covers.iter().flat_map(fill_with_spheres).collect();
+    LinkSurface { bound: bounding_sphere(&points), spheres, points, patches }
+}
+
+/// Adds points on a cover, patch after patch.
+fn tile(cover: &CoverShape, spacing: f64, points: &mut Vec<Vector3<f64>>, patches: &mut Vec<SurfacePatch>) {
     for axis in 0..3 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let steps = |a: usize| ((2.0 * cover.half[a] / spacing).round() as usize).max(1);
@@ -176,11 +262,13 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
             }
         }
     }
-    LinkSurface { bound: bounding_sphere(&points), spheres: fill_with_spheres(cover), points, patches }
 }
 
-/// Returns the bounding ball of points, centred on their mean.
+/// Returns the bounding ball of points, centred on their mean. Without points it is empty.
 fn bounding_sphere(points: &[Vector3<f64>]) -> LinkSphere {
+    if points.is_empty() {
+        return LinkSphere { center: Vector3::zeros(), radius: 0.0 };
+    }
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     LinkSphere { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
 }

@@ -47,7 +47,9 @@ const MAX_CONTACT_DISTANCE: f64 = 0.02;
 
 /// An object at rest on the table.
 pub struct RestingObject<'a> {
+    /// Size of the object.
     pub extent: &'a ObjectExtent,
+    /// Distance field of the object.
     pub field: &'a DistanceField,
     /// Table, object frame.
     pub table: TablePlane,

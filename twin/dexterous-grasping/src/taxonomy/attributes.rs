@@ -93,6 +93,7 @@ impl ObjectForm {
 /// A grasp in the state in which it holds an object.
 #[derive(Debug, Clone, Copy)]
 pub struct HoldingState<'a> {
+    /// Pose of the object in the palm frame.
     pub palm_from_object: Isometry3<f64>,
     /// Joint angles, rad.
     pub joints: &'a [f64],
@@ -116,11 +117,17 @@ impl Attributes {
         ATTRIBUTES.iter().position(|(known, _)| *known == name)
     }
 
+    /// Returns the value of the attribute called `name`. `None` if there is none of this name.
     pub fn get(&self, name: &str) -> Option<f64> {
         Self::index(name).map(|n| self.0[n])
     }
 
-    /// Measures the attributes of a grasp on an object of `form`. Without contact force all shares are 0.
+    /// Measures the attributes of a grasp on an object of `form`. Without contact force all shares are 0. The hand has
+    /// digits with names; the thresholds of the built-in rules were chosen for the F-TAC Hand, with three joints a
+    /// digit.
+    ///
+    /// # Panics
+    /// If `grasp` has fewer joints than `hand`.
     pub fn measure<'a>(hand: &Hand, form: &ObjectForm, grasp: impl Into<HoldingState<'a>>) -> Self {
         let grasp = grasp.into();
         let links = hand.tree.forward(grasp.joints);
@@ -132,18 +139,18 @@ impl Attributes {
         for contact in grasp.contacts {
             let normal = Vector3::from(contact.normal);
             spread += normal * normal.transpose() * contact.force;
-            let Some(link) = contact.link else {
+            let (Some(link), Some(digit)) = (contact.link, hand.digit_of(contact.link)) else {
                 palm += contact.force;
                 continue;
             };
-            let digit = link / 3;
+            let (chain, digit) = (hand.links(digit), digit.index());
             digits[digit] += contact.force;
-            if link % 3 == 2 {
+            if chain.last() == Some(&link) {
                 tips += contact.force;
             }
             if digit != Digit::Thumb.index() {
                 push += normal * contact.force;
-                if link % 3 == 0 {
+                if chain.first() == Some(&link) {
                     roots += contact.force;
                 }
                 let own = links[link].inverse_transform_vector(&normal);
@@ -154,7 +161,11 @@ impl Attributes {
         }
         let by_fingers: f64 = digits[1..].iter().sum();
         let touching: Vec<usize> = (1..5).filter(|digit| share(digits[*digit], total) >= MIN_CONTACT_SHARE).collect();
-        let bend = |digit: usize| 0.5 * (grasp.joints[3 * digit + 1] + grasp.joints[3 * digit + 2]);
+        let bend = |digit: usize| {
+            let chain = Digit::ALL.get(digit).map_or(&[][..], |digit| hand.links(*digit));
+            let outer = &chain[chain.len().saturating_sub(2)..];
+            outer.iter().map(|joint| grasp.joints[*joint]).sum::<f64>() / outer.len().max(1) as f64
+        };
         let mean = |of: &[usize]| of.iter().map(|digit| bend(*digit)).sum::<f64>() / of.len().max(1) as f64;
         let direction = push.try_normalize(1e-9).unwrap_or_default();
         let (opposed, rounded, line) = normals(&spread, total);

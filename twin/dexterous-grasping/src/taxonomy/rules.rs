@@ -9,11 +9,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use schemars::JsonSchema;
+use ftac_platform::data::{DataError, parse_toml};
 use serde::{Deserialize, Serialize};
 
+use super::Taxonomy;
 use super::attributes::{ATTRIBUTES, Attributes};
-use super::{Taxonomy, TaxonomyError};
 
 /// One condition of a rule.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -71,6 +71,34 @@ struct File {
     rule: Vec<TypeRule>,
 }
 
+/// The rules of all types of a taxonomy.
+///
+/// ```
+/// use dexterous_grasping::synthesis::held::HeldContact;
+/// use dexterous_grasping::taxonomy::Taxonomy;
+/// use dexterous_grasping::taxonomy::attributes::{Attributes, HoldingState, ObjectForm};
+/// use dexterous_grasping::taxonomy::rules::TypeRules;
+/// use hand_model::{Digit, Hand};
+/// use nalgebra::{Isometry3, Vector3};
+///
+/// let hand = Hand::ftac();
+/// let (taxonomy, mut joints) = (Taxonomy::paper(), vec![0.0; 15]);
+/// // Four bent fingers carry a bar across the hand; the thumb stays clear.
+/// let mut contacts = Vec::new();
+/// for digit in [Digit::Index, Digit::Middle, Digit::Ring, Digit::Little] {
+///     let links = hand.links(digit);
+///     for &link in &links[1..] {
+///         joints[link] = 1.2;
+///     }
+///     contacts.push(HeldContact { link: Some(links[1]), point: [0.0; 3], normal: [0.0, 0.0, 1.0], force: 2.0 });
+/// }
+/// let bar = ObjectForm { axis: Some(Vector3::x()), extents: [0.2, 0.02, 0.02], roundness: 0.1 };
+/// let held = HoldingState { palm_from_object: Isometry3::translation(0.0, 0.0, -0.03), joints: &joints, contacts: &contacts };
+///
+/// let attributes = Attributes::measure(&hand, &bar, held);
+/// let decision = TypeRules::builtin(&taxonomy).decide(&taxonomy, &attributes);
+/// assert_eq!(taxonomy.types[decision.kind].name, "Fixed Hook");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TypeRules {
     /// Margins, and differences of margins, below this are ambiguous.
@@ -88,13 +116,20 @@ struct ResolvedRule {
 }
 
 /// Result of one condition.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemars", derive(schemars::JsonSchema))]
 pub struct CheckedCondition {
+    /// Name of the attribute; `unless` for a more specific type.
     pub attribute: String,
+    /// Meaning of the attribute.
     pub meaning: &'static str,
+    /// Value of the attribute, in its unit.
     pub value: f64,
+    /// Bounds as text.
     pub bounds: String,
+    /// Margin, at most 1; negative outside the bounds.
     pub margin: f64,
+    /// Reason why the type requires it.
     pub reason: String,
 }
 
@@ -103,9 +138,11 @@ pub struct CheckedCondition {
 pub struct RuleDecision {
     /// Index of the best type in the taxonomy.
     pub kind: usize,
+    /// Margin of the best type.
     pub margin: f64,
     /// Second best type and its margin.
     pub second: (usize, f64),
+    /// True if the best margin, or its lead over the second, is below [`TypeRules::clear`].
     pub ambiguous: bool,
 }
 
@@ -120,15 +157,13 @@ impl TypeRules {
     }
 
     /// Parses rules. Every type of `taxonomy` needs at least one. `path` is used in errors.
-    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, TaxonomyError> {
-        let File { clear, rule: rules } = toml::from_str(text)
-            .map_err(|error| TaxonomyError::Format { path: path.into(), message: error.to_string() })?;
-        let fault = |field: String, found: String, expected: String| TaxonomyError::Field {
-            path: path.into(),
-            field,
-            found,
-            expected,
-        };
+    ///
+    /// # Errors
+    /// [`DataError`] for a text that is not TOML, an unknown type or attribute, a condition without bounds or with a
+    /// width that is not positive, or a type without a rule.
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
+        let File { clear, rule: rules } = parse_toml(text, path)?;
+        let fault = |field: String, found: String, expected: String| DataError::field(path, field, found, expected);
         if !(0.0..=1.0).contains(&clear) {
             return Err(fault("clear".into(), clear.to_string(), "0 to 1".into()));
         }

@@ -7,12 +7,10 @@ use std::sync::Arc;
 
 use dexterous_grasping::synthesis::hand_use::HandUse;
 use dexterous_grasping::synthesis::held::HeldGrasp;
-use dexterous_grasping::synthesis::mechanism::Mechanism;
 use dexterous_grasping::synthesis::posture::{self, FreePosture};
-use dexterous_grasping::synthesis::surface::HandSurface;
+use dexterous_grasping::synthesis::sampled_hand::SampledHand;
 use hand_model::Hand;
 use hand_model::hand_mechanism::HandMechanism;
-use hand_model::kinematics::Tree;
 use nalgebra::Isometry3;
 use sim::collision_model::CollisionModel;
 use sim::hand_scene::HandScene;
@@ -25,15 +23,6 @@ use super::urdf_hand::derived_surface::DerivedSurface;
 const BUILTIN_HAND_NAME: &str = "F-TAC";
 /// Number of points on the surface of a hand with pads.
 const SURFACE_POINTS: usize = 2000;
-
-/// A hand as it is sampled, in the palm frame. The object comes along -z.
-pub struct SampledHand {
-    pub tree: Tree,
-    /// Joint limits and actuator lines.
-    pub mechanism: Mechanism,
-    /// Surface points, contact candidates, and pairs of links that may collide.
-    pub surface: HandSurface,
-}
 
 /// Contact model: the forces that a contact bears.
 #[derive(Debug, Clone, Copy)]
@@ -55,6 +44,7 @@ pub struct GraspingHand {
     pub body: CollisionModel,
     /// `palm_from_root`.
     pub palm_from_root: Isometry3<f64>,
+    /// Kinematics and surface, palm frame.
     pub sampled: SampledHand,
     /// True for each actuator that may close.
     pub may_close: Vec<bool>,
@@ -74,12 +64,11 @@ pub struct GraspingHand {
 impl GraspingHand {
     /// Builds it from a hand that touches with its pads.
     pub fn from_hand(hand: Arc<Hand>) -> Self {
-        let (tree, mechanism) = (hand.tree.clone(), Mechanism::from_hand(&hand));
         let may_close = vec![true; hand.cables.len()];
         Self {
             body: CollisionModel::new(Arc::new(HandMechanism::from_hand(&hand, BUILTIN_HAND_NAME))),
             palm_from_root: Isometry3::identity(),
-            sampled: SampledHand { tree, mechanism, surface: HandSurface::new(&hand, SURFACE_POINTS) },
+            sampled: SampledHand::from_hand(&hand, SURFACE_POINTS),
             may_close,
             opening: HandOpening::builtin_hand(),
             tensions: (6.0, 40.0),

@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
 use dexterous_grasping::synthesis::mechanism::Mechanism;
+use dexterous_grasping::synthesis::sampled_hand::SampledHand;
 use dexterous_grasping::synthesis::surface::{ContactCandidate, HandSurface, LinkSphere};
 use hand_model::hand_mechanism::HandMechanism;
 use hand_model::kinematics::JointKind;
@@ -20,7 +21,7 @@ use sim::collision_model::CollisionModel;
 use world::geometry::LINK_MESHES;
 
 use self::palm::{facing_warning, opening, palm_frame};
-use super::super::grasping_hand::{ContactModel, GraspingHand, SampledHand};
+use super::super::grasping_hand::{ContactModel, GraspingHand};
 use super::super::size::HandOpening;
 use super::derived_surface::DerivedSurface;
 use super::solids::{LinkShapes, LinkSurfacePoint, fill_with_spheres, link_name, link_number, shapes, surface_points};
