@@ -86,7 +86,7 @@ fn carried_bar(hand: &Hand) -> Result<HeldGrasp, Box<dyn std::error::Error>> {
         held_without_tension: None,
         moved: None,
         energy: None,
-        proof: None,
+        verified_load: None,
     })
 }
 

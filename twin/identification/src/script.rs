@@ -73,7 +73,7 @@ impl ExcitationScript {
     /// Returns the built-in script.
     ///
     /// # Errors
-    /// [`TaxonomyError`] for a robot that lacks an item named in the script.
+    /// [`DataError`] for a robot that lacks an item named in the script.
     pub fn standard(robot: &RobotModel) -> Result<Self, DataError> {
         Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), robot)
     }
