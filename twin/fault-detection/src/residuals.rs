@@ -41,7 +41,7 @@ pub struct Residuals {
 }
 
 impl Residuals {
-    /// Computes the residuals of a tick of length `tick` (s) between the readings `servos_before` and `now`, with the
+    /// Computes the residuals of a tick of length `tick` (s) between the readings `before` and `now`, with the
     /// arm's `jacobian` at the palm (world axes).
     pub fn new(
         hand: &Hand,

@@ -15,7 +15,7 @@ const DECAY_INDEX: usize = HISTORY_TICKS - 3;
 const LASTING_INDEX: usize = HISTORY_TICKS - 4;
 
 /// Returns the share of its torque that a servo lost within a tick, from its last ticks, oldest first. `None` if there
-/// is no evidence, or if the load from `external_wrench` may explain it.
+/// is no evidence, or if the load from `outside` may explain it.
 pub fn missing_torque(
     limits: &CableLimits,
     past: &[CableState; HISTORY_TICKS],

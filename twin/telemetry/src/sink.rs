@@ -19,8 +19,8 @@ use crate::viewer;
 pub enum RecordingTarget {
     /// A `.rrd` file. An existing one is replaced, and its folder is created.
     File(PathBuf),
-    /// A viewer that is started now on this machine. One that does not start is left out, and [`viewer::loss_reason`] reports
-    /// it.
+    /// A viewer that is started now on this machine. One that does not start is left out, and [`viewer::loss_reason`]
+    /// reports it.
     Spawn,
     /// A running viewer, `rerun+http://HOST:PORT/proxy`.
     Connect(String),

@@ -23,7 +23,7 @@ pub struct PaperComparisonRow {
     pub theirs: &'static str,
     /// Figure in this project.
     pub ours: String,
-    /// Difference, ours minus theirs.
+    /// Difference, this project minus the paper.
     pub difference: String,
     /// Reason of the difference, as far as it is known.
     pub why: String,

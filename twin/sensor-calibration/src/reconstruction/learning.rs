@@ -1,8 +1,8 @@
 //! Training of the per-pixel network on labelled pixels, by plain back-propagation and Adam.
 //!
-//! The network is a perceptron with three hidden layers of [`HIDDEN_UNITS`] rectified units (ReLU). Its inputs are a pixel's
-//! relative colour change and position, its outputs the x and y components of the normal. A few hundred thousand pixels
-//! and a network this small need no tensor library.
+//! The network is a perceptron with three hidden layers of [`HIDDEN_UNITS`] rectified units (ReLU). Its inputs are a
+//! pixel's relative colour change and position, its outputs the x and y components of the normal. A few hundred
+//! thousand pixels and a network this small need no tensor library.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::seq::SliceRandom;

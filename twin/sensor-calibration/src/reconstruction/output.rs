@@ -21,8 +21,8 @@ pub const HEIGHT_PER_LEVEL: f32 = 1e-7;
 pub const OUT_OF_RANGE_GREY: u8 = 128;
 
 /// Writes the surface of the image `name` into `folder`, and returns the files: height (NPY, EXR: m; PNG: 16 bits of
-/// [`HEIGHT_PER_LEVEL`]), normals (NPY, EXR, PNG) with their expected error (NPY, degrees), contact mask (PNG), mask of known
-/// pixels (PNG) and the points in contact (PLY). Heights outside the contact are unknown: NaN, or 0 in the PNG.
+/// [`HEIGHT_PER_LEVEL`]), normals (NPY, EXR, PNG) with their expected error (NPY, degrees), contact mask (PNG), mask of
+/// known pixels (PNG) and the points in contact (PLY). Heights outside the contact are unknown: NaN, or 0 in the PNG.
 pub fn write(surface: &ReconstructedSurface, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let (width, height) = (surface.width, surface.height);
     let mut files = Vec::new();

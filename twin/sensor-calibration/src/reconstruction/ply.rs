@@ -2,8 +2,8 @@
 
 use super::surface::ReconstructedSurface;
 
-/// Returns the points of the gel in contact, m, with unit normals out of the gel. The frame is that of [`ReconstructedSurface`], so
-/// that pressed gel lies at negative z.
+/// Returns the points of the gel in contact, m, with unit normals out of the gel. The frame is that of
+/// [`ReconstructedSurface`], so that pressed gel lies at negative z.
 pub fn contact_points(surface: &ReconstructedSurface) -> Vec<u8> {
     let inside: Vec<usize> = (0..surface.depth.len()).filter(|&i| surface.contact[i]).collect();
     let properties: String = ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property float {name}\n")).concat();

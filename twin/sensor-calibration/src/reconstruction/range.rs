@@ -1,8 +1,8 @@
 //! Range of colours and slopes in a calibration's presses, and thereby of the images for which its stated errors hold.
 //!
 //! The errors of a calibration are measured on balls like those it learned from. Steeper slopes show colours that no
-//! press had. A pixel is out of range if the cell of its colour change, of side [`CELL_SIZE`], and all cells around it are
-//! empty of the presses' pixels, if its slope is steeper than the steepest one, or if a channel is saturated.
+//! press had. A pixel is out of range if the cell of its colour change, of side [`CELL_SIZE`], and all cells around it
+//! are empty of the presses' pixels, if its slope is steeper than the steepest one, or if a channel is saturated.
 
 use serde::{Deserialize, Serialize};
 use tactile_perception::colour_change::whole_change;
