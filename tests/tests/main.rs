@@ -18,6 +18,7 @@ mod lists;
 mod operator;
 mod optics;
 mod own_objects;
+mod packages;
 mod pads;
 mod pictures;
 mod places;
