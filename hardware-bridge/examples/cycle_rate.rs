@@ -1,15 +1,15 @@
 //! Measures the rate of the servo bus on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
 //! beside the one calculated from the line's timing. `cargo run --release -p hardware-bridge --example cycle_rate`
 
+use dynamixel_bus::servo_bus::timing::CycleTraffic;
+use dynamixel_bus::servo_bus::{BusSettings, ServoBus};
+use dynamixel_bus::xc330::{self, PRESENT_BLOCK_LONG};
 use hardware_bridge::supported_robot::SERVOS;
 use std::time::Instant;
 
 use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::servo_bus::timing::CycleTraffic;
-use hardware_bridge::servo_bus::{BusSettings, ServoBus};
-use hardware_bridge::xc330::{self, PRESENT_BLOCK_LONG};
 
 const IDS: [u8; SERVOS] = [1, 2, 3, 4, 5, 6];
 const CYCLES: u32 = 200;

@@ -41,7 +41,7 @@ pub trait ArmLink: Send {
     }
 }
 
-/// A stand-in for an arm: each set-point is the measurement of the next call.
+/// A substitute for an arm: each set-point is the measurement of the next call.
 #[derive(Debug, Clone)]
 pub struct LoopbackArm {
     position: ArmVector,

@@ -46,7 +46,7 @@ impl Cameras {
         if config.uvc.is_empty() {
             return Ok(None);
         }
-        // The configuration shows every camera once.
+        // The configuration lists every camera once.
         let found: usize = config.uvc.iter().map(|device| device.squares.len()).sum();
         if found != cameras {
             return Err(CamerasError::Number { found, expected: cameras });
@@ -86,7 +86,7 @@ impl Cameras {
         match self {
             Self::Board(link) => link.take_images(),
             #[cfg(feature = "uvc")]
-            Self::Uvc(cameras) => cameras.take(),
+            Self::Uvc(cameras) => cameras.take_images(),
         }
     }
 
@@ -95,7 +95,7 @@ impl Cameras {
         match self {
             Self::Board(link) => link.camera_counters(),
             #[cfg(feature = "uvc")]
-            Self::Uvc(cameras) => cameras.cameras(),
+            Self::Uvc(cameras) => cameras.camera_counters(),
         }
     }
 
@@ -104,7 +104,7 @@ impl Cameras {
         match self {
             Self::Board(link) => link.port_error(),
             #[cfg(feature = "uvc")]
-            Self::Uvc(cameras) => cameras.lost(),
+            Self::Uvc(cameras) => cameras.failure(),
         }
     }
 }

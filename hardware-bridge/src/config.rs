@@ -35,15 +35,15 @@ mod uvc;
 
 use std::path::{Path, PathBuf};
 
+use dynamixel_bus::servo_bus::BusSettings;
+use dynamixel_bus::xc330;
 use hand_model::Arm;
 use kinova_kortex::arm::{TCP_PORT, UDP_PORT};
 use kinova_kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::SafetyLimits;
-use crate::servo_bus::BusSettings;
 use crate::supported_robot::SERVOS;
-use crate::xc330;
 
 pub use limits::{ArmLimitConfig, LimitConfig, WorkspaceConfig};
 use secrets::{Password, syntax_message};
@@ -193,7 +193,7 @@ impl BridgeConfig {
         Ok(config)
     }
 
-    /// Like [`Self::read`], but without the arm's password, for callers that have nothing to do with the arm.
+    /// Like [`Self::read`], but without the arm's password, for callers that do not use the arm.
     pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
         Self::parse(&text, path)

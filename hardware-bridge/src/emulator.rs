@@ -32,6 +32,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use camera_board::{BoardSettings, CameraBoard};
+use dynamixel_bus::protocol2::Decoder;
 use faults::{FaultEvent, Faults};
 use hand_model::robot::{Plant, RobotCommand, ServoGoal, ServoState, TactileFrame};
 use hand_model::{ActuatorVector, RobotModel};
@@ -45,7 +46,6 @@ use servo_chain::{LineAnswer, ServoChain};
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
 use crate::lock::lock;
-use crate::protocol2::Decoder;
 use crate::supported_robot::SERVOS;
 
 /// Longest wait of a device thread for bytes before it checks whether to end.
@@ -88,7 +88,7 @@ pub enum Plug {
 }
 
 struct SharedDevices {
-    /// Device end of the servo line, used to see whether bytes wait in it; `None` once it is unplugged.
+    /// Device end of the servo line, used to check whether bytes wait in it; `None` once it is unplugged.
     servo_line: Mutex<Option<SerialPort>>,
     servos_unplugged: AtomicBool,
     cameras_unplugged: AtomicBool,
@@ -352,8 +352,8 @@ fn tick_plant(plant: &mut PlantWithImages, shared: &SharedDevices, tick: f64) ->
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
-    // With a stepped clock the tick has passed already. With a running one it begins now, however soon the plant is
-    // done with it.
+    // With a stepped clock the tick has passed already. With a running one it begins now, regardless of how soon the
+    // plant is done with it.
     let end = if shared.is_stepped() { shared.now() } else { shared.now() + tick };
     plant.physics.send(&RobotCommand { arm: shared.arm.goal(), servos: servos.into(), capture });
     plant.physics.wait_for_tick();

@@ -1,22 +1,35 @@
 //! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
 use crate::supported_robot::SERVOS;
+use dynamixel_bus::protocol2::{ReplyError, Status};
+use dynamixel_bus::register::Register;
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::xc330::{self, PRESENT_BLOCK_LONG};
 use hand_model::Digit;
 use hand_model::robot::ServoState;
+use robot_session_log::LinkTap;
 
 use crate::calibration::{HandCalibration, turn_offset};
-use crate::protocol2::{ReplyError, Status};
 use crate::safety::checks::ServoReading;
 use crate::safety::limits::SafeGoal;
 use crate::safety::state::StopCause;
-use crate::servo_bus::{BusError, ServoBus};
-use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
 /// First register of an audit, which reads from torque enable to bus watchdog.
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
 /// Number of times that a servo that does not answer is asked.
 const READ_ATTEMPTS: usize = 2;
+
+/// Returns a tap of the servo bus that records through `tap`.
+pub(crate) fn servo_tap(tap: LinkTap) -> dynamixel_bus::Tap {
+    dynamixel_bus::Tap::new(move |direction, bytes| {
+        let direction = match direction {
+            dynamixel_bus::Direction::Sent => robot_session_log::Direction::Sent,
+            dynamixel_bus::Direction::Received => robot_session_log::Direction::Received,
+        };
+        tap.copy_packet(direction, bytes);
+    })
+}
 
 /// The servos behind an open bus.
 #[derive(Debug)]
@@ -119,8 +132,8 @@ impl HandBus {
         Ok(())
     }
 
-    /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, of which a sync write
-    /// tells nothing.
+    /// Audits servo `n`, whose torque should be on: checks its torque, error status and watchdog, which a sync write
+    /// does not report.
     pub fn audit(&mut self, n: usize) -> Result<Option<StopCause>, BusError> {
         let status = self.bus.read_block(self.ids[n], AUDIT_START, AUDIT_LENGTH)?;
         let value = |register: Register| register.read_from(&status.data, AUDIT_START).unwrap_or(f64::NAN);
@@ -136,12 +149,8 @@ impl HandBus {
     }
 
     fn sync_write(&mut self, register: &Register, value: impl Fn(usize) -> f64) -> Result<(), BusError> {
-        let mut data = Vec::with_capacity(SERVOS);
-        for (n, id) in self.ids.iter().enumerate() {
-            let bytes = register.write(value(n)).map_err(|source| BusError::Register { id: *id, source })?;
-            data.push((*id, bytes));
-        }
-        self.bus.sync_write(register.address, register.size.into(), data)
+        let values: [(u8, f64); SERVOS] = std::array::from_fn(|n| (self.ids[n], value(n)));
+        self.bus.sync_write_values(register, &values)
     }
 }
 

@@ -12,6 +12,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
 use ftac_platform::data::DataError;
 use hand_model::RobotModel;
 use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, Tick};
@@ -33,7 +34,6 @@ use crate::safety::limits::{SafeGoal, SafetyLimits};
 use crate::safety::set_points::TICK;
 use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
-use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{CycleOrder, CycleReport, CycleShared, DryLines, ServoCycle, SharedState, send_order};
 use crate::setup;
 use crate::supported_robot::SERVOS;
@@ -235,7 +235,7 @@ fn stop_sockets(
     let of = format!("{}, process {}", file.display(), std::process::id());
     let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
     let fulfil: Arc<RequestHandler> =
-        Arc::new(move |wish| requests::execute_request(&shared, &clock, wish, release_time));
+        Arc::new(move |request| requests::execute_request(&shared, &clock, request, release_time));
     let mut doors =
         vec![RemoteEndpoint::open(&socket_paths::socket_path(&folder.path, file), folder.group, &of, fulfil.clone())?];
     if let Some(own) = &config.stop_socket {

@@ -1,16 +1,18 @@
 //! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! [`find_stops`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark, winds
-//! with a moderate current until the digit stops, and then fades the current so that the springs open the digit gently.
-//! It writes nothing to the servo's EEPROM. [`write_offsets`] writes the open marks of all servos as their homing offsets, so
-//! that each reads 0 there.
+//! [`find_stops`] handles one servo at a time. It unwinds with a small current until the spool stops at its open mark,
+//! winds with a moderate current until the digit stops, and then fades the current so that the springs open the digit
+//! gently. It writes nothing to the servo's EEPROM. [`write_offsets`] writes the open marks of all servos as their
+//! homing offsets, so that each reads 0 there.
 
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::protocol2::ReplyError;
+use dynamixel_bus::register::Register;
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::xc330;
+
 use crate::calibration::ServoCalibration;
-use crate::protocol2::ReplyError;
-use crate::servo_bus::{BusError, ServoBus};
-use crate::xc330;
 
 /// Time after which a servo's clock wraps around, s.
 const SERVO_CLOCK_PERIOD: f64 = 32.768;
@@ -21,8 +23,8 @@ pub struct HomingSettings {
     pub open_current: f64,
     /// Current for winding to the closed stop, A.
     pub close_current: f64,
-    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::stall_time`] has met its stop. It
-    /// may oscillate there, because gears have backlash and a stop is compliant.
+    /// Least progress of a moving shaft, rad: one that makes less in [`HomingSettings::stall_time`] has met its stop.
+    /// It may oscillate there, because gears have backlash and a stop is compliant.
     pub min_progress: f64,
     /// Time without progress after which a shaft counts as stopped, s.
     pub stall_time: f64,
@@ -51,8 +53,8 @@ impl Default for HomingSettings {
     }
 }
 
-/// Reason why a servo was not homed. Its EEPROM is unchanged, and its torque was read back as off unless
-/// [`HomingError::TorqueOn`] says otherwise.
+/// Reason why a servo was not homed. Its EEPROM is unchanged, and its torque was read back as off, except for
+/// [`HomingError::TorqueOn`].
 #[derive(Debug, thiserror::Error)]
 pub enum HomingError {
     /// The bus failed.
@@ -73,14 +75,14 @@ pub enum HomingError {
     },
     /// The shaft kept moving slowly until the time limit.
     #[error(
-        "servo {id}: still gets further {direction} after {patience} s: is the cable off the spool, or does it slip?"
+        "servo {id}: still moves on {direction} after {time_limit} s: is the cable off the spool, or does it slip?"
     )]
     StopTimeout {
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
         /// Time limit, s.
-        patience: f64,
+        time_limit: f64,
     },
     /// The stops are too close to each other or too far apart.
     #[error("servo {id}: found a travel of {found:.2} rad, expected 0.5 to 5.0: is the cable caught, or slack?")]
@@ -97,7 +99,7 @@ pub enum HomingError {
         /// Servos with a new offset.
         ids: Vec<u8>,
     },
-    #[error("servo {id}: stopped itself, because it heard nothing for {silence} s: is this computer too busy?")]
+    #[error("servo {id}: stopped itself after {silence} s without a packet: is this computer too busy?")]
     WatchdogTripped {
         id: u8,
         /// Time limit of the watchdog that tripped, s.
@@ -213,7 +215,7 @@ fn seek(
     let (mut tick, start) = read_timed_position(bus, id)?;
     bus.write(id, &xc330::GOAL_POSITION, start + sign * (settings.max_travel + 1.0))?;
     let began = Instant::now();
-    // Time on the servo's own clock: a host that is held up must not take a moving shaft for one at its stop.
+    // Time on the servo's own clock: during a delay of the host, a moving shaft must not count as one at its stop.
     let mut elapsed = 0.0;
     let mut stop = StopDetector::new(sign * start);
     loop {
@@ -233,7 +235,7 @@ fn seek(
         }
         let stuck = began.elapsed().as_secs_f64() > 10.0 * settings.timeout;
         if elapsed > settings.timeout || stuck {
-            return Err(HomingError::StopTimeout { id, direction, patience: settings.timeout });
+            return Err(HomingError::StopTimeout { id, direction, time_limit: settings.timeout });
         }
     }
 }
@@ -243,12 +245,12 @@ fn read_timed_position(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingE
     let first = xc330::REALTIME_TICK.address;
     let last = xc330::PRESENT_POSITION.address + u16::from(xc330::PRESENT_POSITION.size);
     let mut answer = bus.read_block(id, first, last - first);
-    // One lost answer is no reason to start over.
+    // One lost answer does not restart the search.
     for _ in 0..2 {
         answer = answer.or_else(|_| bus.read_block(id, first, last - first));
     }
     let block = answer?.data;
-    let read = |register: xc330::Register| {
+    let read = |register: Register| {
         register.read_from(&block, first).ok_or(HomingError::Bus(BusError::Reply(ReplyError::Missing(id))))
     };
     Ok((read(xc330::REALTIME_TICK)?, read(xc330::PRESENT_POSITION)?))
@@ -278,7 +280,7 @@ impl StopDetector {
         }
         self.sum += reading;
         self.count += 1;
-        // A host that was held up has too few readings.
+        // A host that was delayed has too few readings.
         let enough = time - self.since > settings.stall_time && self.count > 5;
         enough.then(|| self.sum / f64::from(self.count))
     }

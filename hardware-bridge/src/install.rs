@@ -2,7 +2,7 @@
 //! sockets, a stop at shutdown.
 //!
 //! [`files`] lists the files; [`write`] writes them below a root folder, and [`remove`] removes them again. Foreign
-//! files are left alone: every text of ours begins with [`FILE_MARK`], and the program lies beside one that does.
+//! files are left alone: every installed text begins with [`FILE_MARK`], and the program lies beside one that does.
 //!
 //! # Stop at shutdown
 //! The service runs a copy of the program that only root can change, under a user that exists only for this purpose and
@@ -18,7 +18,7 @@ use ftac_platform::file::write_atomically;
 
 use crate::remote::socket_paths;
 
-/// First line of every text file that is ours.
+/// First line of every installed text file.
 pub const FILE_MARK: &str = "# Written by `ftac bridge install`; `ftac bridge install --remove` takes it away.\n";
 /// Group of the users who may use the servos and stop robots.
 pub const OPERATOR_GROUP: &str = "dialout";
@@ -30,7 +30,7 @@ const ADAPTERS: [(&str, &str); 2] = [("0403", "6014"), ("0403", "6001")];
 pub enum InstallError {
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: io::Error },
-    #[error("{path}: found a file of somebody else, expected none or one that begins with {expected:?}", expected = FILE_MARK.trim_end())]
+    #[error("{path}: found a foreign file, expected none or one that begins with {expected:?}", expected = FILE_MARK.trim_end())]
     Foreign { path: PathBuf },
 }
 
@@ -67,7 +67,7 @@ impl InstallFile {
     }
 }
 
-/// Path of the program's copy; `PROGRAM_NOTE_PATH` is the text that says whose it is.
+/// Path of the program's copy; `PROGRAM_NOTE_PATH` is the text that states its owner.
 const PROGRAM_PATH: &str = "usr/local/lib/ftac/ftac";
 const PROGRAM_NOTE_PATH: &str = "usr/local/lib/ftac/README";
 
@@ -126,10 +126,10 @@ pub fn files(setup: &InstallSetup) -> Vec<InstallFile> {
         ),
         InstallFile::text(
             "etc/tmpfiles.d/ftac.conf",
-            "makes /run/ftac at boot: there every member of the group dialout can stop a robot, whoever runs it",
+            "makes /run/ftac at boot: there every member of the group dialout can stop any robot",
             runtime,
         ),
-        InstallFile::text(PROGRAM_NOTE_PATH, "says whose the program beside it is", note),
+        InstallFile::text(PROGRAM_NOTE_PATH, "states the owner of the program beside it", note),
         InstallFile {
             path: PROGRAM_PATH,
             purpose: "a copy of this program that root alone may change, for the stop at shutdown",
@@ -147,7 +147,7 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> InstallError + '_ {
     move |source| InstallError::Io { path: path.to_owned(), source }
 }
 
-/// True if a file is there and ours. A program is ours if the text beside it says so.
+/// True if a file exists and belongs to the installation. A program does if the text beside it does.
 fn is_ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
     let path = root.join(file.path);
     let text = match file.content {
@@ -188,7 +188,7 @@ pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
     Ok(())
 }
 
-/// Removes the files below `root` that are there and ours; returns their paths.
+/// Removes the installed files below `root`; returns their paths.
 pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, InstallError> {
     let mut there = Vec::new();
     for file in files {
@@ -199,7 +199,7 @@ pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, Instal
     for path in &there {
         std::fs::remove_file(path).map_err(io_error(path))?;
     }
-    // The folder is empty now, unless somebody else has put something there.
+    // The folder is empty now, unless it holds a foreign file.
     let _ = std::fs::remove_dir(root.join(PROGRAM_PATH).with_file_name(""));
     Ok(there)
 }
@@ -271,8 +271,8 @@ mod tests {
             let path = root.path().join(files[foreign].path);
             std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
             std::fs::write(&path, "[Unit]\n").expect("written");
-            let error = write(root.path(), &files).expect_err("somebody else's").to_string();
-            assert!(error.contains(files[foreign].path) && error.contains("found a file of somebody else"), "{error}");
+            let error = write(root.path(), &files).expect_err("a foreign file").to_string();
+            assert!(error.contains(files[foreign].path) && error.contains("found a foreign file"), "{error}");
             assert!(!root.path().join(files[0].path).exists());
             assert!(remove(root.path(), &files).is_err() && path.exists());
             std::fs::remove_file(&path).expect("removed");

@@ -1,4 +1,5 @@
-//! The Gen3 as the bridge's arm. [`ServoLoop`]'s thread exchanges commands at 1 kHz; the bridge reads and sets its state once per servo cycle.
+//! The Gen3 as the bridge's arm. [`ServoLoop`]'s thread exchanges commands at 1 kHz; the bridge reads and sets its
+//! state once per servo cycle.
 
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -26,7 +27,8 @@ pub fn limits(arm: &ArmModel) -> ServoingLimits {
     ServoingLimits::at_1_khz(lower, upper, speed)
 }
 
-/// Converts joint values to those of a Gen3; [`check_supported`](crate::driven::expect_driven) has refused other arms.
+/// Converts joint values to those of a Gen3; [`check_supported`](crate::supported_robot::check_supported) has refused
+/// other arms.
 pub fn to_gen3(joints: &[f64]) -> [f64; JOINTS] {
     std::array::from_fn(|joint| joints[joint])
 }
@@ -57,7 +59,7 @@ const READ_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The owner of the arm.
 enum ArmOwner {
-    /// Nobody: the arm's base holds it.
+    /// None: the arm's base holds it.
     Idle(Box<Arm>),
     Servoing(Box<ServoLoop>),
     /// Lost while changing the owner.
@@ -114,7 +116,7 @@ impl KortexLink {
     }
 }
 
-/// Converts an error of the client to the trouble that the operator has to deal with, and its text.
+/// Converts an error of the client to the trouble that the operator has to resolve, and its text.
 pub fn arm_link_error(error: &KortexError) -> ArmLinkError {
     ArmLinkError { trouble: arm_trouble(error), text: error.to_string() }
 }

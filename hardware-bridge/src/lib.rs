@@ -2,18 +2,18 @@
 //! `docs/bring-up.md` leads to the first motion.
 //!
 //! # From the wire to the robot
-//! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus. [`xc330`]: the servo's control table as data. [`servo_bus`]:
-//!   requests, and answers with deadlines. [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead. [`camera_counters`]: either of the two.
-//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
+//! - [`dynamixel_bus`]: the bus of the servos. [`hand_bus`]: six servos as one hand.
+//! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead.
+//!   [`cameras`]: either of the two.
+//! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kinova_kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
-//! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it. [`remote`]: the handle of
-//!   another terminal; `requests` carries out its requests.
+//! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it.
+//!   [`remote`]: the handle of another terminal; `requests` carries out its requests.
 //!
 //! # Bring-up
 //! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, and
-//! [`calibration`] stores it. [`reboot`] recovers a servo that has shut down. [`reference_pictures`] identifies cameras by the
-//! appearance of their pads. [`install`] sets up the computer.
+//! [`calibration`] stores it. [`reboot`] recovers a servo that has shut down. [`reference_pictures`] identifies cameras by
+//! the appearance of their pads. [`install`] sets up the computer.
 //!
 //! # Without hardware
 //! [`emulator`] provides the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`] runs the
@@ -28,24 +28,20 @@ pub mod clock;
 pub mod config;
 #[cfg(feature = "emulator")]
 pub mod emulator;
-mod exclusive;
 pub mod hand_bus;
 pub mod hardware_robot;
 pub mod homing;
 pub mod install;
 pub mod kortex_link;
 mod lock;
-pub mod protocol2;
 pub mod real_time;
 pub mod reboot;
 pub mod reference_pictures;
 pub mod remote;
 mod requests;
 pub mod safety;
-pub mod servo_bus;
 pub mod servo_cycle;
 pub mod setup;
 pub mod supported_robot;
 pub mod tactile_link;
 pub mod uvc;
-pub mod xc330;

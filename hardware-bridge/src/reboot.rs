@@ -1,14 +1,16 @@
 //! Recovery of a servo that has shut down or reports an error: a restart, and a check of the restarted servo.
 //!
-//! A restart loses the torque and everything in RAM, and what the servo held falls. It is therefore never done unasked.
+//! A restart loses the torque and everything in RAM, and the servo drops its object. It is therefore done only on
+//! request.
 
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::xc330;
+
 use crate::calibration::{ServoCalibration, turn_offset};
 use crate::config::BridgeConfig;
-use crate::servo_bus::{BusError, ServoBus};
 use crate::setup::{self, SetupFinding};
-use crate::xc330;
 
 /// Longest wait for a servo that restarts; about a third of a second is usual.
 const REBOOT_TIMEOUT: Duration = Duration::from_secs(3);

@@ -1,8 +1,7 @@
 //! Identification of cameras by the appearance of their untouched pads.
 //!
-//! No camera reports where it is plugged in, and an image of the wrong pad looks like any other. Pads differ in their
-//! lamps and their cover, so that a coarse picture of each, kept while all was well, shows later whether a plug was
-//! moved to another place.
+//! No camera reports its socket, and an image of the wrong pad looks like any other. Pads differ in their lamps and
+//! their cover, so that a coarse reference picture of each shows later whether a plug was moved to another socket.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -51,7 +50,7 @@ impl ReferencePictures {
         Ok(Self { version: VERSION, cameras: (0..cameras).map(picture).collect::<Result<_, _>>()? })
     }
 
-    /// Takes one image with every camera; the error says in words what went wrong.
+    /// Takes one image with every camera; the error is in words.
     pub fn capture(link: &Cameras, timeout: Duration) -> Result<Self, String> {
         link.take_images();
         link.request_capture().map_err(|error| error.to_string())?;
@@ -114,8 +113,8 @@ impl ReferencePictures {
         now.cameras.iter().enumerate().filter_map(shown).collect()
     }
 
-    /// Returns the pairs of cameras that look so much alike that an exchange would not be noticed, given that two looks
-    /// at the same pad differ by `noise`.
+    /// Returns the pairs of cameras that look so much alike that an exchange would not be noticed, given that two
+    /// pictures of the same pad differ by `noise`.
     pub fn indistinguishable_cameras(&self, noise: f64) -> Vec<[usize; 2]> {
         let count = self.cameras.len();
         let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| [one, other]));
@@ -124,7 +123,7 @@ impl ReferencePictures {
             .collect()
     }
 
-    /// Returns the largest difference between two looks at the same camera.
+    /// Returns the largest difference between two pictures of the same camera.
     pub fn noise(&self, again: &Self) -> f64 {
         self.cameras.iter().zip(&again.cameras).map(|(one, other)| distance(one, other)).fold(0.0, f64::max)
     }

@@ -1,8 +1,8 @@
 //! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
-//! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`.
-//! [`endpoint`] is the server, [`ask`] the client, and [`socket_paths`] defines the location of the sockets. Write permission on
-//! a socket is all that is needed to stop the robot.
+//! A request is one line. The answer is two: `ok: RESULT` as read back or `no: REASON`, then `of: ROBOT`. [`endpoint`]
+//! is the server, [`ask`] the client, and [`socket_paths`] defines the location of the sockets. Write permission on a
+//! socket suffices to stop the robot.
 
 pub mod endpoint;
 pub mod socket_paths;
@@ -34,11 +34,11 @@ impl RemoteCommand {
         [(Self::Hold, "hold"), (Self::Release, "release"), (Self::State, "state")];
 
     fn keyword(self) -> &'static str {
-        Self::KEYWORDS.iter().find(|(wish, _)| *wish == self).map_or("", |(_, word)| word)
+        Self::KEYWORDS.iter().find(|(command, _)| *command == self).map_or("", |(_, word)| word)
     }
 
     fn from_keyword(word: &str) -> Option<Self> {
-        Self::KEYWORDS.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
+        Self::KEYWORDS.iter().find(|(_, known)| *known == word).map(|(command, _)| *command)
     }
 
     /// Returns the time-out of an answer: a release is answered only when the torque has been read back.
@@ -86,18 +86,18 @@ pub struct RemoteAnswer {
 }
 
 /// Sends a request to the bridge that listens at `path`; returns its answer.
-pub fn ask(path: &Path, wish: RemoteCommand) -> Result<RemoteAnswer, RemoteError> {
-    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(no_bridge_error(path)), |(_, answer)| answer)
+pub fn ask(path: &Path, command: RemoteCommand) -> Result<RemoteAnswer, RemoteError> {
+    ask_all(&[path.to_owned()], command).pop().map_or_else(|| Err(no_bridge_error(path)), |(_, answer)| answer)
 }
 
 /// Sends a request to several bridges at the same time: one that does not answer does not delay the others.
-pub fn ask_all(paths: &[PathBuf], wish: RemoteCommand) -> Vec<(PathBuf, Result<RemoteAnswer, RemoteError>)> {
-    let deadline = Instant::now() + wish.timeout();
+pub fn ask_all(paths: &[PathBuf], command: RemoteCommand) -> Vec<(PathBuf, Result<RemoteAnswer, RemoteError>)> {
+    let deadline = Instant::now() + command.timeout();
     let asked = paths.iter().map(|path| {
         let (sender, answer) = mpsc::channel();
         let there = path.clone();
-        // Connecting blocks if nobody accepts; this thread is then left behind.
-        std::thread::spawn(move || sender.send(exchange(&there, wish, deadline)));
+        // Connecting blocks if the server does not accept; this thread is then left behind.
+        std::thread::spawn(move || sender.send(exchange(&there, command, deadline)));
         (path, answer)
     });
     let asked: Vec<_> = asked.collect();
@@ -119,10 +119,10 @@ fn no_bridge_error(path: &Path) -> RemoteError {
 }
 
 /// Sends the request, and reads to the end of the answer, until `deadline`.
-fn exchange(path: &Path, wish: RemoteCommand, deadline: Instant) -> io::Result<String> {
+fn exchange(path: &Path, command: RemoteCommand, deadline: Instant) -> io::Result<String> {
     let mut stream = UnixStream::connect(path)?;
-    stream.set_write_timeout(Some(wish.timeout()))?;
-    writeln!(stream, "{}", wish.keyword())?;
+    stream.set_write_timeout(Some(command.timeout()))?;
+    writeln!(stream, "{}", command.keyword())?;
     let mut answer = Vec::new();
     let mut piece = [0; 512];
     loop {
@@ -143,7 +143,7 @@ fn exchange(path: &Path, wish: RemoteCommand, deadline: Instant) -> io::Result<S
 }
 
 fn parse_answer(text: &str) -> Result<RemoteAnswer, RemoteError> {
-    // Whoever made the socket wrote this text, so it is escaped: it must not control a terminal.
+    // This text comes from the creator of the socket, so it is escaped: it must not control a terminal.
     let plain = |text: &str| text.escape_debug().to_string().replace("\\'", "'").replace("\\\"", "\"");
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
@@ -152,7 +152,7 @@ fn parse_answer(text: &str) -> Result<RemoteAnswer, RemoteError> {
         Some(("ok", text)) => Ok(RemoteAnswer { text: plain(text), robot: of }),
         Some(("no", text)) => Err(RemoteError::Refused { of, reason: plain(text) }),
         _ if text.is_empty() => {
-            let reason = "it ended before it answered: what became of the wish is not known".to_owned();
+            let reason = "it ended before it answered: the outcome of the request is unknown".to_owned();
             Err(RemoteError::Refused { of, reason })
         }
         _ => Err(RemoteError::Refused { of, reason: format!("found `{}`, expected ok or no", plain(first)) }),

@@ -78,7 +78,7 @@ fn max_joint_speed(board: &SharedState, now: f64) -> Option<f64> {
 /// Describes in words the measured state of arm and servos at `now` (s).
 pub(crate) fn describe_state(board: &SharedState, now: f64) -> String {
     let arm = match max_joint_speed(board, now) {
-        None => "nothing is heard from the arm".to_owned(),
+        None => "no recent measurement of the arm".to_owned(),
         Some(speed) if speed <= REST_SPEED => "the arm stands".to_owned(),
         Some(speed) => format!("the arm moves at {speed:.2} rad/s"),
     };

@@ -1,14 +1,14 @@
 //! The safety supervisor between controller and motors.
 //!
-//! Every command passes [`supervisor::Supervisor`]. It tracks the robot's [`state::SupervisorState`], limits each command relative to the one sent before
-//! ([`limits`]), checks each measurement ([`checks`]), and returns the command that may be sent. It does no input or output and reads no
-//! clock, so that tests can reach all of its behaviour.
+//! Every command passes [`supervisor::Supervisor`]. It tracks the robot's [`state::SupervisorState`], limits each
+//! command relative to the one sent before ([`limits`]), checks each measurement ([`checks`]), and returns the command
+//! that may be sent. It does no input or output and reads no clock, so that tests can reach all of its behaviour.
 //!
 //! # Limits of the arm
 //! Set-points are limited in speed, acceleration and jerk ([`set_points`]). A command that would send arm or hand below
 //! the table, out of the workspace or into each other is stopped before it is sent ([`workspace`]). An arm that presses
-//! against something is stopped when its torque sensors show it ([`torque_monitor`]). It then also gives way: it is sent to
-//! its measured position and no longer to its goal. These limits supplement the arm's own protection zones and
+//! against something is stopped when its torque sensors show it ([`torque_monitor`]). It then also yields: it is sent
+//! to its measured position and no longer to its goal. These limits supplement the arm's own protection zones and
 //! thresholds, which work without this program.
 //!
 //! # Two stops

@@ -11,19 +11,19 @@ use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::servo_bus::statistics::BusStatistics;
+use dynamixel_bus::servo_bus::{BusSettings, ServoBus};
 use hand_model::robot::RobotCommand;
 use robot_session_log::LinkTap;
 
 use crate::arm_link::ArmLink;
 use crate::clock::Clock;
-use crate::hand_bus::HandBus;
+use crate::hand_bus::{HandBus, servo_tap};
 use crate::lock::lock;
 use crate::remote::RemoteCommand;
 use crate::safety::checks::Measurements;
 use crate::safety::state::{StopCause, SupervisorState};
 use crate::safety::supervisor::{ControllerCommand, SafeCommand, SafetyMargins, Supervisor, SupervisorStep};
-use crate::servo_bus::statistics::BusStatistics;
-use crate::servo_bus::{BusSettings, ServoBus};
 use crate::supported_robot::SERVOS;
 
 /// Longest wait for the answer to an order.
@@ -202,7 +202,7 @@ impl ServoCycle {
         let now = self.now();
         self.reopen();
         if let (Some(hand), Some(tap)) = (&mut self.hand, lock(&self.shared.tap).take()) {
-            hand.bus.tap(tap);
+            hand.bus.tap(servo_tap(tap));
         }
         if let Some(hand) = &mut self.hand {
             match hand.read(now) {

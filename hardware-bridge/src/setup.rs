@@ -2,9 +2,12 @@
 
 use std::time::Duration;
 
+use dynamixel_bus::register::Register;
+use dynamixel_bus::servo_bus::{BusError, BusSettings, PingReply, ServoBus};
+use dynamixel_bus::x_series::hardware_error;
+use dynamixel_bus::xc330;
+
 use crate::config::BridgeConfig;
-use crate::servo_bus::{BusError, BusSettings, PingReply, ServoBus};
-use crate::xc330::{self, Register, hardware_error};
 
 /// Operating mode 5, current-based position control: it controls force and position in one mode, so that no mode is
 /// switched under load.
@@ -56,8 +59,8 @@ pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> R
     let mut findings = vec![SetupFinding::new(
         what("Model Number"),
         pinged.model,
-        xc330::XC330_MODEL,
-        pinged.model == xc330::XC330_MODEL,
+        xc330::MODEL.number,
+        pinged.model == xc330::MODEL.number,
     )];
     for (register, value) in required_registers(config) {
         let found = bus.read(id, &register)?;
@@ -97,7 +100,7 @@ pub enum ProvisionError {
     #[error("found {0} servos ({1}), expected exactly one: connect them one after the other")]
     Count(usize, String),
     /// The servo is of another model.
-    #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::XC330_MODEL)]
+    #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::MODEL.number)]
     Model {
         id: u8,
         /// Model number found.
@@ -114,7 +117,7 @@ pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, PingReply), Prov
         let names: Vec<String> = found.iter().map(|(baud, servo)| format!("{} at {baud}", servo.id)).collect();
         return Err(ProvisionError::Count(found.len(), names.join(", ")));
     };
-    if servo.model != xc330::XC330_MODEL {
+    if servo.model != xc330::MODEL.number {
         return Err(ProvisionError::Model { id: servo.id, found: servo.model });
     }
     let mut bus = ServoBus::open(port, BusSettings { baud, ..BusSettings::default() })?;

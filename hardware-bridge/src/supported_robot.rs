@@ -13,11 +13,11 @@ const SUPPORTED_ARM: &str = "gen3";
 /// Rejects robots with an arm other than a Gen3, or with a hand whose actuators are not those of the F-TAC Hand.
 ///
 /// # Errors
-/// A [`TaxonomyError`] that names the robot's file.
+/// A [`DataError`] that names the robot's file.
 pub fn check_supported(robot: &RobotModel) -> Result<(), DataError> {
     let refused = |field: &str, found: String, expected: &str| {
         let expected = format!(
-            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` plays this one"
+            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` runs this one"
         );
         Err(DataError::field(robot.file(), field, found, expected))
     };

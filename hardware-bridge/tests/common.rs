@@ -1,5 +1,7 @@
 //! An emulated, calibrated hand, and a robot on it.
 
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::time::{Duration, Instant};
 
@@ -12,9 +14,7 @@ use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
-use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::servo_cycle::DryLines;
-use hardware_bridge::xc330;
 use tempfile::TempDir;
 
 pub const TRAVEL: f64 = 4.0;
@@ -76,7 +76,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         let unit = xc330::HOMING_OFFSET.unit.per_count();
         let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
         bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
-        ServoCalibration { id, model: xc330::XC330_MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
+        ServoCalibration { id, model: xc330::MODEL.number, firmware: 46, homing_offset: offset, travel: TRAVEL }
     });
     HandCalibration::new("ftac", servos).write(&config.calibration).expect("written");
     Bench { hand, config, folder }

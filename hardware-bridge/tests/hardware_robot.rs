@@ -1,5 +1,7 @@
 //! The robot on emulated devices: bring-up, driving, and the two stops.
 
+use dynamixel_bus::servo_bus::{BusSettings, ServoBus};
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -18,10 +20,8 @@ use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
 use hardware_bridge::homing::{HomingSettings, find_stops, write_offsets};
 use hardware_bridge::remote::{self, RemoteCommand, socket_paths};
 use hardware_bridge::safety::state::{StopCause, SupervisorState};
-use hardware_bridge::servo_bus::{BusSettings, ServoBus};
 use hardware_bridge::servo_cycle::DryLines;
 use hardware_bridge::tactile_link::TactileLink;
-use hardware_bridge::xc330;
 
 #[test]
 fn follows_positions_and_currents() {
@@ -171,7 +171,7 @@ fn homing() {
     servos[0] = EmulatedServo::provisioned(1, 3900);
     let settings = EmulatorSettings { servos, ..EmulatorSettings::default() };
     let hand = started([TRAVEL; SERVOS], settings);
-    let bus_settings = hardware_bridge::servo_bus::BusSettings { slack: 5.0, ..Default::default() };
+    let bus_settings = dynamixel_bus::servo_bus::BusSettings { slack: 5.0, ..Default::default() };
     let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
     // A plant that a busy machine delays for a moment must not look like a shaft at its stop.
     let patient = HomingSettings { stall_time: 2.0, timeout: 60.0, fade_time: 0.2, ..HomingSettings::default() };

@@ -1,17 +1,14 @@
 //! The bus master against six emulated servos, through a pseudo-terminal. The servos' time advances only in steps.
 
-use hardware_bridge::supported_robot::SERVOS;
-use std::time::Duration;
-
+use dynamixel_bus::protocol2::{ReplyError, ServoError};
+use dynamixel_bus::servo_bus::{BusError, BusSettings, ServoBus};
+use dynamixel_bus::xc330::{self, PRESENT_BLOCK};
 use hand_model::RobotModel;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::emulator::faults::{FaultEvent, FaultProbabilities};
-use hardware_bridge::emulator::pty::Pty;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::protocol2::{ReplyError, ServoError, Status};
-use hardware_bridge::servo_bus::{BusError, BusSettings, ServoBus};
-use hardware_bridge::xc330::{self, PRESENT_BLOCK};
+use hardware_bridge::supported_robot::SERVOS;
 
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
@@ -46,7 +43,7 @@ fn present(bus: &mut ServoBus) -> Vec<Result<Vec<u8>, ReplyError>> {
 fn reads_writes_and_refusals() {
     let (_hand, mut bus) = start();
     for id in IDS {
-        assert_eq!(bus.ping(id).expect("there").model, xc330::XC330_MODEL);
+        assert_eq!(bus.ping(id).expect("there").model, xc330::MODEL.number);
     }
     assert!(matches!(bus.ping(9), Err(BusError::Reply(ReplyError::Missing(9)))));
     assert!((bus.read(2, &xc330::PRESENT_INPUT_VOLTAGE).expect("read") - 11.1).abs() < 1e-9);
@@ -150,35 +147,6 @@ fn servo_watchdog() {
     assert!(bus.write(1, &xc330::GOAL_POSITION, at).is_err());
     bus.write(1, &xc330::BUS_WATCHDOG, 0.0).expect("cleared");
     bus.write(1, &xc330::GOAL_POSITION, at).expect("accepted");
-}
-
-#[test]
-fn a_port_that_is_not_there() {
-    let error = ServoBus::open("/dev/no-such-port".as_ref(), BusSettings::default()).expect_err("absent");
-    assert!(error.to_string().starts_with("/dev/no-such-port: "), "{error}");
-}
-
-/// A late answer that comes after the next request was sent is not taken for the answer to it.
-#[test]
-fn a_late_answer_is_not_mistaken() {
-    let pty = Pty::open().expect("a pty");
-    let settings = BusSettings { slack: 20.0, ..BusSettings::default() };
-    let mut bus = ServoBus::open(pty.path(), settings).expect("the bus opens");
-    let answer = |data: &[u8]| {
-        let status = Status { id: 6, alert: false, error: None, data: data.to_vec() };
-        status.encode().expect("a packet")
-    };
-    let (late, own) = (answer(&[7; 21]), answer(&[1]));
-    let servo = std::thread::spawn(move || {
-        let mut question = [0; 64];
-        pty.device.read(&mut question).expect("a question");
-        pty.device.write_all(&late).expect("written");
-        std::thread::sleep(Duration::from_millis(50));
-        pty.device.write_all(&own).expect("written");
-        pty
-    });
-    assert_eq!(bus.read_block(6, xc330::TORQUE_ENABLE.address, 1).expect("an answer").data, [1]);
-    servo.join().expect("the servo");
 }
 
 /// A packet that waits in the pseudo-terminal because the machine is busy feeds the bus watchdog: it has arrived.

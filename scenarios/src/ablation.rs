@@ -19,11 +19,11 @@ pub enum Ablation {
     CoarseImages,
     /// Surface normals and no-contact evidence in the pose estimate.
     PointsOnly,
-    /// All errors of its in-hand pose estimate: an upper bound that no sensing can exceed.
+    /// All errors of the in-hand pose estimate: an upper bound that no sensing can exceed.
     TruePose,
     /// Retries: it decides once.
     NoRetry,
-    /// New looks: it retries where the first look saw the objects.
+    /// New detections: it retries where the first detection reported the objects.
     #[serde(alias = "no_new_look")]
     NoNewDetection,
     /// The exploratory touch of the second object before it is grasped.
@@ -67,11 +67,11 @@ impl Ablation {
         }
     }
 
-    /// Name in words.
+    /// Name for people.
     pub fn label(self) -> &'static str {
         match self {
             Self::NoRetry => "touch without retry",
-            Self::NoNewDetection => "retry without a new look",
+            Self::NoNewDetection => "retry without a new detection",
             Self::NoExploration => "touch without an exploratory motion",
             _ => self.sensing().label(),
         }

@@ -18,7 +18,7 @@ pub struct Combination {
 
 /// Returns the first `n` of all combinations, shuffled by `seed`; a combination takes one name from each of the
 /// scenario's lists. If fewer than `n` combinations exist, the draw ends early. A shorter draw is a prefix of a longer
-/// one. Combinations with the user's own objects come first, until each own object is in one.
+/// one. Combinations with the user's objects come first, until each of these is in one.
 pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Iterator<Item = Combination> {
     let longer = |all: Vec<Vec<String>>, (_, names): (&str, &[String])| -> Vec<Vec<String>> {
         let with = |before: &Vec<String>| {
@@ -38,8 +38,8 @@ pub fn draw_combinations(scenario: &Scenario, n: usize, seed: u64) -> impl Itera
     all.into_iter().enumerate().map(|(id, objects)| Combination { id, objects })
 }
 
-/// Moves combinations to the front: for each of the scenario's own objects that is in none of those moved before, the
-/// first combination that contains it. The rest keep their order.
+/// Moves combinations to the front: for each of the user's objects that is in none of those moved before, the first
+/// combination that contains it. The rest keep their order.
 fn own_objects_first(scenario: &Scenario, all: Vec<Vec<String>>) -> Vec<Vec<String>> {
     let (mut front, mut rest) = (Vec::<Vec<String>>::new(), all);
     for object in &scenario.object {
@@ -60,8 +60,8 @@ mod tests {
 
     use super::*;
 
-    /// Own objects among the benchmark's appear in the first combinations, whatever the seed. The others are drawn as
-    /// without this rule.
+    /// The user's objects appear in the first combinations for every seed. The other combinations are drawn as without
+    /// this rule.
     #[test]
     fn own_objects_are_drawn_first() {
         let ball = "mass = 0.1\nfriction = 0.6\nsymmetry = \"full\"\nshape.sphere.diameter = 0.05\n";

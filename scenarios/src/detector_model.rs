@@ -1,8 +1,9 @@
-//! Vision: its persistent errors, beside the errors that are new at each look, and its wrongly detected resting poses.
+//! Object detector: its persistent errors, the errors that are new in each detection, and wrongly detected resting
+//! poses.
 //!
-//! The error of a look is sqrt(lasting) times a persistent part plus sqrt(1 - lasting) times the look's own part. The
-//! persistent part is drawn once per trial, in world axes, and is the same for all objects. Both parts have the standard
-//! deviations of `[noise.perception]`, and so has their sum.
+//! The error of a detection is sqrt(lasting) times a persistent part plus sqrt(1 - lasting) times a new part. The
+//! persistent part is drawn once per trial, in world axes, and is the same for all objects. Both parts have the
+//! standard deviations of `[noise.perception]`, and so has their sum.
 
 use std::f64::consts::PI;
 
@@ -14,7 +15,7 @@ use crate::noise::{ObjectNoise, PerceptionNoise, WrongRestingPose, uniform};
 use plant::draws::truncated_gaussian;
 use world::objects::{ObjectModel, ObjectSet};
 
-/// Vision during one trial; a clone continues with the same random draws.
+/// The detector during one trial; a clone continues with the same random draws.
 #[derive(Debug, Clone)]
 pub struct DetectorModel {
     errors: DetectorErrors,
@@ -24,21 +25,21 @@ pub struct DetectorModel {
 }
 
 impl DetectorModel {
-    /// Draws the persistent error of a trial from `rng`, which later looks use as well.
-    pub fn draw(eyes: DetectorErrors, perception: &PerceptionNoise, mut rng: ChaCha8Rng) -> Self {
+    /// Draws the persistent error of a trial from `rng`, which later detections use as well.
+    pub fn draw(detector: DetectorErrors, perception: &PerceptionNoise, mut rng: ChaCha8Rng) -> Self {
         let sigmas = Vector3::new(perception.xy_sigma, perception.xy_sigma, perception.z_sigma);
         let offset = sigmas.map(|sigma| truncated_gaussian(&mut rng) * sigma);
         let yaw = truncated_gaussian(&mut rng) * perception.yaw_sigma;
-        Self { errors: eyes, persistent: ObjectNoise { offset, yaw, ..ObjectNoise::default() }, rng }
+        Self { errors: detector, persistent: ObjectNoise { offset, yaw, ..ObjectNoise::default() }, rng }
     }
 
-    /// Returns the scenario's parameters of vision.
+    /// Returns the scenario's parameters of the detector.
     pub fn detector_errors(&self) -> &DetectorErrors {
         &self.errors
     }
 
-    /// Draws the error of a look at `object` of `library` with orientation `rotation`; `fresh` is the look's own part.
-    /// Every look draws the same number of times.
+    /// Draws the error of a detection of `object` of `library` with orientation `rotation`; `fresh` is the new part.
+    /// Every detection draws the same number of times.
     pub fn draw_error(
         &mut self,
         fresh: &ObjectNoise,
@@ -94,7 +95,7 @@ mod tests {
 
     struct DetectorFixture {
         levels: NoiseLevels,
-        eyes: DetectorErrors,
+        errors: DetectorErrors,
         library: ObjectSet,
     }
 
@@ -102,16 +103,16 @@ mod tests {
         fn new() -> Self {
             let scenario = Scenario::benchmark();
             let library = ObjectSet::standard().with_fallen();
-            Self { levels: scenario.noise, eyes: scenario.effects.detector.unwrap(), library }
+            Self { levels: scenario.noise, errors: scenario.effects.detector.unwrap(), library }
         }
 
-        /// Returns the errors of three looks in one trial: the first looks at both objects, and a later one at the
+        /// Returns the errors of three detections in one trial: the first ones of both objects, and a later one of the
         /// first object.
         fn trial(&self, name: &str, trial: usize) -> [ObjectNoise; 3] {
             let object = self.library.get(name).unwrap();
             let mut rng = trial_rng(3, 0, trial);
             let mut sight =
-                DetectorModel::draw(self.eyes, &self.levels.perception, Effect::Detector.draw_rng(3, 0, trial));
+                DetectorModel::draw(self.errors, &self.levels.perception, Effect::Detector.draw_rng(3, 0, trial));
             let [first, second, _] = TrialNoise::draw(&self.levels, 2, &mut rng).objects;
             let later = TrialNoise::draw(&self.levels, 2, &mut rng).objects[0];
             [first, second, later].map(|fresh| sight.draw_error(&fresh, object, &self.library, &object.rest))
@@ -122,9 +123,9 @@ mod tests {
         }
     }
 
-    /// First and later looks have the stated variances, and the correlation between two looks of a trial is the
-    /// persistent share. The standard error is 2.2 % for a variance from 4000 draws, and 0.012 for a correlation of one
-    /// half.
+    /// First and later detections have the stated variances, and the correlation between two detections of a trial is
+    /// the persistent share. The standard error is 2.2 % for a variance from 4000 draws, and 0.012 for a correlation of
+    /// one half.
     #[test]
     fn what_lasts_correlates_and_the_whole_varies_as_asked() {
         let looks = DetectorFixture::new();
@@ -141,14 +142,14 @@ mod tests {
             let spreads = [0, 1, 2].map(|look| looks.mean(|seen| part(&seen[look]).powi(2)) / variance);
             assert!(spreads.iter().all(|spread| (spread - 1.0).abs() < 0.08), "{spreads:?}");
             let together = [(0, 1), (0, 2)].map(|(a, b)| looks.mean(|seen| part(&seen[a]) * part(&seen[b])) / variance);
-            assert!(together.iter().all(|share| (share - looks.eyes.lasting).abs() < 0.06), "{together:?}");
+            assert!(together.iter().all(|share| (share - looks.errors.lasting).abs() < 0.06), "{together:?}");
         }
     }
 
     #[test]
     fn tilt_is_new_at_each_look() {
         let looks = DetectorFixture::new();
-        let variance = TRUNCATED_VARIANCE * looks.eyes.tilt_sigma.powi(2);
+        let variance = TRUNCATED_VARIANCE * looks.errors.tilt_sigma.powi(2);
         for axis in 0..2 {
             let spread = looks.mean(|seen| seen[2].tilt[axis].powi(2)) / variance;
             let together = looks.mean(|seen| seen[0].tilt[axis] * seen[2].tilt[axis]) / variance;
@@ -156,7 +157,7 @@ mod tests {
         }
     }
 
-    /// A tilted report of a standing object is still recognised as standing, with its own yaw, and the reported
+    /// A tilted report of a standing object is still recognised as standing, with its true yaw, and the reported
     /// orientation contains the tilt.
     #[test]
     fn what_is_seen_tilted_still_stands() {
@@ -176,13 +177,13 @@ mod tests {
     }
 
     /// A wrongly detected resting pose is one that the object has, at the height that belongs to it. Objects with a
-    /// single resting pose are never mistaken. The standard error of the share from 4000 looks is 0.0016.
+    /// single resting pose are never mistaken. The standard error of the share from 4000 detections is 0.0016.
     #[test]
     fn now_and_then_the_wrong_way_to_lie_is_seen() {
         let looks = DetectorFixture::new();
         let share = looks.mean(|seen| f64::from(u8::from(seen[0].mistaken.is_some())));
-        assert!((share - looks.eyes.mistaken).abs() < 0.005, "{share}");
-        let sure = DetectorFixture { eyes: DetectorErrors { mistaken: 1.0, ..looks.eyes }, ..looks };
+        assert!((share - looks.errors.mistaken).abs() < 0.005, "{share}");
+        let sure = DetectorFixture { errors: DetectorErrors { mistaken: 1.0, ..looks.errors }, ..looks };
         let (can, fallen) = (sure.library.get("can_50").unwrap(), sure.library.get("can_50_fallen").unwrap());
         for trial in 0..50 {
             let seen = sure.trial("can_50", trial)[0].mistaken.unwrap();

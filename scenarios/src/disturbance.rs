@@ -1,8 +1,8 @@
 //! Disturbances: events in a trial beside its noise, from the `[disturbance]` tables of a scenario file.
 //!
-//! Every kind is optional, and several can be combined. They occur under the conditions `blind` and `touch`, identically in
-//! both; `ideal` shows the worth of the plan when nothing goes wrong. Only the noise of a trial is random: a disturbance is
-//! the same in every trial.
+//! Every kind is optional, and several can be combined. They occur under the conditions `blind` and `touch`,
+//! identically in both; `ideal` measures the plan without any of them. Only the noise of a trial is random: a
+//! disturbance is the same in every trial.
 
 use hand_model::{Digit, Hand};
 use nalgebra::Vector3;
@@ -29,7 +29,7 @@ impl TargetObject {
     }
 }
 
-/// Body on which a push acts.
+/// Target of a push.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PushTarget {
@@ -62,7 +62,7 @@ pub struct EventTiming {
     pub duration: f64,
 }
 
-/// A force for a limited time, as when somebody's hand gets in the way.
+/// A force for a limited time, such as from a person's hand in the way.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PushDisturbance {
@@ -99,7 +99,7 @@ pub struct SlipDisturbance {
     pub at: f64,
     /// Duration, s; see [`EventTiming`].
     pub duration: f64,
-    /// True if the policy `touch` may raise tensions when it feels slip.
+    /// True if the policy `touch` may raise tensions when it detects slip.
     pub reaction: bool,
 }
 
@@ -110,12 +110,12 @@ impl SlipDisturbance {
     }
 }
 
-/// Biased prior perception: `offset` is added to every look at the object until the hand has touched it.
+/// Biased detections: `offset` is added to every detection of the object until the hand has touched it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongPosition {
     pub object: TargetObject,
-    /// Perceived minus true position, m, world axes.
+    /// Detected minus true position, m, world axes.
     pub offset: [f64; 3],
 }
 
@@ -146,7 +146,7 @@ impl SizeSweep {
     }
 }
 
-/// Digits without power, of which the control stack knows.
+/// Digits without power, as reported to the control stack.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DisabledDigits {
@@ -219,7 +219,7 @@ impl Disturbances {
         sizes
     }
 
-    /// Checks every value and returns the first that no trial can be run with.
+    /// Checks every value and returns the first with which no trial can be run.
     pub(crate) fn check(&self) -> Result<(), InvalidValue> {
         if let Some(push) = &self.push {
             check_timing("push", &push.timing())?;
@@ -263,7 +263,7 @@ impl Disturbances {
         Ok(())
     }
 
-    /// Checks that `hand` has the pads that are named.
+    /// Checks that `hand` has the named pads.
     ///
     /// # Errors
     /// The field, the value found, and the values that would be valid.
@@ -297,7 +297,7 @@ fn check_vector(field: &str, value: &[f64; 3], most: f64, unit: &str) -> Result<
 fn check_timing(kind: &str, moment: &EventTiming) -> Result<(), InvalidValue> {
     check_range(&format!("disturbance.{kind}.at"), moment.at, [0.0, 1.0])?;
     check_range(&format!("disturbance.{kind}.duration"), moment.duration, [0.01, 30.0])?;
-    // These phases last as long as a decision does, so they have no fractions.
+    // These phases last as long as a decision, so they have no fractions.
     let phase = moment.phase;
     if phase.waits_for_decision() && !matches!(phase.skill, Skill::Begin | Skill::Palpate) || phase.object > 1 {
         let expected = "a phase in which the robot acts, in a trial with two objects";

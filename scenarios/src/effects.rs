@@ -1,8 +1,8 @@
 //! Effects: imperfections of a real table, hand, arm and camera, from the `[effects]` tables of a scenario file.
 //!
-//! An effect that a file does not name is off. With all effects off, pads feel objects only, cables run without friction,
-//! vision errors are independent at each look, and decisions take no time. The random part of an effect is drawn from a
-//! stream of its own ([`Effect::draw_rng`]), so that switching one effect off leaves the draws of the others unchanged.
+//! An effect that is missing from a file is off. With all effects off, pads feel objects only, cables run without
+//! friction, detection errors are independent, and decisions take no time. The random part of each effect is drawn from
+//! a separate stream ([`Effect::draw_rng`]), so that switching one effect off leaves the draws of the others unchanged.
 
 use hand_model::arm::MAX_ARM_JOINTS;
 use plant::draws::{gaussian_vector, truncated_gaussian};
@@ -20,16 +20,16 @@ use crate::generator::trial_rng;
 pub enum Effect {
     /// Pads feel fingers, palm and table, and their idle frames are noisy.
     Pads,
-    /// Pad covers yield viscoelastically, as gel does.
+    /// Pad covers are viscoelastic, like gel.
     Gel,
-    /// Cables rub in their guides, and gears have backlash.
+    /// Cables have friction in their guides, and gears have backlash.
     Cables,
-    /// Vision has persistent errors, and does not see everything.
+    /// The object detector has persistent errors and misses hidden objects.
     #[serde(alias = "eyes")]
     Detector,
-    /// The arm has errors of its encoders, its mount and its payload.
+    /// The arm has errors of encoders, mount and payload.
     Arm,
-    /// Individual objects differ from their models.
+    /// Object instances differ from their models.
     Objects,
     /// A floor lies under the table.
     Floor,
@@ -119,18 +119,18 @@ pub struct CableEffects {
     pub backlash: f64,
 }
 
-/// Prior perception (vision), beside its Gaussian errors.
+/// Errors of the object detector besides its Gaussian ones.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DetectorErrors {
-    /// Share of the error variance in `[noise.perception]` that persists over all looks of a trial and is common to all
-    /// objects: the camera's own pose is not known better.
+    /// Share of the error variance in `[noise.perception]` that persists over all detections of a trial and is common
+    /// to all objects, such as the error of the camera's pose.
     pub lasting: f64,
-    /// Standard deviation of the tilt error about each horizontal axis, rad; new at each look.
+    /// Standard deviation of the tilt error about each horizontal axis, rad; new in each detection.
     pub tilt_sigma: f64,
-    /// Probability that a look reports an object in another of its resting poses.
+    /// Probability that a detection reports an object in another of its resting poses.
     pub mistaken: f64,
-    /// Latency: age of a report, s.
+    /// Latency of a detection, s.
     pub latency: f64,
     /// Position of the camera in the world frame, m.
     pub camera: [f64; 3],
@@ -146,7 +146,7 @@ pub struct ArmErrors {
     pub mount_position_sigma: f64,
     /// Standard deviation of the hand's orientation on its flange, about each axis, rad.
     pub mount_rotation_sigma: f64,
-    /// Standard deviation of the payload at the palm that gravity compensation does not know, kg.
+    /// Standard deviation of the payload at the palm that gravity compensation omits, kg.
     pub payload_sigma: f64,
 }
 
@@ -164,7 +164,7 @@ impl ArmErrors {
     }
 }
 
-/// Spread of individual objects about their models: relative standard deviations.
+/// Variation of object instances about their models: relative standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectVariation {
@@ -200,8 +200,8 @@ pub struct FloorEffect {
 pub struct LatencyEffects {
     /// Latency from a camera's exposure to the arrival of its frame in the controller, s.
     pub frame: f64,
-    /// Duration of a decision from measurements, s. The simulated robot waits this long, however long the computation
-    /// took.
+    /// Duration of a decision from measurements, s. The simulated robot waits this long, independent of the computing
+    /// time.
     pub decision: f64,
 }
 
@@ -209,29 +209,29 @@ pub struct LatencyEffects {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Effects {
-    /// See [`Effect::PadEffects`].
+    /// See [`PadEffects`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pads: Option<PadEffects>,
-    /// See [`Effect::GelViscoelasticity`].
+    /// See [`GelViscoelasticity`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gel: Option<GelViscoelasticity>,
-    /// See [`Effect::CableEffects`].
+    /// See [`CableEffects`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cables: Option<CableEffects>,
-    /// See [`Effect::DetectorErrors`].
+    /// See [`DetectorErrors`].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[serde(alias = "eyes")]
     pub detector: Option<DetectorErrors>,
-    /// See [`Effect::Arm`].
+    /// See [`ArmErrors`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm: Option<ArmErrors>,
-    /// See [`Effect::Objects`].
+    /// See [`ObjectVariation`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub objects: Option<ObjectVariation>,
-    /// See [`Effect::FloorEffect`].
+    /// See [`FloorEffect`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor: Option<FloorEffect>,
-    /// See [`Effect::Time`].
+    /// See [`LatencyEffects`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<LatencyEffects>,
 }
@@ -253,7 +253,7 @@ impl Effects {
         self
     }
 
-    /// Returns the effects with the arm's and the eyes' own standard deviations multiplied by `factor`.
+    /// Returns the effects with the standard deviations of arm and detector multiplied by `factor`.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
         if let Some(eyes) = &mut self.detector {
@@ -268,7 +268,7 @@ impl Effects {
         self
     }
 
-    /// Describes in words the effects that [`Self::scaled`] leaves unchanged.
+    /// Describes the effects that [`Self::scaled`] leaves unchanged.
     pub fn describe_unscaled(&self) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(pads) = &self.pads {
@@ -276,23 +276,23 @@ impl Effects {
             words.push(format!("pads: cameras drift{own}"));
         }
         if self.gel.is_some() {
-            words.push("gel: covers give way".to_owned());
+            words.push("gel: covers are compliant".to_owned());
         }
         if self.cables.is_some() {
-            words.push("cables: they rub, and gears have play".to_owned());
+            words.push("cables: friction in the guides and backlash of the gears".to_owned());
         }
         if let Some(eyes) = self.detector.filter(|eyes| eyes.mistaken > 0.0 || eyes.latency > 0.0) {
             let share = 100.0 * eyes.mistaken;
             words.push(format!(
-                "eyes: {share} % of looks take one way to lie for another, all are {} s late",
+                "detector: {share} % of detections have a wrong resting pose, all have a latency of {} s",
                 eyes.latency
             ));
         }
         if self.objects.is_some() {
-            words.push("objects: each differs from its model".to_owned());
+            words.push("objects: instances differ from their models".to_owned());
         }
         if self.time.is_some() {
-            words.push("time: frames and decisions take some".to_owned());
+            words.push("time: latency of frames and decisions".to_owned());
         }
         words
     }
@@ -311,13 +311,13 @@ impl Effects {
         }
         if let Some(DetectorErrors { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.detector {
             values.extend([
-                ("eyes.lasting", lasting, [0.0, 1.0]),
-                ("eyes.tilt_sigma", tilt_sigma, [0.0, 0.5]),
-                ("eyes.mistaken", mistaken, [0.0, 1.0]),
-                ("eyes.latency", latency, [0.0, 10.0]),
-                ("eyes.camera[0]", x, [-3.0, 3.0]),
-                ("eyes.camera[1]", y, [-3.0, 3.0]),
-                ("eyes.camera[2]", z, [0.0, 3.0]),
+                ("detector.lasting", lasting, [0.0, 1.0]),
+                ("detector.tilt_sigma", tilt_sigma, [0.0, 0.5]),
+                ("detector.mistaken", mistaken, [0.0, 1.0]),
+                ("detector.latency", latency, [0.0, 10.0]),
+                ("detector.camera[0]", x, [-3.0, 3.0]),
+                ("detector.camera[1]", y, [-3.0, 3.0]),
+                ("detector.camera[2]", z, [0.0, 3.0]),
             ]);
         }
         if let Some(ArmErrors { encoder_sigma, mount_position_sigma, mount_rotation_sigma, payload_sigma }) = self.arm {
@@ -379,7 +379,7 @@ mod tests {
     }
 
     /// From 3000 draws, the mean is within 4 standard errors of 0, and the standard deviation within 6 % (4.6 of its
-    /// own) of the stated one.
+    /// standard errors) of the stated one.
     #[test]
     fn cameras_drift_as_stated() {
         let pads = PadEffects { self_contact: false, drift: 0.02, background_age: 0.0 };
@@ -396,13 +396,13 @@ mod tests {
         );
     }
 
-    /// Regression: `--noise-scale 0` once said that all errors were scaled, while objects still differed from their
+    /// Regression: `--noise-scale 0` once reported that all errors were scaled, while objects still differed from their
     /// models.
     #[test]
     fn what_a_scale_leaves_is_said() {
         let scaled = crate::Scenario::benchmark().effects.scaled(0.0);
         let words = scaled.describe_unscaled().join("; ");
-        for word in ["pads", "gel", "cables", "eyes: 1 %", "objects", "time"] {
+        for word in ["pads", "gel", "cables", "detector: 1 %", "objects", "time"] {
             assert!(words.contains(word), "{word}: {words}");
         }
         assert!(!words.contains("arm"), "{words}");

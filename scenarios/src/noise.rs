@@ -1,7 +1,7 @@
 //! Noise: a constant execution error of the arm and a perception error of each object, drawn once per trial.
 //!
-//! The generator of a trial depends only on the seed, the combination and the trial. It does not depend on the thread, the
-//! order of the trials or the condition, so that `blind` and `touch` meet the same errors.
+//! The generator of a trial depends only on the seed, the combination and the trial. It does not depend on the thread,
+//! the order of the trials or the condition, so that `blind` and `touch` meet the same errors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::Rng;
@@ -23,7 +23,7 @@ pub struct ExecutionNoise {
     pub rotation_sigma: f64,
 }
 
-/// Standard deviations of the error of an object's pose as vision reports it.
+/// Standard deviations of the error of a detected pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PerceptionNoise {
@@ -64,7 +64,7 @@ impl NoiseLevels {
     }
 }
 
-/// Wrong resting pose in which vision reports an object.
+/// Wrong resting pose in which the detector reports an object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WrongRestingPose {
     /// Orientation reported instead of the true one.
@@ -73,7 +73,7 @@ pub struct WrongRestingPose {
     pub rise: f64,
 }
 
-/// Perception error of one object: perceived minus true pose.
+/// Perception error of one object: detected minus true pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ObjectNoise {
     /// Position error in world axes, m.
@@ -87,7 +87,7 @@ pub struct ObjectNoise {
 }
 
 impl ObjectNoise {
-    /// Returns the perceived pose, `world_from_object`, given the true one.
+    /// Returns the detected pose, `world_from_object`, given the true one.
     pub fn perceived_pose(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
         let mut position = world_from_object.translation.vector + self.offset;
         let mut rotation = world_from_object.rotation;
@@ -108,11 +108,11 @@ impl ObjectNoise {
 pub struct TrialNoise {
     /// Position error of the palm, added to its commanded position, world axes, m.
     pub position: Vector3<f64>,
-    /// Rotation error of the palm: rotation vector about the palm's own origin, world axes, rad.
+    /// Rotation error of the palm: rotation vector about the palm's origin, world axes, rad.
     pub rotation: Vector3<f64>,
     /// Perception error of each object, in the order in which they are picked.
     pub objects: [ObjectNoise; MAX_OBJECTS],
-    /// Shift of each object from the place for which the plan was made. It is not an error: perception sees it.
+    /// Shift of each object from the place for which the plan was made. It is not an error: the detector reports it.
     pub shifts: [PlacementShift; MAX_OBJECTS],
     /// Defects of the arm, which replace the constant error.
     pub arm: ArmDefects,
@@ -150,7 +150,7 @@ impl TrialNoise {
         Self { position, rotation, objects, ..Self::none() }
     }
 
-    /// Returns the noise with the draws of the effects `arm` and `object_names` for this trial. The arm's errors replace the
+    /// Returns the noise with the draws of the effects `arm` and `objects` for this trial. The arm's errors replace the
     /// constant one.
     #[must_use]
     pub fn with_effects(mut self, effects: &Effects, seed: u64, combination: usize, trial: usize) -> Self {
@@ -188,8 +188,8 @@ pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
 }
 
-/// Draws the offsets of the `count` objects of one trial from their nominal places: uniform within the layout's spread.
-/// Draws nothing from `rng` if there is no spread.
+/// Draws the offsets of the `count` objects of one trial from their nominal places: uniform within the layout's limits.
+/// Draws nothing from `rng` if these are 0.
 pub fn draw_shifts(layout: &Layout, count: usize, rng: &mut ChaCha8Rng) -> [PlacementShift; MAX_OBJECTS] {
     let Layout { spread_xy, spread_yaw, .. } = *layout;
     if spread_xy == 0.0 && spread_yaw == 0.0 {
@@ -270,7 +270,7 @@ mod tests {
                 }
             }
         }
-        // The largest of 400 uniform draws is within a few per cent of the spread.
+        // The largest of 400 uniform draws is within a few per cent of the limit.
         for (most, spread) in farthest.into_iter().zip([0.01, 0.01, 0.5]) {
             assert!(most <= spread && most > 0.95 * spread, "{most} of {spread}");
         }

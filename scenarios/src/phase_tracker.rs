@@ -1,7 +1,7 @@
 //! Phases of a controller that reports none, inferred from the scene, so that a referee can judge the trial.
 //!
-//! The objects are to be picked in their order. Once an object is in the hand and lifted, the next one is approached. Once
-//! all are lifted, they are held. An object that is lost meanwhile is to be picked again.
+//! The objects are to be picked in their order. Once an object is in the hand and lifted, the next one is approached.
+//! Once all are lifted, they are held. An object that is lost meanwhile is to be picked again.
 
 use crate::referee::{SceneTruth, distance_in_palm};
 use world::holding::{HoldingRule, SupportState};
@@ -23,7 +23,7 @@ pub struct PhaseTracker {
 }
 
 impl PhaseTracker {
-    /// Creates the follower of one trial. Objects count as lifted when they have risen by `lift` (m), and all must be
+    /// Creates the tracker of one trial. Objects count as lifted when they have risen by `lift` (m), and all must be
     /// held within `reach` (m) of the palm for `hold` (s).
     pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
         Self { reach, lift, hold, phase: Phase::run(Skill::Approach, 0), rest: None, held_since: None }
@@ -34,7 +34,7 @@ impl PhaseTracker {
         self.phase
     }
 
-    /// Takes the scene after one tick, in order of time, and returns its phase. The phase stored in the scene itself is
+    /// Takes the scene after one tick, in order of time, and returns its phase. The phase stored in the scene is
     /// ignored.
     pub fn observe(&mut self, truth: &SceneTruth) -> Phase {
         let heights: Vec<f64> = truth.objects.iter().map(|object| object.world_from_object.translation.z).collect();
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!((lost.success, lost.cause), (false, Some(FailureCause::NotFinished)));
     }
 
-    /// One object is held as soon as it is lifted. Of three, each is approached in its turn, and again if it is lost.
+    /// One object is held as soon as it is lifted. Of three, each is approached in turn, and again if it is lost.
     #[test]
     fn a_list_of_one_or_three() {
         let mut one = PhaseTracker::new(0.16, 0.05, 1.0);

@@ -16,11 +16,11 @@ pub enum Condition {
     Ideal,
     /// Noise, policy `blind`.
     Blind,
-    /// The same noise, policy `touch` without tactile images: it looks and tries again by encoders and currents.
+    /// The same noise, policy `touch` without tactile images: it detects and retries by encoders and currents.
     Reflex,
     /// The same noise, policy `touch`.
     Touch,
-    /// The same noise, the user's own policy.
+    /// The same noise, external policy.
     #[serde(alias = "own")]
     External,
 }
@@ -29,7 +29,7 @@ impl Condition {
     /// All conditions in order.
     pub const ALL: [Self; 5] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch, Self::External];
 
-    /// Conditions that come with the program.
+    /// Built-in conditions.
     pub const BUILT_IN: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
 
     /// Conditions with noise.
@@ -74,7 +74,7 @@ impl std::fmt::Display for Condition {
 /// Key of a trial under one condition. Its order is that of `trials.csv`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TrialId {
-    /// Number of the combination, [`crate::CombinationRow::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -92,7 +92,7 @@ impl std::fmt::Display for TrialId {
 /// are the same in every repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialRecord {
-    /// Number of the combination, [`crate::CombinationRow::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -120,9 +120,9 @@ pub struct TrialRecord {
     pub switched: bool,
     /// Number of retries of a grasp.
     pub retries: u32,
-    /// Reason of the policy for switching strategy and retrying, or for not doing so.
+    /// The policy's reason for switching strategy or retrying, or for neither.
     pub reason: String,
-    /// Disturbance applied to the trial beside its noise; missing in tables from before disturbances existed.
+    /// Disturbance applied to the trial beside its noise; missing in older tables.
     #[serde(default)]
     pub disturbance: String,
     /// Predicted probability that the planned second grasp ends in an unwanted contact, at the first decision.
@@ -139,7 +139,7 @@ pub struct TrialRecord {
     pub pose_error_mm: Option<f64>,
     /// Angle between the estimated and the true orientation of the first object, modulo its symmetry, deg.
     pub pose_error_deg: Option<f64>,
-    /// Position error of the prior, the plan's guess before touch, mm.
+    /// Position error of the prior, the planned pose before touch, mm.
     pub prior_error_mm: Option<f64>,
     /// Duration of the trial, s: simulated time or, on hardware, real time.
     pub sim_seconds: f64,

@@ -5,18 +5,18 @@
 //! - **Unwanted contact**: from the second object on, any of these events before the grasp of the object has closed (the end
 //!   of its [`Skill::Grasp`]):
 //!   - An object picked earlier and still held, or a digit that holds one, touches the object.
-//!   - The palm touches the object before two free digits have it. Once they have it, they may draw it against the palm.
+//!   - The palm touches the object before two free digits hold it. After that they may draw it against the palm.
 //!     A grasp by a single digit against the palm is exempt.
 //!   - The object moves by more than `knock_distance` before its grasp begins and before a free digit has touched it. This
 //!     catches a blow shorter than the referee's sampling interval.
 //!
-//!   Objects that both lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one object
-//!   has no unwanted contacts.
+//!   Objects that both lie on the table, or both hang in the hand in a later try, may touch each other. A trial of one
+//! object   has no unwanted contacts.
 //! - **In the hand** ([`world::holding`]): the object touches the hand, does not touch the table, and its origin is within
 //!   `palm_distance` of the palm's origin.
 //! - **Success**: at the end of the hold, all objects are in the hand, and none has moved relative to the palm by more than
-//!   `slip` since the carry began. The hold must have lasted its full time and ended within the time limit. A trial that
-//!   carries more than once is judged by its last carry.
+//!   `slip` since the carry began. The hold must have lasted its full time and ended within the time limit. A trial
+//! that   carries more than once is judged by its last carry.
 //! - **Clean success**: success without an unwanted contact in any try.
 //!
 //! A contact does not end a trial, and a trial with a contact can still succeed. A **try** begins with an approach.
@@ -103,7 +103,7 @@ impl ObjectTruth {
     }
 }
 
-/// Bodies that can press on an object after the first.
+/// Parts that can press on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactingBody {
@@ -120,7 +120,7 @@ pub enum ContactingBody {
 /// A loaded contact on an object after the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TouchEvent {
-    /// The body that presses.
+    /// The part that presses.
     pub by: ContactingBody,
     /// True if `by` is a link of a digit that holds an earlier object.
     pub holding: bool,
@@ -138,7 +138,7 @@ pub enum ContactWith {
     HeldObject,
     /// A digit that holds an object touched it.
     HoldingDigits,
-    /// The palm touched it before two free digits had it.
+    /// The palm touched it before two free digits held it.
     Palm,
     /// It was knocked: it moved before its grasp began, without a touch by a free digit.
     Knocked,
@@ -161,7 +161,7 @@ impl ContactWith {
 pub struct UnwantedContact {
     /// Kind of the contact.
     pub with: ContactWith,
-    /// Body with the greatest normal force when the contact began; none if the contact was too short to be sampled.
+    /// Part with the greatest normal force when the contact began; none if the contact was too short to be sampled.
     pub by: Option<ContactingBody>,
     /// Phase in which it began.
     pub phase: Phase,
@@ -210,7 +210,7 @@ pub enum FailureCause {
     SeveralDropped,
     /// All objects are in the hand, but one slipped: it moved relative to the palm by more than the rules allow.
     Slipped,
-    /// The controller found no reachable way to an object.
+    /// The controller found no reachable approach path to an object.
     Unreachable,
     /// The controller declined an object: a contact was more likely than a hold.
     Declined,
@@ -219,7 +219,7 @@ pub enum FailureCause {
     NotDetected,
     /// The controller found no strategy left to try.
     NoStrategy,
-    /// The decision maker (policy) failed, or gave an invalid answer.
+    /// The policy failed or gave an invalid answer.
     PolicyFailed,
     /// The robot failed: a servo, a link, a limit.
     RobotFault,
@@ -243,7 +243,7 @@ impl std::fmt::Display for FailureCause {
             Self::Slipped => "slipped",
             Self::Unreachable => "unreachable",
             Self::Declined => "declined",
-            Self::NotDetected => "not seen",
+            Self::NotDetected => "not detected",
             Self::NoStrategy => "no strategy",
             Self::PolicyFailed => "policy failed",
             Self::RobotFault => "robot fault",
@@ -253,7 +253,7 @@ impl std::fmt::Display for FailureCause {
     }
 }
 
-/// The referee's judgement.
+/// Verdict of the referee.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// True if there was an unwanted contact in any try.
@@ -276,7 +276,7 @@ const CAUSES_BY_OBJECT: [[FailureCause; 2]; MAX_OBJECTS] = [
 /// Speed below which an object counts as at rest, m/s.
 const REST_SPEED: f64 = 0.002;
 
-/// Times that a trial is judged by, s.
+/// Times by which a trial is judged, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefereeLimits {
     /// Required duration of the hold.
@@ -293,7 +293,7 @@ struct ObjectMonitor {
     /// True if it was at rest at the last sample.
     at_rest: bool,
     free_touch: bool,
-    /// True if two free digits have touched it in this try.
+    /// True if two free digits have held it in this try.
     gripped: bool,
     /// True if it was in the hand at the end of its own lift.
     picked: bool,
@@ -305,7 +305,7 @@ pub struct Referee {
     rules: RefereeRules,
     limits: RefereeLimits,
     tries: Vec<TryVerdict>,
-    /// State of the objects seen so far.
+    /// State of the objects observed so far.
     monitors: Vec<ObjectMonitor>,
     /// Origins of the objects in the palm frame when the carry began, m.
     carry_start: Option<Vec<Point3<f64>>>,
@@ -317,7 +317,7 @@ pub struct Referee {
 }
 
 impl Referee {
-    /// Creates a referee that has seen nothing yet.
+    /// Creates a referee without observations.
     pub fn new(rules: RefereeRules, limits: RefereeLimits) -> Self {
         Self {
             rules,
@@ -369,12 +369,12 @@ impl Referee {
         self.last = Some(truth.clone());
     }
 
-    /// Notes that the controller gave up, for a cause that the scene does not show. Only the first cause counts.
+    /// Records that the controller gave up, for a cause that the scene does not show. Only the first cause counts.
     pub fn give_up(&mut self, cause: FailureCause) {
         self.given_up.get_or_insert(cause);
     }
 
-    /// Returns the verdict on everything seen so far.
+    /// Returns the verdict on everything observed so far.
     pub fn verdict(&self) -> Verdict {
         let cause = self.cause();
         let first_contact = self.tries.iter().find_map(|one| one.contact);
@@ -480,7 +480,7 @@ impl Referee {
                 },
             ),
         };
-        // A touch of the table as the lift begins must not pass for a drop: nothing can have been dropped before Look.
+        // A touch of the table as the lift begins is not a drop: nothing can be dropped before the end of the lift.
         let seen = seen.filter(|_| last.phase.has_lifted(0));
         if seen.is_some() || self.given_up.is_some() {
             return seen.or(self.given_up);

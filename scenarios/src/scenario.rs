@@ -1,4 +1,4 @@
-//! The scenario file: objects and their order, layout, noise, protocol of a trial, and rules of judgement.
+//! The scenario file: objects and their order, layout, noise, protocol of a trial, and the referee's rules.
 
 mod checks;
 mod definition;

@@ -1,7 +1,7 @@
 //! Transports: several balls on a table, to be carried to one place in as few trips as the hand allows.
 //!
-//! A file lists the balls with their true sizes and places, the goal, the noise, and optionally a push on a ball while the
-//! hand closes. Balls that overlap each other, or stand where the hand lets go, are refused.
+//! A file lists the balls with their true sizes and places, the goal, the noise, and optionally a push on a ball while
+//! the hand closes. Balls that overlap each other, or stand where the hand lets go, are refused.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ impl TransportBall {
 
     /// Returns the ball as an object model.
     pub fn model(&self) -> ObjectModel {
-        // Larger balls are redder, so that they can be told apart in a recording.
+        // Larger balls are redder, so that they can be distinguished in a recording.
         let tone = (255.0 * (self.diameter / 0.12).min(1.0)) as u8;
         ObjectModel {
             name: self.name.clone(),
@@ -81,7 +81,7 @@ pub struct TransportProtocol {
     pub tries: usize,
 }
 
-/// Part of the first pick during which somebody pushes.
+/// Part of the first pick during which a ball is pushed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PushStage {
@@ -124,7 +124,7 @@ pub struct TransportTask {
     pub noise: NoiseLevels,
     /// Heights, times and number of tries.
     pub protocol: TransportProtocol,
-    /// Push by somebody's hand.
+    /// Push on a ball.
     pub push: Option<BallPush>,
 }
 

@@ -16,7 +16,7 @@ const ORDER_NAMES: [&str; MAX_OBJECTS] = ["first", "second", "third"];
 /// A row of `tries.csv`, whose columns are in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TryRecord {
-    /// Number of the combination, [`crate::CombinationRow::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Number of the trial within its combination, from 0.
     pub trial: usize,
@@ -41,7 +41,7 @@ pub struct TryRecord {
     pub covariance: String,
     /// Kind of the first unwanted contact; empty if there was none.
     pub contact_with: String,
-    /// Body that touched: `first_object`, `second_object`, `palm`, or a link by its index.
+    /// Part that touched: `first_object`, `second_object`, `palm`, or a link by its index.
     pub contact_by: String,
     /// Start of the contact, s since the trial began.
     pub contact_s: Option<f64>,
@@ -64,7 +64,7 @@ fn numbers(values: impl IntoIterator<Item = f64>) -> String {
 }
 
 impl TryRecord {
-    /// Creates the record of try number `number` of trial `id`. There is no verdict if nobody saw the ground truth.
+    /// Creates the record of try number `number` of trial `id`. There is no verdict without ground truth.
     pub fn new(id: TrialId, number: usize, attempt: &Attempt, verdict: Option<&TryVerdict>) -> Self {
         let contact: Option<UnwantedContact> = verdict.and_then(|verdict| verdict.contact);
         let of = |text: fn(&UnwantedContact) -> String| contact.as_ref().map(text).unwrap_or_default();

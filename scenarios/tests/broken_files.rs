@@ -1,4 +1,4 @@
-//! Damaged files of hands, objects, meshes and scenarios are either read or refused; none of them makes the program panic.
+//! Damaged files of hands, objects, meshes and scenarios are either read or refused; none makes the program panic.
 //!
 //! `PROPTEST_CASES=1000000 cargo test --release -p scenarios --test broken_files` tries a million of each.
 

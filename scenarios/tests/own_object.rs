@@ -1,4 +1,4 @@
-//! A user's own object: a file beside the scenario that refers to it, with a mesh beside that.
+//! A user's object: a file beside the scenario that refers to it, with a mesh beside that.
 
 use std::path::{Path, PathBuf};
 

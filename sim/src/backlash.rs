@@ -1,4 +1,4 @@
-//! Gear backlash (play): the output follows the encoder, except for a gap between the teeth.
+//! Gear backlash: the output follows the encoder, except for a gap between the teeth.
 //!
 //! The output has no inertia of its own beyond what it drives. A load presses it against one flank. Without a load it
 //! stays in place until a flank takes it along.

@@ -327,8 +327,8 @@ impl RobotBody {
         torques
     }
 
-    /// Sets the arm's position control for the next step: spring and damper towards `goal` plus the torques `gravity` (N m),
-    /// clamped to the arm's limits. Returns the commanded torques, N m.
+    /// Sets the arm's position control for the next step: spring and damper towards `goal` plus the torques `gravity`
+    /// (N m), clamped to the arm's limits. Returns the commanded torques, N m.
     pub fn drive_arm(
         &self,
         engine: &mut Engine,

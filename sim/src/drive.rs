@@ -10,9 +10,9 @@ use crate::servo::ServoModel;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
 pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 
-/// Default state of a guide ([`CableFriction::next_state`]) whose cable was pulled in and then came to rest. Set by hand:
-/// with it 30 of 30 planned grasps that hold from their own first grasp also hold when started from its posture; with 0
-/// and 1 it is 26 and 27.
+/// Default state of a guide ([`CableFriction::next_state`]) whose cable was pulled in and then came to rest. Set by
+/// hand: with it 30 of 30 planned grasps that hold from their own first grasp also hold when started from its posture;
+/// with 0 and 1 it is 26 and 27.
 const REST_GUIDE_STATE: f64 = 0.5;
 
 /// Load on a finger joint during one physics step.
@@ -38,7 +38,7 @@ pub struct HandDrive {
 }
 
 impl HandDrive {
-    /// Creates the drive with all cables slack, all servos at rest, and these losses in guides and gears.
+    /// Creates the drive with slack cables, servos at rest, and these losses in guides and gears.
     pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
             servos: hand.servos.iter().map(|servo| ServoModel::new(*servo, losses.backlash)).collect(),

@@ -33,8 +33,8 @@ pub struct EngineSettings {
     pub contact_damping_ratio: f64,
     /// Friction coefficient of the table; an object's own applies where it is smaller.
     pub table_friction: f64,
-    /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
-    /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
+    /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the
+    /// centre of mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction.
     pub rolling_resistance: f64,
     /// Static friction model of the covers' contacts; without it they have the solver's friction, which creeps.
     pub bristle_friction: Option<physics::BristleFriction>,

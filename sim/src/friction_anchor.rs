@@ -30,7 +30,7 @@ struct AnchoredContact {
     normal: Vector3<f64>,
 }
 
-/// The contacts that stick. A clone continues bit-exactly like the original.
+/// The friction anchors of all contacts. A clone continues bit-exactly like the original.
 #[derive(Debug, Clone)]
 pub struct FrictionAnchors {
     limits: Limits,
@@ -82,7 +82,7 @@ impl FrictionAnchors {
     }
 }
 
-/// True if the contacts of a collider stick: it has contact modification enabled.
+/// True if the contacts of a collider have friction anchors: it has contact modification enabled.
 fn anchors_contacts(collider: &Collider) -> bool {
     collider.active_hooks().contains(ActiveHooks::MODIFY_SOLVER_CONTACTS)
 }
@@ -106,8 +106,8 @@ mod tests {
 
     const FRICTION: f64 = 0.6;
 
-    /// Builds a plate whose contacts stick if the settings say so, with a body of `mass` (kg) and `inertia` (kg m2,
-    /// about any axis) on it.
+    /// Builds a plate whose contacts have friction anchors if the settings enable them, with a body of `mass` (kg) and
+    /// `inertia` (kg m2, about any axis) on it.
     fn on_plate(
         settings: EngineSettings,
         (body, mass, inertia): (RigidBodyBuilder, f64, f64),
@@ -146,8 +146,8 @@ mod tests {
         ((body.translation() - start).length(), body.linvel().x)
     }
 
-    /// Within the friction cone nothing moves further than the elastic limit, and then not at all. Outside it the cube
-    /// slides as it does without sticking.
+    /// Within the friction cone nothing moves farther than the elastic limit, and then not at all. Outside it the cube
+    /// slides as it does without a friction anchor.
     #[test]
     fn a_cube_sticks_within_the_cone_of_friction() {
         let sticking = EngineSettings::default();
@@ -163,7 +163,7 @@ mod tests {
         }
     }
 
-    /// A surface that rolls on another leaves no displacement: the ball rolls as far as without sticking.
+    /// A surface that rolls on another leaves no displacement: the ball rolls as far as without friction anchors.
     #[test]
     fn a_rolling_ball_is_not_held() {
         let rolled = |settings| {

@@ -1,10 +1,10 @@
-//! Compliant covers: an object sinks into a cover as far as the gel yields under the force between them.
+//! Compliant covers: an object penetrates a cover as far as the gel yields under the force between them.
 //!
 //! The engine's contacts are rigid. This module shifts them: a cover and an object count as touching only when the
-//! object is already [`SoftCovers::penetration`] deep in the cover, so that the force itself remains the solver's. The depth
-//! follows from the pressure law and the shapes around the contact, which are those from which a pad's image is made:
-//! the gel bears the sum of the pressures under the object's penetration ([`PressCurve`]). It approaches that depth
-//! with a relaxation time.
+//! object is already [`CoverResponse::penetration`] deep in the cover, so that the force itself remains the solver's.
+//! The depth follows from the pressure law and the shapes around the contact, which are those from which a pad's image
+//! is made: the gel bears the sum of the pressures under the object's penetration ([`PressCurve`]). It approaches that
+//! depth with a relaxation time.
 
 use std::sync::Arc;
 
@@ -99,10 +99,10 @@ struct GelContact {
 }
 
 impl GelContact {
-    /// Computes the relaxation fraction for a depth error `off` (m), at most `share`. A fixed object does not give way:
-    /// force and sink are coupled so strongly that the full fraction makes the contact chatter. Hence the fraction is
-    /// halved when the error has changed sign since the last step, and grows while it has not (the rule of resilient
-    /// propagation, Riedmiller and Braun 1993).
+    /// Computes the relaxation fraction for a depth error `off` (m), at most `share`. A fixed object does not yield:
+    /// force and penetration are coupled so strongly that the full fraction makes the contact chatter. Hence the
+    /// fraction is halved when the error has changed sign since the last step, and grows while it has not (the rule of
+    /// resilient propagation, Riedmiller and Braun 1993).
     fn relaxation_share(&mut self, off: f64, share: f64) -> f64 {
         let (before, way) = self.last;
         let next = match off * way {

@@ -2,7 +2,7 @@
 //!
 //! The world frame is the root frame. Actuators pull with given tensions (servos in current control at rest), and an
 //! opposition servo holds its angle. There is no gravity: the forces of the test protocol are applied instead. Separate
-//! digits are multibodies of their own, because without an arm they do not feel each other's inertia. A hand whose
+//! digits are separate multibodies, because without an arm they do not feel each other's inertia. A hand whose
 //! joints may follow those of other digits is one multibody.
 
 use std::sync::Arc;

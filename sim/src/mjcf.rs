@@ -28,7 +28,7 @@ use crate::test_stand::Prop;
 /// Compiler options of every scene. Inertias of published models often violate the triangle inequality, which MuJoCo
 /// requires.
 const COMPILER_ELEMENT: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"true\"/>\n";
-/// Default contact properties. The hand has no friction of its own: that of a pair is the prop's.
+/// Default contact properties. The hand has no friction: that of a pair is the prop's.
 const DEFAULT_ELEMENT: &str =
     "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
 /// Smallest volume of a convex part, m3.
@@ -115,7 +115,7 @@ fn pose_attributes(pose: &Isometry3<f64>) -> String {
     )
 }
 
-/// True if the hull of the points is a valid body. MuJoCo refuses a whole scene for one part without vertices or
+/// True if the hull of the points is a valid solid. MuJoCo refuses a whole scene for one part without vertices or
 /// volume.
 fn is_solid(points: &[Point3<f64>]) -> bool {
     points.len() > 3 && standing_hull(points).is_some_and(|hull| hull.mass_properties(1.0).mass() > MIN_VOLUME)
@@ -174,7 +174,7 @@ fn link_name(hand: &HandMechanism, link: Option<usize>) -> String {
     escaped(link.map_or(&hand.root, |link| &hand.tree.joints[link].name))
 }
 
-/// Writer of the bodies of a hand's links.
+/// Writer of the MJCF bodies of a hand's links.
 struct Links<'a> {
     hand: &'a HandMechanism,
     assets: String,

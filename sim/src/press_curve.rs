@@ -10,10 +10,9 @@ use world::geometry::ObjectShape;
 const GRID_SIDE: usize = 15;
 /// Number of points of a curve; their depths grow quadratically with the index.
 const CURVE_POINTS: usize = 16;
-/// Start height of rays onto a solid cover above the contact, m; [`RAY_START_DEPTH`] is the start depth of rays onto the object.
-/// Both exceed any contact.
+/// Start height above the contact of rays onto a solid cover, m: greater than any contact.
 const RAY_START_HEIGHT: f64 = 0.02;
-/// See [`RAY_START_HEIGHT`].
+/// Start depth below the contact of rays onto the object, m: greater than any contact.
 const RAY_START_DEPTH: f64 = 0.006;
 
 /// A surface into which an object presses, seen from a frame whose z is its outward normal.
@@ -194,7 +193,7 @@ mod tests {
         PressCurve::from_gap(&gap, &GEL, force).expect("it touches")
     }
 
-    /// A sphere on a flat face sinks in by the depth that the volume of its cap implies. The spheres are too small to
+    /// A sphere penetrates a flat face by the depth that the volume of its cap implies. The spheres are too small to
     /// reach the face's edges.
     #[test]
     fn a_ball_s_depth_is_that_of_its_cap() {
@@ -208,7 +207,7 @@ mod tests {
         }
     }
 
-    /// A small flat plate sinks in by its pressure divided by the foundation's stiffness.
+    /// A small flat plate penetrates by its pressure divided by the foundation's stiffness.
     #[test]
     fn a_plate_s_depth_is_its_pressure_s() {
         let half = Vector3::new(0.004, 0.003, 0.0035);

@@ -1,4 +1,4 @@
-//! The simulated body behind [`hand_model::robot::RobotBackend`], and the separate access to ground truth.
+//! The simulated robot behind [`hand_model::robot::RobotBackend`], and the separate access to ground truth.
 
 mod backend;
 mod external;
@@ -337,8 +337,7 @@ impl SimulatedRobot {
         }
     }
 
-    /// Returns the pad of `link` on which a contact lies, if any, and if the contact comes from outside. `normal`
-    /// points away from the object.
+    /// Returns the pad of `link` on which a contact from outside lies, if any. `normal` points away from the object.
     fn pad_at(
         &self,
         link: Option<usize>,
@@ -429,7 +428,7 @@ impl SimulatedRobot {
         }
     }
 
-    /// Takes a command and returns the one that is followed after the limits of the arm.
+    /// Takes a command and returns the one that is followed, after the arm's limits.
     pub fn send(&mut self, command: &RobotCommand) -> RobotCommand {
         let mut sent = *command;
         let tick = self.tick_length();

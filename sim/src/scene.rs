@@ -24,7 +24,7 @@ pub struct ObjectPlacement {
     pub pose: Isometry3<f64>,
 }
 
-/// Complete initial state and configuration of a scene.
+/// Initial state and configuration of a scene.
 #[derive(Debug, Clone)]
 pub struct SceneSetup {
     /// True pose of the arm's base; the controller assumes the nominal one.

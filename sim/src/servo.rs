@@ -160,7 +160,7 @@ mod tests {
     }
 
     /// A taut cable holds the spool behind the encoder: with the cable blocked, the servo turns half the backlash
-    /// further than one without.
+    /// farther than one without.
     #[test]
     fn a_taut_cable_takes_up_the_play() {
         let (mut without, cable) = servo();

@@ -1,7 +1,7 @@
 //! The simulated camera board: tactile images of everything that presses into the pads.
 //!
 //! For each pad the objects over it are sampled by rays along the pad's normal, pressed in until the gel bears the
-//! normal force that the engine reports for the cover (the engine's own penetration is meaningless as a depth), and
+//! normal force that the engine reports for the cover (the engine's penetration is meaningless as a depth), and
 //! rendered. With self-contact, links of the hand and the table press as well, each with its own force. With drift,
 //! every frame of an idle pad has its own read-out noise and brightness; without it, the frame is the background
 //! itself.
@@ -61,7 +61,7 @@ pub struct SelfLoad {
     pub pad: usize,
     /// Normal force, N.
     pub force: f64,
-    /// Shape of the pressing body.
+    /// Shape of the part that presses.
     pub shape: ObjectShape,
     /// `world_from_shape`.
     pub pose: Isometry3<f64>,
@@ -229,7 +229,7 @@ impl TactileBoard {
             return jobs.par_iter().map(image).collect();
         }
         let on_cpu = |error: OpticsError| {
-            let _ = writeln!(std::io::stderr(), "{error}; these tactile images come from the CPU");
+            let _ = writeln!(std::io::stderr(), "{error}; rendering these tactile images on the CPU");
             let image = |job: &RenderJob<'_>| {
                 let mut rng = ChaCha8Rng::seed_from_u64(job.noise_seed);
                 self.sensors()[job.sensor].render_with_brightness(job.indentation, job.brightness, &mut rng)
@@ -241,7 +241,7 @@ impl TactileBoard {
 }
 
 /// Computes the indentation of a pad by objects and by the hand itself: one map of `side` x `side` pixels per camera,
-/// `None` without load. Bodies with forces of their own are pressed in one by one, and every pixel shows the deepest of
+/// `None` without load. Shapes with their own forces are pressed in one by one, and every pixel shows the deepest of
 /// them, because their contacts lie side by side.
 fn press_all(hand: &Hand, index: usize, side: usize, loads: &PadLoads) -> Option<Vec<IndentationMap>> {
     let press = |force, objects: &[(&ObjectShape, Isometry3<f64>)]| {

@@ -50,7 +50,7 @@ fn encoder_offsets_move_the_palm_by_posture() {
     assert!(one.norm() > 2e-3 && (one - other).norm() > 1e-3, "{one} {other}");
 }
 
-/// A payload unknown to gravity compensation bends the arm downwards, twice the payload twice as far.
+/// A payload unknown to gravity compensation makes the arm sag, twice the payload twice as far.
 #[test]
 fn an_unknown_payload_makes_the_arm_sag() {
     let height =

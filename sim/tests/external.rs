@@ -101,7 +101,7 @@ fn digits_without_power_stay_open() {
     assert!(index > 1.0 && ring < 0.2 * index, "{index} {ring}");
 }
 
-/// A failed camera sends nothing, or black images; all others send what they did before.
+/// A failed camera sends nothing or black images; all others send the same as before.
 #[test]
 fn failed_cameras_are_missed() {
     let frames = |how: Option<CameraFailure>| {

@@ -209,7 +209,7 @@ fn a_frozen_camera_repeats_its_image() {
     }
 }
 
-/// At half of one lamp's light, its camera's images have half of its colour, and nothing else changes.
+/// With one lamp at half its light, the camera's images have half of its colour, and nothing else changes.
 #[test]
 fn a_dim_lamp_darkens_its_colour() {
     let mut sound = scene(palm_up(), |hand| TactileBoard::unit(hand, 0));

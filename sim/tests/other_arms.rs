@@ -1,4 +1,4 @@
-//! The arms that come with the program: each stands in its home posture, with the joint torques that statics requires.
+//! The built-in arms: each stands in its home posture, with the joint torques that statics requires.
 
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use world::objects::ObjectSet;
 
-/// Motion allowed while settling, m: an object on its side has facets, and may roll by half a facet until one is down.
+/// Motion allowed while settling, m: an object on its side has facets and may roll by half a facet.
 const MAX_SETTLING_MOTION: f64 = 2e-3;
 /// Settling time, s.
 const SETTLING_TIME: f64 = 8.0;
@@ -39,7 +39,7 @@ fn objects_rest_where_they_are_put() {
             crept.push(model.name.clone());
         }
     }
-    assert!(crept.is_empty(), "these do not stay: {crept:?}");
+    assert!(crept.is_empty(), "these creep: {crept:?}");
 }
 
 /// A golf ball rolled over the table travels as far as its energy lasts against the resistance: v^2 / (2 c g / 1.4),

@@ -205,7 +205,7 @@ fn a_limit_stops_a_joint() {
     }
 }
 
-/// A bar held by four fingers creeps if friction is left to the solver, and stays if its surfaces stick.
+/// A bar held by four fingers creeps if friction is left to the solver, and stays with friction anchors.
 #[test]
 fn a_held_bar_does_not_creep_where_it_sticks() {
     let hand = Arc::new(Hand::ftac());

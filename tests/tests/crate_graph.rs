@@ -81,6 +81,7 @@ fn what_decides_never_reaches_a_body() {
             "sim",
             "tactile-optics",
             "hardware-bridge",
+            "dynamixel-bus",
             "kinova-kortex",
             "robot-session-log",
             "bench",
@@ -203,9 +204,10 @@ fn members_know_only_whom_they_may() {
         ("dexterous-grasping", "ftac-platform hand-model"),
         ("control", "ftac-platform hand-model world tactile-perception dexterous-grasping"),
         ("grasp-analysis", "ftac-platform hand-model dexterous-grasping"),
+        ("dynamixel-bus", ""),
         ("kinova-kortex", ""),
         ("robot-session-log", "ftac-platform hand-model"),
-        ("hardware-bridge", "ftac-platform hand-model kinova-kortex robot-session-log"),
+        ("hardware-bridge", "ftac-platform hand-model dynamixel-bus kinova-kortex robot-session-log"),
         ("plant", "ftac-platform hand-model world"),
         ("scenarios", "statistics ftac-platform hand-model world plant"),
         ("sim", "hand-model world plant tactile-optics"),
@@ -259,7 +261,7 @@ fn members_know_only_whom_they_may() {
         ("workspace-hack", ""),
         (
             "ftac",
-            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
         ),
         (
             "ftac-python",

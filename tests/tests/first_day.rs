@@ -71,7 +71,7 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
     devices.happen("unplug=6");
     let message = lines.collect::<Vec<_>>().join("\n");
     assert_eq!(felt.wait().expect("ends").code(), Some(2), "{message}");
-    for words in ["opposition", "the last calibration stays", "--continue"] {
+    for words in ["opposition", "the last calibration is kept", "--continue"] {
         assert!(message.contains(words), "{message}");
     }
     assert_eq!(fs::read(&calibration).expect("there"), before);

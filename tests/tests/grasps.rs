@@ -311,7 +311,7 @@ fn grasps_are_exported() {
 
 /// A search for proofs skips combinations that were proven with as much effort, and requires a plan file.
 #[test]
-fn proven_plans_stay() {
+fn verified_pairs_stay() {
     let folder = tempdir().expect("a folder");
     let (of, out) = (folder.path().join("of.json"), folder.path().join("out.json"));
     let built_in =

@@ -138,7 +138,7 @@ fn servos_that_shut_down_are_restarted() {
     let output = asked.wait_with_output().expect("ends");
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("middle (id 3) reports: overload") && said.contains("what it holds falls"), "{said}");
+    assert!(said.contains("middle (id 3) reports: overload") && said.contains("which drops its object"), "{said}");
     assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], false);
 
     let output = bridge(&["reboot", "--yes"], &config);

@@ -36,7 +36,7 @@ fn bench(folder: &Path, scenario: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// If none of the user's own objects can be played, no other benchmark replaces them: there is an error with the
+/// If none of the user's own objects can be used, no other benchmark replaces them: there is an error with the
 /// reason, and nothing is written.
 #[test]
 fn a_scenario_none_of_whose_own_objects_can_be_played_plays_nothing_else() {
@@ -44,7 +44,7 @@ fn a_scenario_none_of_whose_own_objects_can_be_played_plays_nothing_else() {
     let output = bench(folder.path(), &scenario, &["--json"]).output().expect("runs");
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("none of the scenario's own objects can be played: my_ball"), "{said}");
+    assert!(said.contains("none of the scenario's own objects can be used: my_ball"), "{said}");
     let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(answer["code"], 1);
     assert!(!folder.path().join("out").exists());

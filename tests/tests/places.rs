@@ -23,7 +23,7 @@ fn register(mount: &str, file: &Path) -> Value {
 /// with its own vision, a trial on the emulated robot runs to its end, and its session replays to the bit without
 /// either.
 #[test]
-fn a_registered_robot_with_eyes_plays_and_replays() {
+fn a_registered_robot_with_a_detector_runs_and_replays() {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("registration.toml");
     let found = register("5", &file);
@@ -118,7 +118,7 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
     let found = json(&replayed.stdout);
     let why = found["failed_look"].as_str().expect("why");
     assert!(why.contains("salt_mill") && why.contains("\u{1b}[2Jplum"), "{found}");
-    harmless(&run(&["replay", text(&session)]), "it ends in the same failed look: --detector 127.0.0.1");
+    harmless(&run(&["replay", text(&session)]), "it ends in the same failed detection: --detector 127.0.0.1");
 
     let scenario = folder.path().join("scenario.toml");
     fs::write(&scenario, "version = 1\n\"\\u001b]0;owned\\u0007\" = 1\n").expect("written");
@@ -203,7 +203,7 @@ fn devices_in_the_wrong_place_are_named() {
         stderr(&output)
     };
     let pads = "every camera shows its own pad";
-    assert_eq!(row(pads).expect("its row")["found"], "unknown: none are kept");
+    assert_eq!(row(pads).expect("its row")["found"], "unknown: no references");
     bridge(&["doctor", "--store-references"]);
     assert_eq!(row(pads).expect("its row")["found"], "yes");
     devices.happen("swap=7");

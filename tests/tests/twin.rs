@@ -71,7 +71,7 @@ fn a_robot_is_excited_identified_and_used() {
     assert_eq!(done["done"], 3);
     assert!(fs::read_to_string(&truth).expect("the truth").contains("\"index_1.spring\""));
     let another = [&excite[..4], &["4", "--script", text(&script)]].concat();
-    refused(&another, &["excitation.json", "another robot, individual or script"]);
+    refused(&another, &["excitation.json", "another robot, instance or script"]);
 
     let identified = json(&run(&["sysid", "identify", text(&sessions), "--out", text(&found), "--json"]));
     for row in identified["actuators"].as_array().expect("rows") {

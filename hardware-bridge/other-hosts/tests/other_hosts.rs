@@ -1,16 +1,16 @@
 //! Other people's clients on our emulated servos, and other people's encoders against ours.
 
-use hardware_bridge::driven::SERVOS;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
+use dynamixel_bus::protocol2::{Instruction, Packet, ServoError, Status};
+use dynamixel_bus::xc330;
 use hand_model::RobotModel;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::protocol2::{Instruction, Packet, ServoError, Status};
-use hardware_bridge::xc330;
+use hardware_bridge::supported_robot::SERVOS;
 use proptest::prelude::*;
 use rustypot::DynamixelProtocolHandler;
 use serial2::SerialPort;
@@ -29,7 +29,7 @@ fn crate_dynamixel2() {
     let mut bus = dynamixel2::Bus::open(hand.servo_port(), BAUD).expect("opens");
     let found: Vec<u8> = bus.scan().expect("scans").into_iter().flatten().map(|pong| pong.motor_id).collect();
     assert_eq!(found, IDS);
-    assert_eq!(bus.read_u16(4, xc330::MODEL_NUMBER.address).expect("read").data, xc330::MODEL);
+    assert_eq!(bus.read_u16(4, xc330::MODEL_NUMBER.address).expect("read").data, xc330::MODEL.number);
     for id in IDS {
         bus.write_u8(id, xc330::TORQUE_ENABLE.address, 1).expect("torque");
     }
@@ -51,7 +51,7 @@ fn crate_rustypot() {
     for handler in [DynamixelProtocolHandler::v2(), DynamixelProtocolHandler::v2().with_fast_sync_read()] {
         assert!(handler.ping(port.as_mut(), 3).expect("answers"));
         let models = handler.sync_read(port.as_mut(), &IDS, xc330::MODEL_NUMBER.address as u8, 2).expect("read");
-        assert!(models.iter().all(|model| model[..] == xc330::MODEL.to_le_bytes()), "{models:?}");
+        assert!(models.iter().all(|model| model[..] == xc330::MODEL.number.to_le_bytes()), "{models:?}");
     }
     let handler = DynamixelProtocolHandler::v2();
     handler.write(port.as_mut(), 2, xc330::TORQUE_ENABLE.address as u8, &[1]).expect("torque");

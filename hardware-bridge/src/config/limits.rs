@@ -32,7 +32,7 @@ pub struct LimitConfig {
     pub arm_watchdog: f64,
     /// Longest silence of the controller, s, while it moves the robot.
     pub host_watchdog: f64,
-    /// Longest silence that the controller may announce, to think, s.
+    /// Longest silence that the controller may announce, to compute, s.
     pub pause: f64,
     /// Duration of a release, over which the current fades, s.
     pub release_time: f64,

@@ -47,7 +47,7 @@ pub(super) fn find_square_error(devices: &[UvcConfig]) -> Option<(String, String
     if devices.is_empty() {
         return None;
     }
-    // How often each camera is shown; a hand has at least one.
+    // Number of times that each camera is shown; a hand has at least one.
     let mut shown = BTreeMap::from([(0, 0)]);
     for (n, device) in devices.iter().enumerate() {
         for (m, square) in device.squares.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The emulated camera board: the device's side of [`crate::tactile_link`].
 //!
-//! Its clock has an offset and a drift against the host's. The lowest bit of each pixel is noise, so that no two images of a live camera are
-//! equal. A frozen camera repeats its last image with new sequence numbers and times.
+//! Its clock has an offset and a drift against the host's. The lowest bit of each pixel is noise, so that no two images
+//! of a live camera are equal. A frozen camera repeats its last image with new sequence numbers and times.
 
 use std::collections::BTreeMap;
 

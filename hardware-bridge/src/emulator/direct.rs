@@ -8,6 +8,8 @@
 
 use std::sync::Arc;
 
+use dynamixel_bus::register::Register;
+use dynamixel_bus::xc330::{self, PRESENT_BLOCK_LONG};
 use hand_model::RobotModel;
 use hand_model::robot::{Observation, Plant, Readings, RobotBackend, RobotCommand, RobotError, TactileFrame, Tick};
 
@@ -26,7 +28,6 @@ use crate::supported_robot::SERVOS;
 use crate::tactile_link::deframer::Deframer;
 use crate::tactile_link::image_data;
 use crate::tactile_link::message::LinkMessage;
-use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
 pub struct DirectRobot {
     plant: Box<dyn Plant + Send>,

@@ -29,7 +29,7 @@ pub(super) struct DirectArm {
     pub goal: hand_model::ArmVector,
     /// Set-points from the supervisor, rad.
     pub target: Option<[f64; JOINTS]>,
-    /// Trouble that has stopped the arm.
+    /// Fault that has stopped the arm.
     pub fault: Option<ArmTrouble>,
 }
 

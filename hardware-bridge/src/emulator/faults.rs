@@ -1,9 +1,10 @@
 //! Faults of the emulated hand and their command-line syntax.
 //!
 //! Chances are per answer (or per image) and drawn from a seeded generator; events happen at a time after the start:
-//! `noise=0.1`, `drop=0.02`, `corrupt=0.01`, `delay=0.05`, `jpeg=0.05`; `overload=3@5` (servo 3 after 5 s), `overheat=2@4`, `voltage=5.2@3`
-//! (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7), `model=3@0` (servo 3 is of another model), `ids=1@0` (servos 1 and 2 have
-//! each other's id), `swap=7@0` (cameras 7 and 8 are plugged into each other's place).
+//! `noise=0.1`, `drop=0.02`, `corrupt=0.01`, `delay=0.05`, `jpeg=0.05`; `overload=3@5` (servo 3 after 5 s),
+//! `overheat=2@4`, `voltage=5.2@3` (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7), `model=3@0`
+//! (servo 3 is of another model), `ids=1@0` (servos 1 and 2 have each other's id), `swap=7@0` (cameras 7 and 8 are
+//! exchanged).
 
 use std::str::FromStr;
 
@@ -38,13 +39,13 @@ pub enum FaultEvent {
     Unplug(u8),
     /// The servo with this id is plugged in again.
     Plug(u8),
-    /// This camera repeats the same image for ever.
+    /// This camera repeats the same image forever.
     FreezeCamera(u8),
     /// The servo with this id is of another model.
     WrongModel(u8),
     /// The servo with this id and the one with the next id have exchanged their ids.
     SwapIds(u8),
-    /// This camera and the next are plugged into each other's place.
+    /// This camera and the next are exchanged.
     SwapCameras(u8),
 }
 

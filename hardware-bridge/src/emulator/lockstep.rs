@@ -11,6 +11,7 @@ use std::path::Path;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::xc330;
 use hand_model::RobotModel;
 use hand_model::robot::{Plant, Readings, RobotBackend, RobotCommand, RobotError, Tick};
 use kinova_kortex::KortexError;
@@ -24,6 +25,7 @@ use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use crate::hand_bus::servo_tap;
 use crate::hardware_robot::{ConnectError, newest_readings, open_hand, sent_command, servo_cycle};
 use crate::lock::lock;
 use crate::safety::state::SupervisorState;
@@ -32,7 +34,6 @@ use crate::servo_cycle::{CycleReport, ServoCycle};
 use crate::supported_robot::SERVOS;
 use crate::supported_robot::check_supported;
 use crate::tactile_link::TactileLink;
-use crate::xc330;
 
 /// Longest wait for bytes on the wire; generous, for busy machines.
 const WIRE_TIMEOUT: Duration = Duration::from_secs(20);
@@ -104,7 +105,7 @@ impl LockstepRobot {
         let mut hand = open_hand(&config, &calibration, robot)?;
         let cameras = Cameras::open(&config, robot.hand.cameras.len(), &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
-            hand.bus.tap(LinkTap::new("servos", packets.clone()));
+            hand.bus.tap(servo_tap(LinkTap::new("servos", packets.clone())));
             if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
                 tactile.tap(LinkTap::new("cameras", packets.clone()));
             }
@@ -150,7 +151,7 @@ impl LockstepRobot {
         &self.calibration
     }
 
-    /// Sets the time-out of the servos' answers, s of real time; less once some are to get lost.
+    /// Sets the time-out of the servos' answers, s of real time; shorter for tests with lost answers.
     pub fn set_slack(&mut self, seconds: f64) {
         self.cycle.bus.slack = seconds;
         if let Some(hand) = &mut self.cycle.hand {
@@ -178,7 +179,7 @@ impl LockstepRobot {
         self.cycle.supervisor.hold(crate::safety::state::StopCause::Operator);
     }
 
-    /// Stops the host, as if it were killed or frozen; devices and plant go on.
+    /// Stops the host, as if it were killed or frozen; devices and plant continue.
     pub fn kill_host(&mut self) {
         self.host_alive = false;
     }
@@ -254,7 +255,7 @@ impl RobotBackend for LockstepRobot {
         if self.host_alive && due > 0 {
             self.wait_until(|robot| robot.image_events() >= arrived + due);
         }
-        // Readings must not look older than they are: the next ones are taken at this very moment.
+        // Readings must not look older than they are: the next ones are taken at this moment.
         if self.host_alive {
             self.cycle.measure();
         }
@@ -306,7 +307,7 @@ pub(super) fn emulated_calibration(
 ) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware: 46,
         homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
         travel: travel[n],

@@ -33,7 +33,7 @@ enum ClientOrder {
     Engage,
     /// Time to spend on the way to these set-points (rad), ms; the flag is true if answers may be missing.
     Move(u64, [f64; JOINTS], bool),
-    /// Measurement without any passing of time; the flag is true if the answer may be missing.
+    /// Measurement during which no time passes; the flag is true if the answer may be missing.
     Measure(bool),
     Disengage,
 }
@@ -140,7 +140,7 @@ impl LockstepArm {
         self.wait_count.load(Ordering::Relaxed)
     }
 
-    /// Lets `seconds` pass until `now` (s). If the host is dead, the arm is left to itself.
+    /// Lets `seconds` pass until `now` (s). If the host is dead, the arm gets no commands.
     pub fn advance(&mut self, seconds: f64, now: f64, host_alive: bool) {
         let milliseconds = whole_milliseconds(&mut self.remainder, seconds);
         let Some(client) = self.client.as_ref().filter(|_| host_alive) else {

@@ -65,7 +65,7 @@ impl Plant for SharedArm {
                     *goal += speed * seconds;
                 }
             }
-            // Brake from the measured position and speed and stay there; an earlier command must not pull the joints back.
+            // Brake from the measured position and speed and stay there: no earlier command may pull the joints back.
             Drive::Hold => {
                 let ArmState { position, velocity, .. } = joints.state;
                 let (from, speed) = match joints.braking {

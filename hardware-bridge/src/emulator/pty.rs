@@ -35,7 +35,7 @@ impl Pty {
     /// Opens a new pair.
     pub fn open() -> Result<Self, PtyError> {
         let (device, host) = SerialPort::pair().map_err(PtyError::Open)?;
-        // The kernel's list of our open files has the name of the host's end.
+        // The kernel's list of this process's open files has the name of the host's end.
         let path = std::fs::read_link(format!("/proc/self/fd/{}", host.as_raw_fd())).map_err(PtyError::Open)?;
         Ok(Self { device, host, path })
     }

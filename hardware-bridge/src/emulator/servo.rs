@@ -1,29 +1,31 @@
 //! One emulated XC330: its control table, refusals, shutdowns and bus watchdog.
 //!
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the
-//! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "our reading".
+//! e-Manual is silent, the emulator takes the interpretation that is harder on the host, marked "interpretation".
 
 mod identity_faults;
 mod indirect;
 mod open_loop;
 mod registered_write;
 
+use dynamixel_bus::protocol2::ServoError;
+use dynamixel_bus::register::{Access, Register, Unit};
+use dynamixel_bus::x_series::{hardware_error, mode};
+use dynamixel_bus::xc330::{self, REGISTERS};
 use hand_model::robot::{ServoGoal, ServoState};
 
 use crate::config::LimitConfig;
-use crate::protocol2::ServoError;
-use crate::xc330::{self, Access, REGISTERS, Register, hardware_error, mode};
 
 use self::indirect::MemoryWrite;
 
 /// Time off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
-/// Supply voltage below which a servo is off, V. Our reading.
+/// Supply voltage below which a servo is off, V. Interpretation.
 const BROWN_OUT_VOLTAGE: f64 = 5.0;
-/// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
+/// Overload: a servo stalled above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Interpretation.
 const OVERLOAD_CURRENT: f64 = 0.8;
 const OVERLOAD_TIME: f64 = 1.0;
-/// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Our reading.
+/// Temperature rise above ambient at 1 A in steady state, degrees Celsius, and its time constant, s. Interpretation.
 const TEMPERATURE_RISE: f64 = 60.0;
 const THERMAL_TIME_CONSTANT: f64 = 120.0;
 const AMBIENT_TEMPERATURE: f64 = 28.0;
@@ -130,7 +132,7 @@ impl EmulatedServo {
 
     /// Returns the return delay, s.
     pub fn return_delay(&self) -> f64 {
-        self.get(&xc330::RETURN_DELAY_TIME) as f64 * xc330::Unit::ReturnDelay.per_count()
+        self.get(&xc330::RETURN_DELAY_TIME) as f64 * Unit::ReturnDelay.per_count()
     }
 
     /// True if the servo takes part in the bus at `now` (s).
@@ -226,10 +228,7 @@ impl EmulatedServo {
             self.raise_errors(hardware_error::VOLTAGE);
         }
         let watchdog = self.get(&xc330::BUS_WATCHDOG);
-        if self.torque()
-            && watchdog > 0
-            && now - self.watchdog_fed_at > watchdog as f64 * xc330::Unit::Watchdog.per_count()
-        {
+        if self.torque() && watchdog > 0 && now - self.watchdog_fed_at > watchdog as f64 * Unit::Watchdog.per_count() {
             self.memory[usize::from(xc330::BUS_WATCHDOG.address)] = WATCHDOG_TRIPPED;
             self.tripped_at = Some((now, now - self.watchdog_fed_at));
             self.held_position = Some(self.position());
@@ -308,7 +307,7 @@ impl EmulatedServo {
 
     /// Returns the encoder counts over all turns.
     fn encoder(&self) -> i64 {
-        self.zero + (self.shaft.position / xc330::Unit::Angle.per_count()).round() as i64
+        self.zero + (self.shaft.position / Unit::Angle.per_count()).round() as i64
     }
 
     /// Returns the present position, counts, as the host sees it.
@@ -319,7 +318,7 @@ impl EmulatedServo {
     /// Returns the shaft angle, rad, at which the present position would be `position`.
     fn angle_of(&self, position: i64) -> f64 {
         let encoder = self.sign() as i64 * (position - self.get(&xc330::HOMING_OFFSET)) + self.lost_turns;
-        (encoder - self.zero) as f64 * xc330::Unit::Angle.per_count()
+        (encoder - self.zero) as f64 * Unit::Angle.per_count()
     }
 
     /// Applies a power-up: RAM is lost, whole turns are forgotten, torque is off.
@@ -402,7 +401,7 @@ impl EmulatedServo {
 
     /// Updates the present block, and the tick, in the control table.
     fn update_present_block(&mut self) {
-        let velocity = self.sign() * self.shaft.velocity / xc330::Unit::Velocity.per_count();
+        let velocity = self.sign() * self.shaft.velocity / Unit::Velocity.per_count();
         self.set(&xc330::REALTIME_TICK, (self.running_for * 1e3) as i64 % 32_768);
         self.set(&xc330::PRESENT_CURRENT, (self.sign() * self.shaft.current * 1e3).round() as i64);
         self.set(&xc330::PRESENT_VELOCITY, velocity.round() as i64);

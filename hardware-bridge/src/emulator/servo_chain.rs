@@ -2,8 +2,12 @@
 //!
 //! Line faults are drawn from a seeded generator; nothing else is random. In a sync or bulk read a servo answers only
 //! after all servos before it, so a missing servo silences those after it. A refused read ends a fast answer early.
-//! (Both are our reading.) Clear, factory reset and control table backup are refused with error 2.
+//! (Both are interpretations.) Clear, factory reset and control table backup are refused with error 2.
 
+use dynamixel_bus::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
+use dynamixel_bus::servo_bus::timing::LineTiming;
+use dynamixel_bus::x_series::hardware_error;
+use dynamixel_bus::xc330;
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,9 +15,6 @@ use rand_chacha::ChaCha8Rng;
 use super::faults::{ANSWER_DELAY, FaultEvent, FaultProbabilities, Faults};
 use super::servo::EmulatedServo;
 use crate::calibration::HandCalibration;
-use crate::protocol2::{BROADCAST_ID, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
-use crate::servo_bus::timing::LineTiming;
-use crate::xc330::{self, hardware_error};
 
 /// An answer on the line.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +103,7 @@ impl ServoChain {
         self.faults.probabilities = chances;
     }
 
-    /// Feeds the bus watchdogs of all servos that listen, as anything on the line does.
+    /// Feeds the bus watchdogs of all servos that listen, as any packet on the line does.
     pub fn feed_watchdogs(&mut self, now: f64) {
         for servo in self.servos.iter_mut().filter(|servo| servo.listens(now)) {
             servo.feed_watchdog(now);

@@ -1,7 +1,7 @@
+use dynamixel_bus::protocol2::Decoder;
 use proptest::prelude::*;
 
 use super::*;
-use crate::protocol2::Decoder;
 
 const BAUD: u32 = 3_000_000;
 
@@ -29,7 +29,7 @@ fn broadcast_ping_and_single_reads() {
     let mut chain = chain(&[]);
     assert_eq!(ids(&ask(&mut chain, BROADCAST_ID, Instruction::Ping, 0.0)), [1, 2, 3, 4, 5, 6]);
     let model = ask(&mut chain, 3, Instruction::Read { address: 0, length: 2 }, 0.0);
-    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::XC330_MODEL.to_le_bytes()[..]));
+    assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::MODEL.number.to_le_bytes()[..]));
     assert_eq!(ids(&ask(&mut chain, 9, Instruction::Ping, 0.0)), [0_u8; 0]);
 }
 
@@ -114,7 +114,7 @@ fn bulk_read_with_trouble() {
     assert_eq!(ids(&statuses), [1, 2]);
     assert_eq!(
         (statuses[0].error, &statuses[1].data[..]),
-        (Some(ServoError::Access), &xc330::XC330_MODEL.to_le_bytes()[..])
+        (Some(ServoError::Access), &xc330::MODEL.number.to_le_bytes()[..])
     );
 }
 
@@ -133,7 +133,7 @@ fn fast_bulk_read() {
     assert_eq!((bytes.len(), bytes[5], bytes[7]), (8 + 6 + 5, 12, 0x55));
     assert_eq!((&bytes[8..12], &bytes[14..17]), (&[0, 4, 111, 0][..], &[0, 2, 28][..]));
     for end in [12, 17] {
-        assert_eq!(bytes[end..end + 2], crate::protocol2::crc::crc16(&bytes[..end]).to_le_bytes());
+        assert_eq!(bytes[end..end + 2], dynamixel_bus::protocol2::crc::crc16(&bytes[..end]).to_le_bytes());
     }
 }
 

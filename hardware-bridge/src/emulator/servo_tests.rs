@@ -16,7 +16,7 @@ fn shaft(position: f64, velocity: f64, current: f64) -> ServoState {
 fn factory_values() {
     let servo = EmulatedServo::factory(100);
     assert_eq!((servo.id(), servo.baud(), servo.return_delay()), (1, 57_600, 500e-6));
-    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::XC330_MODEL));
+    assert_eq!(read(&servo, &xc330::MODEL_NUMBER), f64::from(xc330::MODEL.number));
     assert_eq!(read(&servo, &xc330::GOAL_CURRENT), 0.91);
 }
 
@@ -58,7 +58,7 @@ fn all_or_nothing() {
 #[test]
 fn position_limits_only_in_position_mode() {
     let mut servo = EmulatedServo::provisioned(1, 0);
-    let far = 9000.0 * xc330::Unit::Angle.per_count();
+    let far = 9000.0 * Unit::Angle.per_count();
     write(&mut servo, &xc330::GOAL_POSITION, far).expect("mode 5 ignores the limits");
     write(&mut servo, &xc330::OPERATING_MODE, 3.0).expect("position mode");
     assert_eq!(write(&mut servo, &xc330::GOAL_POSITION, far), Err(ServoError::DataLimit));

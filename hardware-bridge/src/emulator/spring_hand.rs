@@ -1,7 +1,7 @@
 //! A plant without a simulator: six servos on springs, an arm that follows its set-points exactly, and images of spots.
 //!
-//! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
-//! current the spring unwinds it to the open mark.
+//! It is a [`Plant`] and can replace the simulated one. Each servo winds against a spring between two hard stops;
+//! without current the spring unwinds it to the open mark.
 
 use crate::supported_robot::SERVOS;
 use std::sync::Arc;

@@ -38,7 +38,7 @@ fn asks_and_answers() {
     assert_eq!(std::fs::read_to_string(&path).expect("still there"), "somebody's file");
 }
 
-/// A group's socket is accessible to that group and to nobody else.
+/// A group's socket is accessible to that group only.
 #[test]
 fn a_socket_of_the_operators_is_open_to_their_group_alone() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -49,7 +49,8 @@ fn a_socket_of_the_operators_is_open_to_their_group_alone() {
     assert_eq!((found.mode() & 0o777, found.gid()), (0o660, group));
 }
 
-/// Callers that send a byte now and then, say nothing, or wait for a release prevent nobody from stopping the robot.
+/// Callers that send a byte now and then, send nothing, or wait for a release do not prevent others from stopping the
+/// robot.
 #[test]
 fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -66,7 +67,7 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     let dripping = UnixStream::connect(&path).expect("connects");
     let mut drip = dripping.try_clone().expect("cloned");
     let dripper = std::thread::spawn(move || {
-        // Until the door closes the connection.
+        // Until the endpoint closes the connection.
         while drip.write_all(b"h").is_ok() {
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -81,7 +82,7 @@ fn a_stop_client_that_drips_bytes_does_not_block_others() {
     assert_eq!(releasing.join().expect("no panic").expect("answered").text, "Release");
 }
 
-/// A socket behind which nobody answers does not keep the others from being told.
+/// A socket that never answers does not delay the requests to the others.
 #[test]
 fn all_robots_are_told_at_once() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,8 +1,7 @@
 //! The server of the stop sockets, in the running bridge.
 //!
 //! One thread serves all callers at once. A caller has [`LINE_TIMEOUT`] for its line, however slowly it sends, and is
-//! answered on a separate thread. Neither a slow caller nor one that waits for a release keeps another from stopping
-//! the robot.
+//! answered on a separate thread. Neither a slow caller nor one that waits for a release delays a stop by another.
 
 use std::fs::{DirBuilder, Permissions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -24,7 +23,7 @@ const LINE_TIMEOUT: Duration = Duration::from_millis(500);
 const MAX_LINE_LENGTH: usize = 64;
 /// Maximum number of callers that are waited for; the oldest is dropped for a new one.
 const MAX_CALLERS: usize = 64;
-/// Maximum number of requests in progress; those to hold are always taken.
+/// Maximum number of requests in progress; those to hold are always accepted.
 const MAX_REQUESTS: usize = 32;
 /// Interval between checks whether the bridge has ended.
 const POLL_INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
@@ -97,7 +96,7 @@ fn bind(path: &Path, group: Option<u32>) -> io::Result<UnixListener> {
         std::fs::rename(&inside, path)?;
         Ok(listener)
     });
-    // The folder is empty, or holds a socket that is of no use.
+    // The folder is empty, or holds an unusable socket.
     let _ = std::fs::remove_dir_all(&folder);
     made
 }
@@ -209,7 +208,7 @@ fn write_answer(mut stream: &UnixStream, of: &str, answer: &Result<String, Strin
         Err(text) => ("no", text),
     };
     let line = |text: &str| text.replace(['\n', '\r'], " ");
-    // A caller that hangs up early gets no answer, and needs none.
+    // A caller that hangs up early gets no answer.
     let _ = stream.write_all(format!("{word}: {}\nof: {}\n", line(text), line(of)).as_bytes());
 }
 

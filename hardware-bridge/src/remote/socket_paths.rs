@@ -1,9 +1,9 @@
 //! Location of the stop sockets, which any terminal finds without a configuration.
 //!
-//! On a computer that `ftac bridge install` has set up, they are in [`OPERATORS_FOLDER`], open to the group of the operators.
-//! Elsewhere they are in a folder of the user who runs the robot, open only to that user and to root. A socket is
-//! called `MAX_STEM_LENGTH-KEY.PROCESS.stop`. The key is a hash of the path of the robot's configuration, so that `--config FILE`
-//! finds its robot even if the file has changed since.
+//! On a computer that `ftac bridge install` has set up, they are in [`OPERATORS_FOLDER`], open to the group of the
+//! operators. Elsewhere they are in a folder of the user who runs the robot, open only to that user and to root. A
+//! socket is called `NAME-KEY.PROCESS.stop`. The key is a hash of the path of the robot's configuration, so that
+//! `--config FILE` finds its robot even if the file has changed since.
 
 use std::fs::{DirBuilder, Metadata};
 use std::io;
@@ -37,7 +37,7 @@ pub fn user_id() -> io::Result<u32> {
 /// Returns the folder for this process's stop socket, and creates it if it is the user's own.
 ///
 /// # Errors
-/// The user's own folder cannot be created, or somebody else has created it.
+/// The user's own folder cannot be created, or belongs to another user.
 pub fn folder() -> io::Result<SocketFolder> {
     folder_at(Path::new(OPERATORS_FOLDER), &user_folder(user_id()?))
 }
@@ -45,7 +45,7 @@ pub fn folder() -> io::Result<SocketFolder> {
 fn folder_at(shared: &Path, own: &Path) -> io::Result<SocketFolder> {
     let why_own = match std::fs::metadata(shared) {
         Err(error) => format!("{}: {error}; `ftac bridge install` makes it", shared.display()),
-        Ok(found) if found.mode() & 0o002 != 0 => format!("{}: anybody may write there", shared.display()),
+        Ok(found) if found.mode() & 0o002 != 0 => format!("{}: writable by every user", shared.display()),
         Ok(found) => match check_writable(shared) {
             Ok(()) => {
                 return Ok(SocketFolder { path: shared.to_owned(), group: Some(found.gid()), fallback_reason: None });
@@ -61,7 +61,7 @@ fn folder_at(shared: &Path, own: &Path) -> io::Result<SocketFolder> {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(failed(error.to_string())),
         _ => {}
     }
-    // Where anybody may write, somebody else may have created it first.
+    // In a folder that every user may write, another user may have created it first.
     let found = std::fs::symlink_metadata(own)?;
     if !is_private(&found, user) {
         let (owner, mode) = (found.uid(), found.mode() & 0o7777);
@@ -124,7 +124,7 @@ pub fn find_sockets() -> (Vec<PathBuf>, Vec<PathBuf>) {
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
     };
     folders.extend(children(Path::new("/run/user")).into_iter().map(|session| session.join("ftac")));
-    // Only folders of the user in their name count: anybody may create folders there.
+    // Only folders of the user in their name count: every user may create folders there.
     let own =
         |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|found| *path == temporary_folder(found.uid()));
     folders.extend(children(Path::new("/tmp")).into_iter().filter(own));
@@ -152,7 +152,7 @@ pub fn belongs_to_robot(socket: &Path, config: &Path) -> bool {
     name.strip_prefix(&stem(config)).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// Removes stale sockets of this user's robots in `folder`, on which nobody listens any more.
+/// Removes stale sockets of this user's robots in `folder`, which no process serves any more.
 pub fn remove_stale_sockets(folder: &Path) {
     for socket in sockets_in(folder) {
         let refused = std::os::unix::net::UnixStream::connect(&socket).map_err(|error| error.kind());
@@ -169,8 +169,8 @@ mod tests {
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt as _;
 
-    /// The operators' folder is used if possible, otherwise the user's own, with the reason. A folder that somebody
-    /// else could have created is refused.
+    /// The operators' folder is used if possible, otherwise the user's own, with the reason. A folder that another user
+    /// could have created is refused.
     #[test]
     fn the_folder_is_the_operators_or_ones_own() {
         let root = tempfile::tempdir().expect("a folder");
@@ -184,13 +184,13 @@ mod tests {
         let found = folder_at(&shared, &own).expect("the operators'");
         assert_eq!((&found.path, found.group.is_some(), found.fallback_reason), (&shared, true, None));
         std::fs::set_permissions(&shared, Permissions::from_mode(0o777)).expect("set");
-        assert_eq!(folder_at(&shared, &own).expect("its own").path, own, "not where anybody may write");
+        assert_eq!(folder_at(&shared, &own).expect("its own").path, own, "not a folder that every user may write");
         std::fs::set_permissions(&own, Permissions::from_mode(0o755)).expect("set");
         let error = folder_at(&shared, &own).expect_err("open to others").to_string();
         assert!(error.contains("mode 755") && error.contains("mode 700"), "{error}");
     }
 
-    /// A configuration identifies its robot's socket by its path, whatever it holds and even if it does not exist.
+    /// A configuration identifies its robot's socket by its path, regardless of its content, even if it does not exist.
     #[test]
     fn a_robot_is_found_by_the_path_of_its_configuration() {
         let root = tempfile::tempdir().expect("a folder");

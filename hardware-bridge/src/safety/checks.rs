@@ -34,7 +34,7 @@ pub struct ArmReading {
     pub received_at: f64,
     /// State of the joints.
     pub state: ArmState,
-    /// Trouble that the arm is in, if any.
+    /// Trouble of the arm, if any.
     pub fault: Option<ArmTrouble>,
 }
 

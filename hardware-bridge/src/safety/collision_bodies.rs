@@ -307,7 +307,7 @@ mod tests {
     }
 
     /// Upright and at home nothing touches; the forearm and the link after the next are always 20 mm apart. Folded in
-    /// at the elbow the hand runs into the arm, and the parts are named.
+    /// at the elbow, the hand collides with the arm, and the parts are named.
     #[test]
     fn folded_in_it_runs_into_itself() {
         let bodies = CollisionBodies::new(&RobotModel::ftac_gen3());

@@ -89,8 +89,9 @@ pub struct SafeGoal {
 impl ServoLimits {
     /// Limits the goal `asked`, `dt` (s) after `previous` was sent, with the shaft at `measured` (rad).
     ///
-    /// A current command becomes a goal [`GOAL_LEAD`] ahead of the shaft in the requested direction under that current. One
-    /// operating mode thus serves both kinds of command, and the angle limits apply to both, except for [`MAX_GOAL_OVERTRAVEL`].
+    /// A current command becomes a goal [`GOAL_LEAD`] ahead of the shaft in the requested direction under that current.
+    /// One operating mode thus serves both kinds of command, and the angle limits apply to both, except for
+    /// [`MAX_GOAL_OVERTRAVEL`].
     pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
         let (low, high) = self.angle;
         let (target, current, high) = match *asked {

@@ -42,11 +42,11 @@ pub enum ArmTrouble {
     Network,
     /// Commands that were sent in time did not reach the arm in time.
     CommandsLost,
-    /// Commands reached the arm too late, or its session expired, because this program was held up.
+    /// Commands reached the arm too late, or its session expired, because this program was delayed.
     HostLate,
     /// The arm ended the connection.
     Closed,
-    /// The arm does not know our session any more, although it was kept alive.
+    /// The arm has lost the session, although it was kept alive.
     SessionLost,
     /// Another client controls the arm.
     OtherClient,
@@ -64,15 +64,15 @@ impl fmt::Display for ArmTrouble {
             Self::Watchdog => {
                 "it stopped by itself, because no commands came; is this computer overloaded? Then run `ftac bridge clear-faults`"
             }
-            Self::Network => "nothing comes from it; check the network cable and the arm's supply",
+            Self::Network => "no data arrives from it; check the network cable and the arm's supply",
             Self::CommandsLost => {
                 "commands that were sent in time did not reach it: the network loses or delays them; use a cable of its own, without a switch that others use. Then run `ftac bridge clear-faults`"
             }
             Self::HostLate => {
-                "this program was held up, and it heard nothing for too long; is this computer overloaded, or was it suspended? Then run `ftac bridge clear-faults`"
+                "this program was delayed, and the arm received nothing for too long; is this computer overloaded, or was it suspended? Then run `ftac bridge clear-faults`"
             }
             Self::Closed => "it ended the connection; did it restart?",
-            Self::SessionLost => "it does not know this session any more, which was kept in time; did it restart?",
+            Self::SessionLost => "it has lost this session, which was kept alive in time; did it restart?",
             Self::OtherClient => {
                 "another client has taken control of it (its web page, or another program); end that, then start again"
             }
@@ -123,7 +123,7 @@ pub enum StopCause {
     Voltage(usize, f64),
     /// A servo that raised its alert bit: see its hardware error status.
     ServoAlert(usize),
-    /// A servo that lost its torque without being asked: it restarted.
+    /// A servo that lost its torque without a request: it restarted.
     TorqueLost(usize),
     /// A servo that was stopped by its bus watchdog.
     WatchdogTripped(usize),
@@ -160,7 +160,7 @@ impl fmt::Display for StopCause {
                     ms(age)
                 )
             }
-            Self::ArmSilent(age) => write!(f, "arm: no word for {}; check the network cable", ms(age)),
+            Self::ArmSilent(age) => write!(f, "arm: no measurement for {}; check the network cable", ms(age)),
             Self::ArmFault(trouble) => write!(f, "arm: {trouble}"),
             Self::ArmTorque(joint, torque) => write!(
                 f,
@@ -213,7 +213,7 @@ impl fmt::Display for StopCause {
                 write!(f, "{}: it restarted and has no torque; check the supply, support what is held", ServoName(*n))
             }
             Self::WatchdogTripped(n) => {
-                write!(f, "{}: it heard nothing for too long and stopped itself", ServoName(*n))
+                write!(f, "{}: it received nothing for too long and stopped itself", ServoName(*n))
             }
         }
     }
@@ -236,10 +236,10 @@ impl fmt::Display for SupervisorState {
 
 /// A transition that the present state does not allow.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("cannot {wish} while {state}")]
+#[error("cannot {transition} while {state}")]
 pub struct TransitionRefused {
     /// Requested transition.
-    pub wish: &'static str,
+    pub transition: &'static str,
     /// State at the time of the request.
     pub state: String,
 }

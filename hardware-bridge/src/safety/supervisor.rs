@@ -67,7 +67,7 @@ pub struct Supervisor {
     sent: SafeCommand,
     /// Speeds that remain of the arm's set-points since it was stopped, rad/s.
     braking: Option<ArmVector>,
-    /// Measured posture of an arm that pressed, to which it is sent to give way, rad.
+    /// Measured posture of an arm that pressed, to which it is sent to yield, rad.
     giving_way: Option<ArmVector>,
     set_points: SetPoints,
     /// Number and time (s) of the command that the set-points follow.
@@ -122,7 +122,7 @@ impl Supervisor {
         self.transition(SupervisorState::Connected, "connect", |state| matches!(state, SupervisorState::Disconnected))
     }
 
-    /// Notes that the devices are gone or given up.
+    /// Notes that the devices are gone or abandoned.
     pub fn disconnect(&mut self) {
         self.state = SupervisorState::Disconnected;
     }
@@ -225,7 +225,7 @@ impl Supervisor {
         }
     }
 
-    /// Monitors the arm's torques. An arm that presses too hard is stopped, if it is not already, and gives way.
+    /// Monitors the arm's torques. An arm that presses too hard is stopped, if it is not already, and yields.
     fn monitor_torque(&mut self, measured: &Measurements, now: f64) {
         let on = !matches!(
             self.state,
@@ -266,7 +266,7 @@ impl Supervisor {
         }
     }
 
-    /// Brakes the arm from the speed at which it moves. An arm that gives way returns to its measured posture instead.
+    /// Brakes the arm from the speed at which it moves. An arm that yields returns to its measured posture instead.
     fn brake(&mut self, measured: &Measurements, dt: f64) {
         if let Some(place) = &self.giving_way {
             self.sent.arm = self.limits.arm.limit(place, &self.sent.arm, dt);
@@ -319,11 +319,11 @@ impl Supervisor {
     fn transition(
         &mut self,
         to: SupervisorState,
-        wish: &'static str,
+        transition: &'static str,
         from: impl Fn(&SupervisorState) -> bool,
     ) -> Result<(), TransitionRefused> {
         if !from(&self.state) {
-            return Err(TransitionRefused { wish, state: self.state.to_string() });
+            return Err(TransitionRefused { transition, state: self.state.to_string() });
         }
         self.state = to;
         Ok(())

@@ -78,7 +78,7 @@ fn a_stop_before_the_torque_is_kept() {
     assert_eq!(refused, "cannot arm while connected");
 }
 
-/// An arm that presses is stopped with a named cause and gives way: it is sent to its measured posture and no longer to
+/// An arm that presses is stopped with a named cause and yields: it is sent to its measured posture and no longer to
 /// its goal. So is one that presses during a hold of another cause.
 #[test]
 fn an_arm_that_presses_gives_way() {
@@ -163,11 +163,12 @@ fn hold_keeps_what_is_held() {
         let SupervisorState::Hold(found) = supervisor.state() else { panic!("{}", supervisor.state()) };
         assert_eq!(std::mem::discriminant(&found), std::mem::discriminant(&cause));
         let (later, _) = run(&mut supervisor, &winding(-0.3), 50, now + DT);
-        assert_eq!(sent(later), sent(before), "a hold ends only by a wish");
+        assert_eq!(sent(later), sent(before), "a hold ends only by a request");
     }
 }
 
-/// A hold brakes the arm from the speed at which it moves, whoever requests it; a joint at rest stays at its set-point.
+/// A hold brakes the arm from the speed at which it moves, regardless of its cause; a joint at rest stays at its
+/// set-point.
 #[test]
 fn a_hold_brakes_the_arm() {
     let mut supervisor = armed(0.0);
@@ -296,8 +297,7 @@ fn moves() -> impl Strategy<Value = Move> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// No command is ever outside its limits, no goal jumps and no grip is lost in a hold, whatever happens in whatever
-    /// order.
+    /// No command is ever outside its limits, no goal jumps and no grip is lost in a hold, for any sequence of events.
     #[test]
     fn no_command_ever_outside_limits(moves in prop::collection::vec(moves(), 1..120)) {
         let limits = limits();

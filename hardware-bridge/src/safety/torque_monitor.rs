@@ -1,9 +1,9 @@
 //! Detection of pressing: joint torques of the arm beyond those that weight and motion explain.
 //!
 //! The arm's torque sensors measure the weight of arm and hand, the torque that accelerates them, the load in the hand,
-//! and contact forces. The first two come from the model ([`GravityModel`]); the third may be any mass from zero up to the
-//! stated payload. The remainder is a push: by the table, by an object that cannot give way, or by somebody in the
-//! arm's way.
+//! and contact forces. The first two come from the model ([`GravityModel`]); the third may be any mass from zero up to
+//! the stated payload. The remainder is an external wrench: from the table, from a rigid object, or from a person in
+//! the arm's way.
 //!
 //! Accelerations are not measured. A generalised momentum observer (De Luca and Mattone, 2003) does without them: the
 //! momentum `p = M(q) dq/dt` changes by the joint torque beyond weight, and the residual follows the remainder with a
@@ -29,7 +29,7 @@ pub struct TorqueLimits {
     pub residual: ArmVector,
     /// Heaviest load in the hand, kg.
     pub payload: f64,
-    /// Duration of the longest jolt, s: a residual above its limit for longer is a push.
+    /// Duration of the longest jolt, s: a residual above its limit for longer counts as a push.
     pub jolt_time: f64,
     /// Duration of the longest passing load, s: a torque above its limit for longer stops the arm. The small joints
     /// reach their limit in a firm grasp.
@@ -138,7 +138,7 @@ impl TorqueMonitor {
         worst.map(|(_, cause)| cause)
     }
 
-    /// Resets observer and timers, once the arm has given way or while it brakes.
+    /// Resets observer and timers, once the arm has yielded or while it brakes.
     pub fn reset(&mut self) {
         (self.last, self.unexplained) = (None, ArmTorques::zeros());
         self.above.iter_mut().for_each(|times| *times = [0.0; 2]);

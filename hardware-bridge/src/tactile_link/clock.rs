@@ -57,7 +57,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Whatever the delays in the two directions, the error is within half the shortest round trip plus the drift.
+        /// For any delays in the two directions, the error is within half the shortest round trip plus the drift.
         #[test]
         fn within_half_a_round_trip(
             offset in -1e6..1e6_f64,

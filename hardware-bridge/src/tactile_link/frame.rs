@@ -37,7 +37,7 @@ pub enum FrameError {
     Endless(usize),
 }
 
-/// Computes a short digest of bytes, to tell equal ones from different ones.
+/// Computes a short digest of bytes, to distinguish equal from different ones.
 pub fn digest(bytes: &[u8]) -> u32 {
     CRC32C.checksum(bytes)
 }
@@ -113,7 +113,7 @@ mod tests {
         }
     }
 
-    /// Worked out by an independent program (another language, another COBS and CRC).
+    /// Computed by an independent program (another language, another COBS and CRC).
     const VECTORS: [&str; 7] = [
         "01 05 51 53 7d 52 00",
         "09 01 01 07 12 dc 0d 6b bb 00",

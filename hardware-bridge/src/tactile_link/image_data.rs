@@ -1,6 +1,6 @@
 //! Conversion of an image's bytes to and from 240 x 240 RGB pixels.
 //!
-//! A JPEG decoder accepts much that a camera got wrong, so the markers are checked first: the data must begin with SOI
+//! A JPEG decoder accepts many errors of a camera, so the markers are checked first: the data must begin with SOI
 //! (`FF D8`) and hold EOI (`FF D9`). Padding after EOI, which the OV2640 adds, is cut off. The decoder judges the data
 //! in between; damage that it does not detect cannot be detected here. Damage in transit is detected by the frame's
 //! CRC.

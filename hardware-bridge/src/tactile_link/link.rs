@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dynamixel_bus::exclusive;
 use hand_model::robot::TactileFrame;
 use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
@@ -17,7 +18,6 @@ use super::deframer::Deframer;
 use super::message::{LinkImage, LinkMessage, VERSION};
 use super::{frame, image_data};
 use crate::clock::Clock;
-use crate::exclusive;
 use crate::lock::lock;
 
 /// Baud rate. A USB serial device ignores it; a real line at this rate carries two images a second.

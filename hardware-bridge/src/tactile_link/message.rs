@@ -1,7 +1,7 @@
 //! Messages between host and camera board.
 //!
 //! The host asks and the board answers; the board never speaks first. `Hello` opens a session and is answered with
-//! `Welcome`. `WhatTime` is answered at once with `Time`. `CaptureFailed` is answered with one `LinkImage` of every camera, in
+//! `Welcome`. `WhatTime` is answered at once with `Time`. `Capture` is answered with one `Image` of every camera, in
 //! camera order, each as soon as it has been read out, or with `CameraFault` instead.
 //!
 //! postcard writes an enum as its variant's number (in the order below) followed by the fields, integers above 8 bits

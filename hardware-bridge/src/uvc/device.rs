@@ -19,24 +19,24 @@ use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::frame::digest;
 
 /// Folder of the names of cameras, which survive replugging.
-const BY_ID: &str = "/dev/v4l/by-id";
+const BY_ID_FOLDER: &str = "/dev/v4l/by-id";
 /// Polling interval for a picture.
-const LOOK: Duration = Duration::from_millis(1);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// Silence after which a device is taken to be gone.
-const SILENCE: Duration = Duration::from_secs(2);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Frame rate that is requested, Hz.
-const RATE: u32 = 30;
+const FRAME_RATE: u32 = 30;
 
 /// Error of the UVC cameras.
 #[derive(Debug, thiserror::Error)]
 pub enum UvcError {
     /// No device, or several, have this name.
     #[error(
-        "uvc device `{wanted}`: found {found}, expected one: a path, a part of a name below {BY_ID} (it has the serial number), or the card's name"
+        "uvc device `{requested}`: found {found}, expected one: a path, a part of a name below {BY_ID_FOLDER} (it has the serial number), or the card's name"
     )]
     Which {
         /// Name in the configuration.
-        wanted: String,
+        requested: String,
         /// Devices found.
         found: String,
     },
@@ -55,18 +55,18 @@ pub enum UvcError {
 }
 
 #[derive(Default)]
-struct Books {
+struct ImageQueue {
     /// Counters of every camera of the hand.
     cameras: Vec<CameraCounters>,
     ready: Vec<TactileFrame>,
-    lost: Option<String>,
+    failure: Option<String>,
 }
 
 /// Open UVC cameras.
 pub struct UvcCameras {
-    books: Arc<Mutex<Books>>,
-    /// Flag for each device, true if a picture of it is wanted.
-    wanted: Vec<Arc<AtomicBool>>,
+    queue: Arc<Mutex<ImageQueue>>,
+    /// Flag for each device, true if a picture of it is requested.
+    requested: Vec<Arc<AtomicBool>>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -78,49 +78,51 @@ impl UvcCameras {
     /// # Errors
     /// A [`UvcError`] that names the first device that is not as configured.
     pub fn open(devices: &[UvcConfig], cameras: usize, clock: &Clock) -> Result<Self, UvcError> {
-        let books =
-            Arc::new(Mutex::new(Books { cameras: vec![CameraCounters::default(); cameras], ..Books::default() }));
+        let queue = Arc::new(Mutex::new(ImageQueue {
+            cameras: vec![CameraCounters::default(); cameras],
+            ..ImageQueue::default()
+        }));
         let stop = Arc::new(AtomicBool::new(false));
-        let mut cameras = Self { books, wanted: Vec::new(), stop, threads: Vec::new() };
+        let mut cameras = Self { queue, requested: Vec::new(), stop, threads: Vec::new() };
         for config in devices {
             let name = config.device.clone();
             let failed = |source| UvcError::Device { device: name.clone(), source };
             let (stream, interval) = start(config)?;
-            let wanted = Arc::new(AtomicBool::new(false));
-            let watcher = Watcher {
+            let requested = Arc::new(AtomicBool::new(false));
+            let reader = DeviceReader {
                 stream,
                 interval,
                 config: config.clone(),
-                books: cameras.books.clone(),
-                wanted: wanted.clone(),
+                queue: cameras.queue.clone(),
+                requested: requested.clone(),
                 stop: cameras.stop.clone(),
                 clock: clock.clone(),
             };
-            let thread = std::thread::Builder::new().name("uvc camera".into()).spawn(move || watcher.run());
+            let thread = std::thread::Builder::new().name("uvc camera".into()).spawn(move || reader.run());
             cameras.threads.push(thread.map_err(failed)?);
-            cameras.wanted.push(wanted);
+            cameras.requested.push(requested);
         }
         Ok(cameras)
     }
 
     /// Requests one image of every camera, from the next picture of each device.
     pub fn request_capture(&self) {
-        self.wanted.iter().for_each(|wanted| wanted.store(true, Ordering::Release));
+        self.requested.iter().for_each(|requested| requested.store(true, Ordering::Release));
     }
 
     /// Returns the images finished since the last call.
-    pub fn take(&self) -> Vec<TactileFrame> {
-        std::mem::take(&mut lock(&self.books).ready)
+    pub fn take_images(&self) -> Vec<TactileFrame> {
+        std::mem::take(&mut lock(&self.queue).ready)
     }
 
     /// Returns the counters of every camera. Lost images are estimated from the time between two pictures.
-    pub fn cameras(&self) -> Vec<CameraCounters> {
-        lock(&self.books).cameras.clone()
+    pub fn camera_counters(&self) -> Vec<CameraCounters> {
+        lock(&self.queue).cameras.clone()
     }
 
     /// Returns the device that stopped working, and the reason, if one did.
-    pub fn lost(&self) -> Option<String> {
-        lock(&self.books).lost.clone()
+    pub fn failure(&self) -> Option<String> {
+        lock(&self.queue).failure.clone()
     }
 }
 
@@ -146,37 +148,37 @@ fn start(config: &UvcConfig) -> Result<(ReadStream, f64), UvcError> {
     let [width, height] = config.size;
     let capture = device.video_capture(PixFormat::new(width, height, pixels)).map_err(failed)?;
     let shown = |width, height, pixels: PixelFormat| format!("{width} x {height} {pixels:?}");
-    let (offered, asked) = (capture.format(), shown(width, height, pixels));
+    let (offered, expected) = (capture.format(), shown(width, height, pixels));
     let found = shown(offered.width(), offered.height(), offered.pixel_format());
-    if found != asked {
-        return Err(UvcError::Format { device: config.device.clone(), found, expected: asked });
+    if found != expected {
+        return Err(UvcError::Format { device: config.device.clone(), found, expected });
     }
     // Some drivers have only one rate and refuse the request.
-    let interval = capture.set_frame_interval(Fract::new(1, RATE)).unwrap_or(Fract::new(1, RATE));
+    let interval = capture.set_frame_interval(Fract::new(1, FRAME_RATE)).unwrap_or(Fract::new(1, FRAME_RATE));
     let seconds = f64::from(interval.numerator()) / f64::from(interval.denominator().max(1));
     Ok((capture.into_stream().map_err(failed)?, seconds.max(1e-3)))
 }
 
-/// Returns the device file that `wanted` names.
-fn find(wanted: &str) -> Result<PathBuf, UvcError> {
-    if wanted.starts_with('/') {
-        return Ok(PathBuf::from(wanted));
+/// Returns the device file with this name.
+fn find(name: &str) -> Result<PathBuf, UvcError> {
+    if name.starts_with('/') {
+        return Ok(PathBuf::from(name));
     }
-    let which = |found: String| UvcError::Which { wanted: wanted.to_owned(), found };
-    let named = match std::fs::read_dir(BY_ID) {
+    let not_one = |found: String| UvcError::Which { requested: name.to_owned(), found };
+    let named = match std::fs::read_dir(BY_ID_FOLDER) {
         Ok(entries) => entries
             .flatten()
             .map(|entry| entry.path())
             // A camera has further indices for data other than pictures.
-            .filter(|path| name_of(path).contains(wanted) && name_of(path).ends_with("index0"))
+            .filter(|path| name_of(path).contains(name) && name_of(path).ends_with("index0"))
             .collect(),
         Err(_) => Vec::new(),
     };
-    let found = if named.is_empty() { of_card(wanted) } else { named };
+    let found = if named.is_empty() { of_card(name) } else { named };
     match &found[..] {
         [one] => Ok(one.clone()),
-        [] => Err(which("none".to_owned())),
-        several => Err(which(several.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "))),
+        [] => Err(not_one("none".to_owned())),
+        several => Err(not_one(several.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "))),
     }
 }
 
@@ -185,62 +187,62 @@ fn name_of(path: &Path) -> String {
 }
 
 /// Returns the devices whose card has this name, except those that cannot be queried.
-fn of_card(wanted: &str) -> Vec<PathBuf> {
+fn of_card(name: &str) -> Vec<PathBuf> {
     let Ok(devices) = linuxvideo::list() else { return Vec::new() };
     let is_it = |device: &Device| {
         device.capabilities().is_ok_and(|found| {
-            found.card() == wanted && found.device_capabilities().contains(CapabilityFlags::VIDEO_CAPTURE)
+            found.card() == name && found.device_capabilities().contains(CapabilityFlags::VIDEO_CAPTURE)
         })
     };
     devices.flatten().filter(is_it).filter_map(|device| device.path().ok()).collect()
 }
 
 /// State of a device's thread.
-struct Watcher {
+struct DeviceReader {
     stream: ReadStream,
     interval: f64,
     config: UvcConfig,
-    books: Arc<Mutex<Books>>,
-    wanted: Arc<AtomicBool>,
+    queue: Arc<Mutex<ImageQueue>>,
+    requested: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
     clock: Clock,
 }
 
-impl Watcher {
+impl DeviceReader {
     fn run(mut self) {
-        if let Err(error) = self.watch() {
-            lock(&self.books).lost = Some(format!("{}: {error}", self.config.device));
+        if let Err(error) = self.read_pictures() {
+            lock(&self.queue).failure = Some(format!("{}: {error}", self.config.device));
         }
     }
 
-    fn watch(&mut self) -> std::io::Result<()> {
+    fn read_pictures(&mut self) -> std::io::Result<()> {
         let (mut last, mut sequence) = (Instant::now(), 0_u32);
         while !self.stop.load(Ordering::Relaxed) {
             if self.stream.will_block()? {
-                if last.elapsed() > SILENCE {
+                if last.elapsed() > SILENCE_TIMEOUT {
                     return Err(std::io::ErrorKind::TimedOut.into());
                 }
-                std::thread::sleep(LOOK);
+                std::thread::sleep(POLL_INTERVAL);
                 continue;
             }
             // The flag is read before the picture is taken out: a request that comes in between gets the next picture.
-            let asked = self.wanted.load(Ordering::Acquire);
+            let requested = self.requested.load(Ordering::Acquire);
             let (data, damaged) = self.stream.dequeue(|view| Ok((view.to_vec(), view.is_error())))?;
             let now = self.clock.now();
             let passed = (std::mem::replace(&mut last, Instant::now()).elapsed().as_secs_f64() / self.interval).round();
             sequence = sequence.wrapping_add((passed as u32).max(1));
             self.note(&data, damaged, sequence);
-            if asked && !damaged && self.deliver(&data, sequence, now) {
-                self.wanted.store(false, Ordering::Release);
+            if requested && !damaged && self.deliver(&data, sequence, now) {
+                self.requested.store(false, Ordering::Release);
             }
         }
         Ok(())
     }
 
     fn note(&self, data: &[u8], damaged: bool, sequence: u32) {
-        let (mut books, digest) = (lock(&self.books), digest(data));
+        let (mut queue, digest) = (lock(&self.queue), digest(data));
         for square in &self.config.squares {
-            let camera = &mut books.cameras[square.camera];
+            let camera = &mut queue.cameras[square.camera];
             camera.note_arrival(sequence, digest);
             camera.faults += u64::from(damaged);
         }
@@ -253,17 +255,17 @@ impl Watcher {
             UvcFormat::Mjpeg => Picture::from_mjpeg(data, size),
             UvcFormat::Yuyv => Picture::from_yuyv(data, size),
         };
-        let mut books = lock(&self.books);
+        let mut queue = lock(&self.queue);
         let mut whole = true;
         for square in &self.config.squares {
             match picture.as_ref().map(|picture| picture.square((square.x, square.y))) {
                 Ok(Ok(image)) => {
-                    books.cameras[square.camera].note_good(now);
+                    queue.cameras[square.camera].note_decoded(now);
                     let (camera, sequence) = (square.camera, u64::from(sequence));
-                    books.ready.push(TactileFrame { camera, time: now, sequence, image: Arc::new(image) });
+                    queue.ready.push(TactileFrame { camera, time: now, sequence, image: Arc::new(image) });
                 }
                 _ => {
-                    books.cameras[square.camera].undecodable += 1;
+                    queue.cameras[square.camera].undecodable += 1;
                     whole = false;
                 }
             }

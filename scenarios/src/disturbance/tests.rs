@@ -16,14 +16,14 @@ fn error(tables: &str) -> String {
     parse(tables).unwrap_err().to_string()
 }
 
-/// Every scenario file that comes with the program is valid and disturbs what its name says.
+/// Every built-in scenario file is valid and contains the disturbance of its name.
 #[test]
 fn the_files_are_sound() {
     let set = ObjectSet::standard();
     let mut kinds = Vec::new();
     for entry in std::fs::read_dir("data").unwrap() {
         let path = entry.unwrap().path();
-        // Transports are another kind of file, with a test of their own.
+        // Transports are another kind of file with a separate test.
         if path.is_dir() {
             continue;
         }
@@ -39,7 +39,7 @@ fn the_files_are_sound() {
     }
 }
 
-/// Omitted fields are the benchmark's; without a base, a file has to state everything.
+/// Omitted fields are the benchmark's; without a base, a file must state everything.
 #[test]
 fn a_file_extends_the_benchmark() {
     let mine = parse("").unwrap();

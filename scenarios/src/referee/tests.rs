@@ -28,7 +28,7 @@ fn perfect(objects: usize, phase: Phase, time: f64) -> SceneTruth {
     }
 }
 
-/// Returns the phases of a trial that begins with putting an object down and stepping aside to look.
+/// Returns the phases of a trial that begins with putting an object down and stepping aside for a detection.
 fn phases() -> Vec<Phase> {
     let aside = [Skill::PutDown, Skill::StepAside].map(|skill| Phase::run(skill, 0));
     aside.into_iter().chain(Phase::trial_phases(2)).collect()
@@ -307,7 +307,7 @@ fn run_list(objects: usize, change: impl Fn(&mut SceneTruth)) -> (Verdict, usize
     (referee.verdict(), referee.tries().len())
 }
 
-/// In trials of one and of three objects, each object is judged: it has to be picked up and stay in the hand.
+/// In trials of one and of three objects, each object is judged: it must be picked up and stay in the hand.
 #[test]
 fn a_list_of_one_or_three_is_judged_object_by_object() {
     for objects in [1, 3] {

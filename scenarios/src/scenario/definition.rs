@@ -45,7 +45,7 @@ pub struct Scenario {
     pub version: u32,
     /// Name for people.
     pub name: String,
-    /// The user's own objects.
+    /// The user's objects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub object: Vec<ObjectFile>,
     /// Names of the objects that may come first.
@@ -70,9 +70,8 @@ pub struct Scenario {
     pub effects: Effects,
     /// Disturbances beside the noise.
     pub disturbance: Disturbances,
-    /// Effort level of the search for second grasps of pairs that come without a plan. At levels above 0, they are
-    /// searched for and proven in randomly drawn conditions. At 0, they are planned and tested under aiming errors
-    /// alone.
+    /// Effort level of the search for second grasps of pairs without a plan. At levels above 0, they are searched for
+    /// and verified in randomly drawn conditions. At 0, they are planned and tested under aiming errors alone.
     #[serde(skip_serializing_if = "is_zero")]
     pub effort: u32,
 }
@@ -82,8 +81,7 @@ fn is_zero(level: &u32) -> bool {
 }
 
 impl Scenario {
-    /// Returns the built-in objects and the scenario's own. Errors name the scenario, because its file is not known
-    /// here.
+    /// Returns the built-in objects and the user's. Errors name the scenario, because its file is unknown here.
     pub fn object_set(&self) -> Result<ObjectSet, DataError> {
         self.object_set_at(Path::new(&self.name))
     }

@@ -1,7 +1,7 @@
 //! Reading of scenario files.
 //!
-//! With `extends = "benchmark"`, fields that a file omits are as in the benchmark. Without it, a file must state all fields
-//! but the user's own objects, the start pose, the effects and the disturbances; omitted effects are then off.
+//! With `extends = "benchmark"`, fields that a file omits are as in the benchmark. Without it, a file must state all
+//! fields but the user's objects, the start pose, the effects and the disturbances; omitted effects are then off.
 
 use std::path::{Path, PathBuf};
 
@@ -37,10 +37,10 @@ struct ScenarioFile {
     /// Base scenario; already merged in.
     #[serde(rename = "extends")]
     _extends: Option<BaseScenario>,
-    /// Paths of files with the user's own objects, relative to this file.
+    /// Paths of files with the user's objects, relative to this file.
     #[serde(default)]
     objects: Vec<PathBuf>,
-    /// The user's own objects, given in the file itself.
+    /// The user's objects, given in the file itself.
     #[serde(default)]
     object: Vec<ObjectFile>,
     first: Option<Vec<String>>,
@@ -102,7 +102,7 @@ impl ScenarioFile {
 
     /// Builds the scenario, with the object files that are within `reach`; `path` is named in errors.
     fn into_scenario(mut self, path: &Path, reach: FileAccess) -> Result<Scenario, DataError> {
-        // Recordings from before scenarios had a start pose all began at that of the benchmark.
+        // Recordings without a start pose began at that of the benchmark.
         let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
         for (n, file) in self.objects.iter().enumerate() {
             let file = reach.resolve(path, &format!("objects[{n}]"), file)?;

@@ -35,7 +35,7 @@ fn errors_name_the_place_and_what_is_wrong() {
     let far = error("first = { x = 0.62", "first = { x = 0.90");
     assert_eq!(
         far,
-        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with the spread of 0.02 m"
+        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with shifts of 0.02 m"
     );
     let millimetres = error("xy_sigma = 0.0065", "xy_sigma = 4");
     assert!(millimetres.contains("noise.perception.xy_sigma: found 4, expected 0 to 1"), "{millimetres}");
@@ -83,9 +83,9 @@ fn the_table_lies_under_every_place_within_reach() {
     assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
 }
 
-/// Robots drawn from one model differ in encoders and mount by as much as the arms of the benchmark's trials.
+/// Robot instances differ in encoders and mount by as much as the arms of the benchmark's trials.
 #[test]
-fn individuals_and_trials_have_the_same_arms() {
+fn instances_and_trials_have_the_same_arms() {
     use plant::prior::{Quantity, parameters};
     let arm = Scenario::benchmark().effects.arm.unwrap();
     let all = parameters(&hand_model::RobotModel::ftac_gen3());

@@ -49,7 +49,7 @@ pub struct PerCondition<T> {
     pub reflex: T,
     /// Noise, policy `touch`.
     pub touch: T,
-    /// Noise, the user's own policy; left out if there was none.
+    /// Noise, external policy; left out if there was none.
     #[serde(default, skip_serializing_if = "is_default")]
     #[serde(alias = "own")]
     pub external: T,
@@ -73,7 +73,7 @@ impl<T> PerCondition<T> {
 }
 
 impl PerCondition<ConditionSummary> {
-    /// Returns the conditions with at least one trial, in order. Nothing is reported of the others.
+    /// Returns the conditions with at least one trial, in order. The others are not reported.
     pub fn conditions_with_trials(&self) -> Vec<Condition> {
         Condition::ALL.into_iter().filter(|condition| self.get(*condition).trials > 0).collect()
     }
@@ -149,7 +149,7 @@ pub struct PoseError {
     pub mm: MedianP95,
     /// Orientation error, deg.
     pub deg: MedianP95,
-    /// Position error of the prior, the plan's guess before touch, mm.
+    /// Position error of the prior, the planned pose before touch, mm.
     pub prior_mm: MedianP95,
 }
 
@@ -201,7 +201,7 @@ pub struct Summary {
     /// Name of the robot model, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<String>,
-    /// The scenario's own objects that were left out, with the reasons.
+    /// The user's objects that were left out, with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
     /// Deviations of objects from their files, and operations that were impossible with them.

@@ -10,7 +10,7 @@ use crate::record::{Condition, TrialRecord};
 /// Rates of one combination under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CombinationRates {
-    /// Number of the combination, [`crate::CombinationRow::id`].
+    /// Number of the combination, [`crate::Combination::id`].
     pub combination: usize,
     /// Name of the first object.
     pub first: String,

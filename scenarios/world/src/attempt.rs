@@ -13,7 +13,7 @@ pub struct Attempt {
     pub clearance: Option<f64>,
     /// Predicted probability of an unwanted contact.
     pub risk: Option<f64>,
-    /// In-hand pose of the first object as felt, palm frame: position (m) and rotation vector (rad).
+    /// In-hand pose estimate of the first object, palm frame: position (m) and rotation vector (rad).
     pub felt: Option<[f64; 6]>,
     /// Covariance of `felt`, row by row.
     pub covariance: Option<[f64; 36]>,

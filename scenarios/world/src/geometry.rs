@@ -1,8 +1,8 @@
 //! Shapes of objects, with their queries: signed distance, ray, volume, inertia, tessellation.
 //!
-//! A [`ObjectShape`] is given in its own frame (`object/<name>`), in metres. Queries of primitives are in closed form, those of
-//! meshes go through parry. Mesh files are OBJ, STL, PLY or glTF. All commands load a user's mesh with [`Mesh::load`], which
-//! reads it and mends its faults ([`Mesh::repaired`], [`RepairReport`]).
+//! A [`ObjectShape`] is given in its own frame (`object/<name>`), in metres. Queries of primitives are in closed form,
+//! those of meshes go through parry. Mesh files are OBJ, STL, PLY or glTF. All commands load a user's mesh with
+//! [`Mesh::load`], which reads it and mends its faults ([`Mesh::repaired`], [`RepairReport`]).
 
 mod collada;
 mod decomposition;

@@ -1,8 +1,8 @@
 //! Definition of "in the hand": something other than the table supports the object, and it is within reach of the palm.
 //!
-//! The thresholds depend on the user of the rule. The referee takes its distance from the scenario file. Rehearsals (rollouts)
-//! and transports also require that the object has been lifted, and allow a slightly greater distance, because they count
-//! larger objects.
+//! The thresholds depend on the user of the rule. The referee takes its distance from the scenario file. Rollouts
+//! and transports also require that the object has been lifted, and allow a slightly greater distance,
+//! because they count larger objects.
 
 /// State of one object at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,7 @@ pub struct HoldingRule {
     pub min_height: f64,
 }
 
-/// Rule for the proof of a grasp, and for a policy that is told what it holds: the object must be lifted.
+/// Rule of grasp verification, and of a policy with the true content of the hand: the object must be lifted.
 pub const LIFTED_RULE: HoldingRule = HoldingRule { max_distance: 0.16, min_height: 0.08 };
 /// Like [`LIFTED_RULE`], but at any height.
 pub const GRIPPED_RULE: HoldingRule = HoldingRule { min_height: f64::NEG_INFINITY, ..LIFTED_RULE };

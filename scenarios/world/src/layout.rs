@@ -1,10 +1,10 @@
 //! Layout: places of the objects of a trial, one to [`MAX_OBJECTS`].
 //!
-//! The centre of the first object is at `layout.first`, the second's at `layout.second`, the third's at `layout.third` (world
-//! x, y; m). Each object is rotated from its resting pose by `yaw` about the vertical, and its lowest point touches the table.
-//! Plans are made for these places. In a trial, each object is shifted by a uniform draw within `spread_xy` and `spread_yaw`,
-//! the same draw under every noisy condition. Everything must stay within `reach_x` and `reach_y`, and the objects must stand
-//! clear of each other.
+//! The centre of the first object is at `layout.first`, the second's at `layout.second`, the third's at `layout.third`
+//! (world x, y; m). Each object is rotated from its resting pose by `yaw` about the vertical, and its lowest point
+//! touches the table. Plans are made for these places. In a trial, each object is shifted by a uniform draw within
+//! `spread_xy` and `spread_yaw`, the same draw under every noisy condition. Everything must stay within `reach_x` and
+//! `reach_y`, and the objects must stand clear of each other.
 
 use std::path::Path;
 
@@ -83,17 +83,17 @@ impl Layout {
         [self.first, self.second].into_iter().chain(self.third).collect()
     }
 
-    /// Returns the least possible distance between the centres of objects in two of the places, given the spread, m.
+    /// Returns the least possible distance between the centres of objects in two of the places, given the shifts, m.
     pub fn min_distance(&self, one: &TablePlacement, other: &TablePlacement) -> f64 {
         (one.x - other.x).hypot(one.y - other.y) - 2.0 * std::f64::consts::SQRT_2 * self.spread_xy
     }
 
-    /// Checks that every place, including the spread, is within reach; `path` is named in errors.
+    /// Checks that every place, including its shifts, is within reach; `path` is named in errors.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         for (which, place) in ["first", "second", "third"].into_iter().zip(self.places()) {
             for (axis, value, [low, high]) in [("x", place.x, self.reach_x), ("y", place.y, self.reach_y)] {
                 if !(value - self.spread_xy >= low && value + self.spread_xy <= high) {
-                    let expected = format!("within reach, {low} to {high} m, with the spread of {} m", self.spread_xy);
+                    let expected = format!("within reach, {low} to {high} m, with shifts of {} m", self.spread_xy);
                     return Err(DataError::field(path, format!("layout.{which}.{axis}"), value, expected));
                 }
             }

@@ -1,9 +1,9 @@
-//! The part of the scene that a controller may know.
+//! The part of the scene that a controller may use.
 //!
-//! [`objects`] are the objects to be picked, each with a [`geometry::ObjectShape`]. They stand on the table of [`physics`] as a
-//! [`layout`] defines. A controller reports its [`phase`] and [`attempt`], by which others judge it. [`sensing`] names the
-//! sensors that it may use, and [`holding`] defines "in the hand". True poses, errors and verdicts are not in this crate, so
-//! that a controller that depends on it cannot refer to them.
+//! [`objects`] are the objects to be picked, each with a [`geometry::ObjectShape`]. They stand on the table of
+//! [`physics`] as a [`layout`] defines. A controller reports its [`phase`] and [`attempt`], by which others judge it.
+//! [`sensing`] names the sensors that it may use, and [`holding`] defines "in the hand". True poses, errors and
+//! verdicts are not in this crate, so that a controller that depends on it cannot refer to them.
 
 pub mod attempt;
 pub mod geometry;

@@ -123,7 +123,7 @@ impl Phase {
         matches!(self.skill, Skill::Carry | Skill::Hold | Skill::Verify)
     }
 
-    /// Name in words, as people and files use it.
+    /// Name for people and files.
     pub fn name(self) -> Cow<'static, str> {
         let of = |verb: &str| Cow::Owned(format!("{verb} {}", ordinal(self.object)));
         match (self.skill, self.stage) {

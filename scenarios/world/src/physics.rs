@@ -32,7 +32,7 @@ pub struct ContactParameters {
     pub spin_damping: f64,
 }
 
-/// Bristle friction model: sticking surfaces spring back to their original position.
+/// Bristle friction model: surfaces at rest spring back to their friction anchors.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BristleFriction {
@@ -50,7 +50,7 @@ pub struct BristleFriction {
 pub struct Physics {
     /// The table on which the objects stand.
     pub table: TablePhysics,
-    /// Contact law between bodies.
+    /// Contact law.
     pub contact: ContactParameters,
     /// Friction model between the hand and the objects it holds.
     pub bristle_friction: BristleFriction,

@@ -23,7 +23,7 @@ pub enum Sensing {
 }
 
 impl Sensing {
-    /// Name in words.
+    /// Name for people.
     pub fn label(self) -> &'static str {
         match self {
             Self::Full => "whole hand",
@@ -31,7 +31,7 @@ impl Sensing {
             Self::Fingertips => "fingertip pads only",
             Self::PalmOnly => "palm pads only",
             Self::QuarterOfPads => "a quarter of the pads",
-            Self::CoarseImages => "images ten times coarser",
+            Self::CoarseImages => "images at a tenth of the resolution",
             Self::PointsOnly => "pose without normals",
             Self::TruePose => "true pose",
         }

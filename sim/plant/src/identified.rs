@@ -88,14 +88,14 @@ struct DigestedFile {
 pub struct IdentifiedRobot {
     /// Best estimate of every parameter.
     pub instance: RobotInstance,
-    /// Estimate of every parameter, in the individual's order.
+    /// Estimate of every parameter, in the instance's order.
     pub estimates: Vec<ParameterEstimate>,
     pub covariances: Vec<CovarianceBlock>,
     pub sessions: Vec<SessionSource>,
 }
 
 impl IdentifiedRobot {
-    /// Builds it from an estimate of every parameter of `robot`'s individuals, in their order.
+    /// Creates it from an estimate of every parameter of `robot`'s instances, in their order.
     pub fn new(
         robot: &RobotModel,
         estimates: Vec<ParameterEstimate>,
@@ -160,7 +160,7 @@ impl IdentifiedRobot {
         }
         let body = toml::to_string(&contents).map_err(|error| DataError::field(path, "file", error, "a table"))?;
         if sha256(body.as_bytes()) != found {
-            let expected = "the digest of what the file says: it was changed after `ftac sysid identify` wrote it; identify the robot again";
+            let expected = "the digest of the file's content: it was changed after `ftac sysid identify` wrote it; identify the robot again";
             return fault("digest".into(), format!("`{found}`"), expected);
         }
         Ok(Self::new(robot, contents.parameter, contents.covariance, contents.session))

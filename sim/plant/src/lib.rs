@@ -1,9 +1,9 @@
 //! The plant's hidden parameters: deviations of the true robot, its covers and the objects from their models.
 //!
-//! [`apply_to_arm`] and [`object`] describe one arm and one object, sampled for each trial. [`apply_to_robot`] is one of the robots built
-//! from the nominal model, with the spread of each of its parameters ([`prior`]), and [`identified`] is the file with
-//! the parameters identified for one. [`gel`] describes the compliance of the covers, [`camera_serial`] the failures of
-//! cameras. Only simulator, benchmark and identification use this crate: no controller does.
+//! [`arm`] and [`object`] describe one arm and one object, sampled for each trial. [`robot`] is one instance of the
+//! nominal model, [`prior`] the prior of each of its parameters, and [`identified`] the file with the parameters
+//! identified for one instance. [`gel`] describes the compliance of the covers, [`cameras`] the failures of cameras.
+//! Only simulator, benchmark and identification use this crate: no controller does.
 
 pub mod arm;
 pub mod cameras;

@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_individual_rests_on_the_table_with_its_own_size() {
+    fn an_instance_rests_on_the_table_with_its_own_size() {
         let other = ObjectInstance { mass: 1.1, friction: 0.8, size: 1.03 };
         for model in ObjectSet::standard().iter() {
             let real = other.apply_to(model).unwrap();

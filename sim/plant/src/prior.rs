@@ -1,4 +1,4 @@
-//! Parameters in which robots built from one nominal design differ, and their spread: `data/priors.toml`.
+//! Parameters in which instances of a nominal model differ, and their priors: `data/priors.toml`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use ftac_platform::data::{DataError, parse_toml};
 use hand_model::RobotModel;
 use serde::{Deserialize, Serialize};
 
-/// A physical quantity that varies between individuals.
+/// A physical quantity that varies between instances.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -77,7 +77,7 @@ struct PriorFile {
     prior: BTreeMap<Quantity, Prior>,
 }
 
-/// One scalar parameter in which individuals differ.
+/// One scalar parameter in which instances differ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantParameter {
     /// Name, `<owner>.<quantity>`, such as `index_1.spring`; the quantity alone if it belongs to the whole hand.
@@ -144,7 +144,7 @@ impl Quantity {
         }
     }
 
-    /// Lists its owners by name; one empty name if it belongs to the whole hand.
+    /// Lists the owners of the quantity by name; one empty name if it belongs to the whole hand.
     fn owners(self, RobotModel { hand, arm, .. }: &RobotModel) -> Vec<String> {
         let actuators = || hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
         match self {
@@ -164,7 +164,7 @@ impl Quantity {
 
 static PRIORS: LazyLock<BTreeMap<Quantity, Prior>> = LazyLock::new(|| {
     let path = Path::new("priors.toml");
-    parse_priors(include_str!("../data/priors.toml"), path).expect("the built-in spreads are valid")
+    parse_priors(include_str!("../data/priors.toml"), path).expect("the built-in priors are valid")
 });
 
 fn parse_priors(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Prior>, DataError> {
@@ -174,17 +174,17 @@ fn parse_priors(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Prior>, Da
     }
     for (quantity, spread) in &file.prior {
         if !(spread.sigma.is_finite() && spread.sigma > 0.0 && spread.mean.is_finite()) {
-            let field = format!("spread.{}.sigma", quantity.name());
+            let field = format!("prior.{}.sigma", quantity.name());
             return Err(DataError::field(path, field, spread.sigma, "a positive number, and a finite mean"));
         }
     }
     Ok(file.prior)
 }
 
-/// Lists every parameter in which individuals of `robot` differ, in the order in which they are sampled.
+/// Lists every parameter in which instances of `robot` differ, in the order in which they are sampled.
 ///
 /// # Panics
-/// Never in a tested build: the spreads are compiled in and a test reads them.
+/// Never in a tested build: the priors are compiled in and a test reads them.
 pub fn parameters(robot: &RobotModel) -> Vec<PlantParameter> {
     let of = |quantity: Quantity| {
         let spread = &PRIORS[&quantity];
@@ -212,8 +212,8 @@ mod tests {
 
     #[test]
     fn a_spread_that_is_none_is_named() {
-        let text = "version = 1\n[spread.spring]\nkind = \"factor\"\nsigma = -0.1\nsource = \"a guess\"\n";
+        let text = "version = 1\n[prior.spring]\nkind = \"factor\"\nsigma = -0.1\nsource = \"a guess\"\n";
         let error = parse_priors(text, Path::new("mine.toml")).unwrap_err().to_string();
-        assert!(error.starts_with("mine.toml: spread.spring.sigma: found -0.1"), "{error}");
+        assert!(error.starts_with("mine.toml: prior.spring.sigma: found -0.1"), "{error}");
     }
 }

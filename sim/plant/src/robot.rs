@@ -1,5 +1,4 @@
-//! One individual of the robots built from a nominal design: its deviations, sampled or identified, and the resulting
-//! hand and arm.
+//! One instance of a nominal robot: its deviations, sampled or identified, and the resulting hand and arm.
 
 use std::sync::Arc;
 
@@ -16,13 +15,13 @@ use crate::prior::{PlantParameter, PriorKind, Quantity, parameters};
 
 /// Random stream from which robots are sampled; no trial uses it.
 const RNG_STREAM: u64 = 1 << 20;
-/// Serial number of the tactile cameras before those of the first individual, among the units of [`optics`]; lower
+/// Serial number of the tactile cameras before those of the first instance, among the units of [`optics`]; lower
 /// numbers belong to benchmark and calibration.
 ///
 /// [`optics`]: https://docs.rs/optics
 const CAMERA_SERIAL_OFFSET: u64 = 1000;
 
-/// Deviations of one robot from its nominal design.
+/// Deviations of one robot from its nominal model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotInstance {
     parameters: Vec<PlantParameter>,
@@ -30,7 +29,7 @@ pub struct RobotInstance {
     deviations: Vec<f64>,
 }
 
-/// A parameter of an individual, as written to the truth file.
+/// A parameter of an instance, as written to the truth file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct NamedDeviation {
@@ -47,7 +46,7 @@ impl RobotInstance {
         Self { deviations: vec![0.0; parameters.len()], parameters }
     }
 
-    /// Samples individual `number`: the same number gives the same robot. Number 0 is the nominal robot.
+    /// Samples instance `number`: the same number gives the same robot. Number 0 is the nominal robot.
     pub fn sample(robot: &RobotModel, number: u64) -> Self {
         let mut own = Self::nominal(robot);
         if number == 0 {
@@ -61,12 +60,12 @@ impl RobotInstance {
         own
     }
 
-    /// Returns the serial number of the tactile cameras of individual `number`, if it has its own.
+    /// Returns the serial number of the tactile cameras of instance `number`, if it has its own.
     pub fn camera_serial(number: u64) -> Option<u64> {
         (number > 0).then_some(CAMERA_SERIAL_OFFSET + number)
     }
 
-    /// Returns the parameters in which individuals differ.
+    /// Returns the parameters in which instances differ.
     pub fn parameters(&self) -> &[PlantParameter] {
         &self.parameters
     }
@@ -241,7 +240,7 @@ mod tests {
         }
     }
 
-    /// Individual 0 equals the nominal robot to the last bit.
+    /// Instance 0 equals the nominal robot to the last bit.
     #[test]
     fn number_0_is_the_drawing() {
         let drawn = drawn();
@@ -268,7 +267,7 @@ mod tests {
         }
     }
 
-    /// A robot with the errors in its model has the same pose as one with the errors in its body.
+    /// A robot with the errors in its model has the same pose as one with the errors in its hardware.
     #[test]
     fn its_arm_is_the_one_with_these_defects() {
         let drawn = drawn();
@@ -282,7 +281,7 @@ mod tests {
         assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-9, "{off}");
     }
 
-    /// Sample of 400 robots: each quantity spreads as its data file states, to within 5 standard errors.
+    /// In a sample of 400 robots each quantity has the prior of its data file, to within 5 standard errors.
     #[test]
     fn deviations_spread_as_stated() {
         let drawn = drawn();

@@ -195,8 +195,8 @@ fn a_press_rests_and_branches() {
     }
 }
 
-/// Against a rigid object the force responds to the sink thirty times as sharply as the gel. With the full relaxation
-/// fraction the contact oscillates for ever; with the damped one it comes to rest.
+/// Against a rigid object the force responds to the penetration thirty times as sharply as the gel. With the full
+/// relaxation fraction the contact oscillates for ever; with the damped one it comes to rest.
 #[test]
 fn a_contact_with_a_fastened_object_comes_to_rest() {
     let (gel, wall, share, deep) = (1.8e3, 6e4, 0.13, 1e-3);

@@ -1,4 +1,4 @@
-//! Interface by which a digital twin tracks the robot that it mirrors, from measurements alone.
+//! Interface by which a reference model tracks a robot from measurements alone.
 
 use hand_model::robot::ServoState;
 

@@ -28,7 +28,7 @@ pub struct LinkageModel<'a> {
     pub damping: &'a [f64],
     /// Armature of each joint, kg m2 or kg.
     pub armature: &'a [f64],
-    /// True if every joint on the root gets a root body of its own: one multibody per digit costs a fraction of one
+    /// True if every joint on the root gets its own root body: one multibody per digit costs a fraction of one
     /// with all joints.
     pub separate_roots: bool,
 }

@@ -31,7 +31,7 @@ use crate::lab::hand_over::LabProgram;
 use crate::lab::identity::identity;
 use crate::terminal::{Outcome, Terminal};
 
-/// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
+/// Simulation, controller and hardware bridge of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
 #[command(name = "ftac", version, about, long_about = None)]
 pub struct Cli {
@@ -46,7 +46,7 @@ pub struct Cli {
 /// Commands.
 #[derive(Debug, Subcommand)]
 pub enum FtacCommand {
-    /// Watch one trial, touch beside blind: in the viewer, or as a page with a film.
+    /// Show one trial under touch and blind side by side, in the viewer or as a page with a film.
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
     Bench(Box<BenchArgs>),
@@ -57,27 +57,27 @@ pub enum FtacCommand {
     Sweep(SweepCommand),
     /// Run one trial and record it.
     Trial(TrialArgs),
-    /// Carry balls to one place, as many per trip as the hand holds, compared with one by one.
+    /// Carry balls to one place, as many per trip as the hand holds, and compare with one ball per trip.
     Transport(TransportArgs),
     /// Open a recording, a session or a result folder in the Rerun viewer.
     View {
-        /// An .rrd file, a session (MCAP), or a folder with either; a session becomes an .rrd beside it.
+        /// An .rrd file, a session (MCAP), or a folder with either; a session is exported to an .rrd file beside it.
         path: PathBuf,
     },
-    /// Run the control stack on a recorded session (MCAP), or all of a folder, and check that every command is
-    /// bit-identical.
+    /// Run the control stack on a recorded session (MCAP), or on all sessions of a folder, and check that every command
+    /// is bit-identical.
     Replay {
-        /// The session's file, or a folder with sessions, from `trial --session DIR` or `bench --robot emulated|hardware`.
+        /// Session file, or folder of sessions, of `trial --session DIR` or `bench --robot emulated|hardware`.
         recording: PathBuf,
         /// Run nothing; compare this session with the first one and report the first observation or command that
-        /// differs by a bit.
+        /// differs.
         #[arg(long)]
         against: Option<PathBuf>,
     },
     /// Export recorded sessions to the formats of other programs.
     #[command(subcommand)]
     Export(ExportCommand),
-    /// Rebuild report.html, trials.csv and summary.json from result folders; merges shards. For a sweep: curves and
+    /// Rebuild report.html, trials.csv and summary.json from result folders, and merge shards. For a sweep: curves and
     /// contrasts.
     Report(ReportArgs),
     /// Run the whole grasp study and write its page: types, contact maps, energy landscape, comparison of hands.
@@ -89,7 +89,7 @@ pub enum FtacCommand {
     /// Check the arm that carries the hand.
     #[command(subcommand)]
     Arm(ArmCommand),
-    /// Synthesize, evaluate and show grasps; make repertoires and plans.
+    /// Synthesize, evaluate and show grasps; make repertoires and tables of grasp pairs.
     #[command(subcommand)]
     Grasps(GraspsCommand),
     /// Calibrate, train and evaluate tactile perception (photometric stereo).
@@ -98,7 +98,7 @@ pub enum FtacCommand {
     /// Render tactile images, calibrate real sensors and reconstruct surfaces.
     #[command(subcommand)]
     Optics(OpticsCommand),
-    /// Excite and identify one individual robot, for use in place of the nominal one.
+    /// Excite a robot and identify its parameters, for use in place of the nominal model.
     #[command(subcommand)]
     Sysid(SysidCommand),
     /// Set up and operate the real robot's devices, or their emulator.
@@ -134,7 +134,7 @@ pub(crate) const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
-    ("Drive the real robot", &["bridge", "twin"]),
+    ("Drive the real robot", &["bridge", "sysid"]),
     ("Set up the terminal", &["completions", "man", "schema", "help"]),
 ];
 

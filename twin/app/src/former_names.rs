@@ -52,7 +52,7 @@ pub fn with_current_names(arguments: Vec<OsString>) -> (Vec<OsString>, Vec<Strin
 
 fn notice(former: &str, current: &str) -> String {
     format!(
-        "notice: {former} is now called {current}; the former name works in this version and goes with the next one"
+        "notice: {former} is now called {current}; the former name still works in this version, but not in the next one"
     )
 }
 

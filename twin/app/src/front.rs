@@ -107,7 +107,8 @@ fn run_and_log(command_line: &impl CommandLine, arguments: &[OsString]) -> u8 {
             end(1, &shortfall);
             return 1;
         }
-        // The robot stopped in mid-trial, or none of the user's own objects can be played: the command ran, and falls short.
+        // The robot stopped in mid-trial, or none of the user's objects can be grasped: the command ran, and falls
+        // short.
         Err(error)
             if caused_by::<robot_backends::TrialStopped>(&error)
                 || caused_by::<grasp_verification::preparation::NotPlayable>(&error) =>

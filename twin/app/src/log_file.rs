@@ -1,8 +1,8 @@
 //! Log of commands that use devices: a line when a command begins and one when it ends, in a file of limited length.
 //!
 //! The file is `ftac/ftac.log` below `$XDG_STATE_HOME` (`~/.local/state` by default), or that named by `FTAC_LOG`
-//! (empty for no log). When it reaches [`MAX_FILE_SIZE`] it becomes `ftac.log.1`; [`KEPT_FILE_COUNT`] older files are kept. Passwords
-//! are never arguments, so the log contains none.
+//! (empty for no log). When it reaches [`MAX_FILE_SIZE`] it becomes `ftac.log.1`; [`KEPT_FILE_COUNT`] older files are
+//! kept. Passwords are never arguments, so the log contains none.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};

@@ -115,22 +115,22 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// Plays one trial in which a policy of the user's own, represented by `host`, decides. The errors are those that
+    /// Plays one trial in which a policy of the user's own, represented by `server`, decides. The errors are those that
     /// every condition of the trial meets.
     pub fn play_with_server(
         &self,
         combination: usize,
         trial: usize,
-        (guest, pace): (&PolicyIntroduction, SimulatedTimePassage),
-        host: &mut dyn PolicyServer,
+        (introduction, pace): (&PolicyIntroduction, SimulatedTimePassage),
+        server: &mut dyn PolicyServer,
     ) -> Result<TrialOutcome> {
         let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
-        let start = match guest.level {
+        let start = match introduction.level {
             DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
             DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
         };
         let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, detections);
-        self.play_server_branch(&start, guest, host, BranchSettings { pace, ..options }, &mut NoWatcher)
+        self.play_server_branch(&start, introduction, server, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
     /// Plays the ideal run of a combination: no noise, blind.
@@ -249,21 +249,21 @@ impl Bench {
         let own =
             self.external_policy.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
         let options = BranchSettings { pace: own.source.pace, ..options };
-        own.with_process(|host| self.play_server_branch(start, &own.introduction, host, options, watcher))
+        own.with_process(|server| self.play_server_branch(start, &own.introduction, server, options, watcher))
     }
 
-    /// Plays the branch of a policy represented by `host`.
+    /// Plays the branch of a policy represented by `server`.
     fn play_server_branch(
         &self,
         start: &PreparedTrial,
-        guest: &PolicyIntroduction,
-        host: &mut dyn PolicyServer,
+        introduction: &PolicyIntroduction,
+        server: &mut dyn PolicyServer,
         options: BranchSettings,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
         let TrialId { combination, trial, .. } = options.id;
         ensure!(
-            guest.level == DecisionLevel::Act || start.objects.len() == 2,
+            introduction.level == DecisionLevel::Act || start.objects.len() == 2,
             "--policy: found one that chooses, in a trial of {}; expected one that acts, or a scenario with objects in first and second alone",
             start.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>().join(", ")
         );
@@ -277,14 +277,20 @@ impl Bench {
             yaws: executor.targets().iter().map(|target| target.detected.yaw).collect(),
             limits: &limits,
         });
-        if guest.level == DecisionLevel::Act {
-            return external_trial::play_external_trial(self, start, (host, &reset, guest.images), &options, watcher);
+        if introduction.level == DecisionLevel::Act {
+            return external_trial::play_external_trial(
+                self,
+                start,
+                (server, &reset, introduction.images),
+                &options,
+                watcher,
+            );
         }
         let means = PolicyCapabilities { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
         let (knowledge, senses) =
             (self.prior_knowledge(start.prior_knowledge(), means)?, TouchPerception::new(pipeline, Sensing::Full)?);
-        let mut chooser = ExternalChooser::new(host, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
+        let mut chooser = ExternalChooser::new(server, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
         play(start, &mut ChooserPolicy::new(knowledge, senses, &mut chooser), options, watcher)
     }
 

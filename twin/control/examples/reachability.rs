@@ -30,7 +30,7 @@ fn base_gap(kinematics: &ArmKinematics, q: &Joints) -> f64 {
     gap
 }
 
-/// Rehearses a motion from home: straight to 0.15 m above `goal`, then down to it, then at rest. `None` if the servo
+/// Predicts a motion from home: straight to 0.15 m above `goal`, then down to it, then at rest. `None` if the servo
 /// does not arrive there.
 fn walk(kinematics: &ArmKinematics, goal: &Isometry3<f64>, share: f64) -> Option<PathRollout> {
     let servo = ArmServo::new(kinematics.clone(), IkSettings::default(), Arm::gen3().home);

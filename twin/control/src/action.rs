@@ -19,7 +19,7 @@ mod stepper;
 /// Current limit of the opposition servo while it holds its angle, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
 
-/// Stand-in for the limits of a continuous joint, rad.
+/// Substitute for the limits of a continuous joint, rad.
 const CONTINUOUS_JOINT_LIMIT: f64 = 100.0;
 
 /// Command to the arm for one step.

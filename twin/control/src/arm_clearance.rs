@@ -1,8 +1,8 @@
 //! Self-collision: distances of the arm from itself and from the hand that it carries.
 //!
-//! Each link is a capsule from its joint to the next one. The hand is its palm and a box around the open digits. Not
-//! compared are links that a joint connects, the wrist with the palm that it carries, and pairs that overlap in the
-//! home posture already, because the capsules are wider than the links.
+//! Each link is a capsule from its joint to the next one. The hand is its palm and a box around the open digits. Links
+//! that a joint connects are not compared, nor are the wrist and the palm that it carries. Pairs that overlap in the
+//! home posture already are left out too, because the capsules are wider than the links.
 
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};

@@ -1,8 +1,8 @@
 //! Cable evidence for a hold: distinguishes a digit that has closed on its object from one that has closed on nothing.
 //!
-//! If all links of a digit bear pads, the pads feel a hold. A digit with bare links often holds with those, where
-//! nothing feels it; then the cable excursion gives the evidence. A digit that holds something stops near the excursion
-//! at which its grasp held when it was verified. A digit that holds nothing closes until the hand itself stops it. That
+//! If all links of a digit bear pads, the pads feel a hold. A digit with bare links often holds with those, and no pad
+//! feels it; then the cable excursion gives the evidence. A digit that holds something stops near the excursion at
+//! which its grasp held when it was verified. A digit that holds nothing closes until the hand itself stops it. That
 //! stop follows from statics: starting from the measured posture, the digit closes under its tension until it rests
 //! against the palm and other digits. A thumb that lies on a closed finger is then behind that finger, not in its way.
 
@@ -44,7 +44,7 @@ pub fn free_excursion(hand: &Hand, digit: Digit, tension: f64, q: &[f64]) -> Opt
 /// True if a pulled digit has stopped earlier than it would on nothing: its excursion is closer to that of its verified
 /// hold (`held`, all joints, rad; if known) than to that of an empty closing. `q` are the present joint angles, rad,
 /// and `sigma` is the standard deviation of an excursion, m. False if hold and empty closing are too close together to
-/// be told apart.
+/// be distinguished.
 pub fn stops_early(
     hand: &Hand,
     (digit, servo): (Digit, &ServoState),
@@ -116,8 +116,8 @@ mod tests {
         assert!(met < 0.95 * free, "{met} {free}");
     }
 
-    /// An excursion closer to the verified hold than to an empty closing counts as early. A hold that cannot be told
-    /// from nothing gives no evidence.
+    /// An excursion closer to the verified hold than to an empty closing counts as early. A hold that cannot be
+    /// distinguished from an empty closing gives no evidence.
     #[test]
     fn a_hold_lies_before_a_closing_on_nothing() {
         let hand = allegro();

@@ -2,8 +2,8 @@
 //!
 //! The hand is represented by its covers (rounded boxes) at given joint angles. All moving solids are rigid in the palm
 //! frame while the palm follows a [`PosePath`]. Distances are signed; a negative one is a penetration depth. Meshes are
-//! surfaces, not solids: a solid wholly inside a closed mesh is at a positive distance from it. Bodies that are to be
-//! solid must therefore be given as convex parts (`SharedShape::compound` of hulls).
+//! surfaces, not solids: a solid wholly inside a closed mesh is at a positive distance from it. Meshes of solids
+//! must therefore be given as convex parts (`SharedShape::compound` of hulls).
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -113,8 +113,8 @@ pub struct Clearance {
 ///
 /// Branch and bound over time. No point of a solid moves faster than the path's speed bound and the solid's reach
 /// allow, so the distances at both ends of an interval bound the distances in between from below. Intervals are halved,
-/// the most promising first, until none can contain a distance lower than the best one less [`CLEARANCE_TOLERANCE`], or until
-/// they are shorter than duration / `steps`.
+/// the most promising first, until none can contain a distance lower than the best one less [`CLEARANCE_TOLERANCE`], or
+/// until they are shorter than duration / `steps`.
 pub fn clearance_along(
     path: &PosePath,
     moving: &[Solid],

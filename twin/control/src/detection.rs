@@ -1,15 +1,15 @@
-//! Objects as prior perception reports them, and the interface through which it is asked.
+//! Object detection: detected poses of objects, and the interface of a detector.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use world::objects::ObjectModel;
 
-/// Gate of two looks at the same place: largest distance, in standard deviations of a look's own error.
+/// Gate of two detections at the same place: largest distance, in standard deviations of one detection's error.
 const POSITION_GATE: f64 = 4.0;
-/// Gate of two looks at the same place: largest rotation between them, rad. An object that fell over, or is mistaken
-/// for a fallen one, is turned by more.
+/// Gate of two detections at the same place: largest rotation between them, rad. An object that fell over, or is
+/// mistaken for a fallen one, is turned by more.
 const ROTATION_GATE: f64 = 0.5;
 
-/// An object as reported by prior perception (a camera over the table, for instance), error included.
+/// Detected pose of an object as a detector reports it (a camera over the table, for instance), error included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectedObject {
     /// Centre, m, world.
@@ -21,7 +21,7 @@ pub struct DetectedObject {
 }
 
 impl DetectedObject {
-    /// Percept of `object` reported at `world_from_object`.
+    /// Detected pose of `object` reported at `world_from_object`.
     pub fn from_pose(object: &ObjectModel, world_from_object: &Isometry3<f64>) -> Self {
         Self {
             position: world_from_object.translation.vector.into(),
@@ -30,7 +30,7 @@ impl DetectedObject {
         }
     }
 
-    /// Percept of a ball reported at `world_from_object`; its rotation is ignored.
+    /// Detected pose of a ball reported at `world_from_object`; its rotation is ignored.
     pub fn from_ball_pose(world_from_object: &Isometry3<f64>) -> Self {
         Self { position: world_from_object.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
     }
@@ -41,17 +41,17 @@ impl DetectedObject {
     }
 }
 
-/// Position of an object, averaged over several looks.
+/// Position of an object, averaged over several detections.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AveragedDetection {
     pub mean: DetectedObject,
-    /// Number of looks over which the mean is taken.
+    /// Number of detections over which the mean is taken.
     pub detections: u32,
 }
 
 impl AveragedDetection {
-    /// Adds one look whose own error has the standard deviation `sigma` (m, each of x and y). A look that disagrees
-    /// with the mean replaces it: the object was moved, or the way it lies was mistaken before.
+    /// Adds one detection whose own error has the standard deviation `sigma` (m, each of x and y). A detection that
+    /// disagrees with the mean replaces it: the object was moved, or its lying pose was mistaken before.
     #[must_use]
     pub fn with_detection(self, seen: DetectedObject, sigma: f64) -> Self {
         let apart = seen.position - self.mean.position;
@@ -69,9 +69,9 @@ impl AveragedDetection {
     }
 }
 
-/// Failure to look at an object.
+/// Failure to detect an object.
 #[derive(Debug, thiserror::Error)]
-#[error("looking at object {object}: {source}")]
+#[error("detecting object {object}: {source}")]
 pub struct DetectionError {
     /// Number of the object.
     pub object: usize,
@@ -80,12 +80,12 @@ pub struct DetectionError {
     pub source: Box<dyn std::error::Error + Send + Sync>,
 }
 
-/// Report of an object from one look.
+/// Report of an object from one detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseDetection {
-    /// `world_from_object`, with the look's error.
+    /// `world_from_object`, with the detection's error.
     pub pose: Isometry3<f64>,
-    /// Standard deviation that the look states for its own error, each of x and y, m; `None` for the usual one.
+    /// Standard deviation that the detector reports for this detection, each of x and y, m; `None` for the usual one.
     pub sigma: Option<f64>,
 }
 
@@ -95,9 +95,9 @@ impl From<Isometry3<f64>> for PoseDetection {
     }
 }
 
-/// Prior perception: simulated with errors, a camera, or an operator who puts the object in its place.
+/// Object detector: simulated with errors, a camera, or an operator who puts the object in its place.
 pub trait ObjectDetector {
-    /// Looks at object number `object` again; `None` if it is not visible.
+    /// Detects object number `object` again; `None` if it is not visible.
     fn detect(&mut self, object: usize) -> Result<Option<PoseDetection>, DetectionError>;
 }
 
@@ -119,7 +119,7 @@ mod tests {
         assert!(three.mean.rotation.angle_to(&seen(0.0, 0.04).rotation) < 1e-9);
     }
 
-    /// An object that was moved or fell over is where it was seen last.
+    /// An object that was moved or fell over is at its last detected pose.
     #[test]
     fn a_look_that_disagrees_is_believed() {
         let one = AveragedDetection { mean: seen(0.0, 0.0), detections: 4 };

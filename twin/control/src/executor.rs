@@ -1,11 +1,12 @@
 //! The executor: carries out a queue of skills, each on one object of a list, tick by tick on any robot.
 //!
-//! It receives only the measurements of the robot. Every skill consists of one or a few palm paths of its [`MotionExecutor`].
-//! Taking an object is an approach, a grasp, a lift and a look, sometimes after a palpation. Held objects are carried,
-//! held still and verified, or laid down. When the queue is empty, the executor waits ([`Phase::waits_for_decision`]) until a policy
-//! begins the next skill: [`Executor::take`], [`Executor::palpate`], [`Executor::carry_aside`], [`Executor::deliver`],
-//! [`Executor::put_down_path`], [`Executor::step_aside`]. The policy's list determines the number of objects and their
-//! order. A clone, together with a clone of a simulated robot, branches a trial.
+//! It receives only the measurements of the robot. Every skill consists of one or a few palm paths of its
+//! [`MotionExecutor`]. Taking an object is an approach, a grasp, a lift and a tactile snapshot, sometimes after a
+//! palpation. Held objects are carried, held still and verified, or laid down. When the queue is empty, the executor
+//! waits ([`Phase::waits_for_decision`]) until a policy begins the next skill: [`Executor::take`],
+//! [`Executor::palpate`], [`Executor::carry_aside`], [`Executor::deliver`], [`Executor::put_down_path`],
+//! [`Executor::step_aside`]. The policy's list determines the number of objects and their order. A clone, together with
+//! a clone of a simulated robot, branches a trial.
 
 mod grip;
 mod paths;
@@ -39,7 +40,7 @@ const RETREAT_STILL_FRACTIONS: (f64, f64) = (0.9, 0.5);
 /// Distance by which the palm is lowered while it releases a delivered object, as a share of the lift.
 const RELEASE_LOWERING_SHARE: f64 = 0.6;
 
-/// An object to take: its grasp and its percept.
+/// An object to take: its grasp and its detected pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GraspTarget {
     /// The grasp; its closing tensions hold the object once it is taken.
@@ -64,7 +65,7 @@ pub struct Executor {
     opposition: f64,
     /// Path time of a put-down at which the digits open, s.
     open_from: f64,
-    /// Time of the last image request between looks, s.
+    /// Time of the last image request between tactile snapshots, s.
     last_images: f64,
     /// Image requests for a recording; no decision depends on them.
     image_requests: PeriodicImageRequests,
@@ -135,7 +136,7 @@ impl Executor {
         self.image_requests.begin(period);
     }
 
-    /// Updates the percept of `object`.
+    /// Updates the detected pose of `object`.
     pub fn update_detection(&mut self, object: usize, percept: DetectedObject) {
         self.targets[object].detected = percept;
     }
@@ -184,7 +185,7 @@ impl Executor {
         self.motion.redirect(path);
     }
 
-    /// Palpates `object` before it is grasped: follows `way`, then the guarded motion `guarded`.
+    /// Palpates `object` before it is grasped: follows `way`, then performs the guarded motion `guarded`.
     pub fn palpate(&mut self, object: usize, way: PosePath, guarded: GuardedMotion) {
         self.guarded_motion = Some(guarded);
         // With an empty hand, the digits of the first grasp close to be out of the way.
@@ -222,7 +223,7 @@ impl Executor {
         Ok(())
     }
 
-    /// Moves the hand with everything it holds out of the detector's view, in order to look for `object`.
+    /// Moves the hand with everything it holds out of the detector's view, so that `object` can be detected.
     pub fn step_aside(&mut self, object: usize) -> Result<(), MotionError> {
         let path = self.motion.home_path(&self.protocol.limits)?;
         self.held_count = object.max(1);

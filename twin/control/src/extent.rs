@@ -1,4 +1,4 @@
-//! Extent of a held object: its reach along the palm's axes, used for the odds of a grasp beside it.
+//! Extent of a held object: its reach along the palm's axes, for the outcome model of a grasp beside it.
 //!
 //! Unlike a pose, the extent is invariant under the object's own symmetries. It is also what another object collides
 //! with.
@@ -26,7 +26,7 @@ impl HeldExtent {
         }))
     }
 
-    /// Weight (0 to 1) of the knowledge of one hold for the other; 1 where they are the same.
+    /// Weight (0 to 1) of the knowledge of one hold for the other; 1 if they are the same.
     pub fn similarity(&self, other: &Self) -> f64 {
         let squares = self.0.iter().zip(other.0).map(|(one, other)| ((one - other) / KERNEL_WIDTH).powi(2));
         (-0.5 * squares.sum::<f64>()).exp()

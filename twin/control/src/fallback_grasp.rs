@@ -1,7 +1,7 @@
-//! Stand-ins: substitute grasps for an object that fell over and lies in a way that none of its own grasps expects.
+//! Fallback grasps: substitutes for an object that fell over and lies in a pose that none of its own grasps expects.
 //!
 //! For many such objects the repertoire has grasps, because it lists a fallen can, for example, as an object of its
-//! own. Any other object is grasped like the most similar object of the repertoire as seen from above: a round one like
+//! own. Any other object is grasped like the object of the repertoire that is most similar from above: a round one like
 //! a ball whose centre is at the same height, one with flat sides like a box of the same height. A rod is grasped
 //! across: fingers and thumb close at right angles to its axis.
 
@@ -18,25 +18,25 @@ use crate::score::{self, GraspCandidate};
 
 /// Number of grasps that are adopted from the most similar object.
 const MAX_FALLBACK_GRASPS: usize = 6;
-/// First identifier of stand-ins, so that they are not mistaken for the object's own grasps.
+/// First identifier of fallback grasps, so that they are not mistaken for the object's own grasps.
 const FIRST_FALLBACK_ID: u32 = 1000;
 /// Yaws that are tried with an object that has no axis, rad.
 const YAW_CANDIDATES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Finds grasps with `digits` for `object`, seen at `detected`, which lies in a way that none of its own grasps fits.
-/// Some of them were `rehearsed` together with the held object.
+/// Finds grasps with `digits` for `object`, detected at `detected`, which lies in a pose that none of its own grasps
+/// fits. Candidates in `rollouts` have rollouts with the held object.
 pub fn fallback_grasps(
     (objects, repertoire): (&ObjectSet, &Repertoire),
     (object, detected): (&ObjectModel, &DetectedObject),
     digits: &[Digit],
-    rehearsed: &[GraspCandidate],
+    rollouts: &[GraspCandidate],
 ) -> Vec<GraspCandidate> {
     let mut candidates = Vec::new();
     for model in objects.fallen_of(object) {
         let Some(yaw) = model.resting_yaw(&detected.rotation) else { continue };
         for grasp in repertoire.for_digits(&model.name, digits) {
             let same = |known: &&GraspCandidate| known.grasp.object == model.name && known.grasp.id == grasp.id;
-            let known = rehearsed.iter().filter(|known| known.grasp.digits == digits).find(same);
+            let known = rollouts.iter().filter(|known| known.grasp.digits == digits).find(same);
             let outcomes = known.map(|known| known.rollouts.clone()).unwrap_or_default();
             candidates.push((grasp.clone(), yaw + grasp.yaw, score::NO_ROLLOUT_FACTOR, outcomes));
         }
@@ -145,24 +145,24 @@ pub(crate) mod tests {
         assert!(yaw_candidates(rod, &lying(crosswise))[0].abs() < 1e-9);
     }
 
-    /// Rehearsals of a fallen object's own grasps come with them. A grasp with another number has none.
+    /// Rollouts of a fallen object's own grasps come with them. A grasp with another number has none.
     #[test]
-    fn rehearsals_of_fallen_things_are_known() {
+    fn rollouts_of_fallen_things_are_known() {
         let set = ObjectSet::standard().with_fallen();
         let (can, lying_can) = (set.get("can_50").unwrap(), set.get("can_50_fallen").unwrap());
         let own = |id: u32| Grasp { object: lying_can.name.clone(), ..grasp("", id) };
         let mut repertoire = Repertoire::default();
         repertoire.grasps.insert(lying_can.name.clone(), vec![own(4), own(5)]);
         let outcome = Rollout::new(Vector3::zeros(), TryOutcome::Missed);
-        let rehearsed = [GraspCandidate { rollouts: [outcome].into(), ..GraspCandidate::new(own(5), 1.0) }];
+        let rollouts = [GraspCandidate { rollouts: [outcome].into(), ..GraspCandidate::new(own(5), 1.0) }];
         let seen = DetectedObject { rotation: lying_can.rest, ..lying(lying_can.rest) };
-        let found = fallback_grasps((&set, &repertoire), (can, &seen), &PINCH, &rehearsed);
+        let found = fallback_grasps((&set, &repertoire), (can, &seen), &PINCH, &rollouts);
         let known: Vec<usize> = found.iter().map(|candidate| candidate.rollouts.len()).collect();
         assert_eq!(known, [0, 1]);
     }
 
-    /// The grasp of the ball of the same height is adopted, and the hand comes from the intended side whatever the
-    /// percept's yaw.
+    /// The grasp of the ball of the same height is adopted, and the hand comes from the intended side whatever the yaw
+    /// of the detected pose.
     #[test]
     fn a_lying_can_is_grasped_like_the_ball_as_high() {
         let set = ObjectSet::standard();

@@ -1,6 +1,6 @@
 //! Guarded motion: the palm advances slowly until a pad feels a contact, and a little further to press firmly.
 //!
-//! Pads are imaged throughout the motion. A change from the image taken on the way there counts as a touch.
+//! Pads are imaged throughout the motion. A change from the image taken during the approach counts as a touch.
 
 use std::sync::Arc;
 

@@ -6,12 +6,12 @@ use hand_model::robot::{Observation, TactileFrame};
 /// Time limit for requested images, s; after it, new ones are requested.
 const REQUEST_TIMEOUT: f64 = 1.0;
 
-/// Requests images at intervals while nobody else does.
+/// Requests images at intervals while no other component does.
 #[derive(Debug, Clone)]
 pub struct PeriodicImageRequests {
     /// Period of the requests, s; `None` for no requests.
     period: Option<f64>,
-    /// Time of the last request of its own, s.
+    /// Time of its own last request, s.
     last: f64,
     /// True if images have arrived since the last request.
     answered: bool,
@@ -77,8 +77,8 @@ mod tests {
         Observation { time, sequence: 0, servos, arm: ArmState::default(), tactile }
     }
 
-    /// It requests images at its period while nobody else does, waits for the answer, and recognises its own images
-    /// among those of others.
+    /// It requests images at its period while no other component does, waits for the answer, and distinguishes its own
+    /// images from those of others.
     #[test]
     fn its_images_are_told_from_those_of_others() {
         let mut watch = PeriodicImageRequests { period: Some(0.1), ..PeriodicImageRequests::default() };

@@ -169,7 +169,8 @@ impl ArmKinematics {
         self.arm.tree.forward(q).iter().map(|pose| self.mount.world_from_base * pose).collect()
     }
 
-    /// `world_from_palm` and the palm's Jacobian (rows: linear, angular, world axes; columns: joints, 0 beyond the last).
+    /// `world_from_palm` and the palm's Jacobian (rows: linear, angular, world axes; columns: joints, 0 beyond the
+    /// last).
     pub fn jacobian(&self, q: &Joints) -> (Isometry3<f64>, SMatrix<f64, 6, MAX_ARM_JOINTS>) {
         let links = self.arm.tree.forward(q);
         let palm = links[self.arm.last_link()] * self.arm.last_from_tool * self.mount.tool_from_palm;

@@ -1,10 +1,10 @@
-//! Foresight: rollouts of the best second grasps in a twin of the scene, from the state as felt, before one is chosen.
+//! Look-ahead: rollouts of the best second grasps from the estimated state of the scene, before one is chosen.
 //!
-//! The rehearsals of [`crate::outcome_model`] started from the planned hold of the first object, with both objects at their
-//! nominal poses. A twin plays a try from the estimated state. Unknowns are sampled ([`draw_samples`]): the in-hand pose of
-//! the held object from its covariance, the error of the aim from the [`AimPosterior`], and the yaw of the target. All grasps
-//! are compared under the same samples. Samples of the hold come in antithetic pairs, so that their mean is the
-//! estimate. The outcomes update the odds ([`RolloutCounts::posterior`]).
+//! The rollouts of [`crate::outcome_model`] start from the planned hold of the first object, with both objects at their
+//! nominal poses. A [`RolloutModel`] runs a try from the estimated state. Unknowns are sampled ([`draw_samples`]): the
+//! in-hand pose of the held object from its covariance, the error of the aim from the [`AimPosterior`], and the yaw of
+//! the target. All grasps are compared under the same samples. Samples of the hold come in antithetic pairs, so that
+//! their mean is the estimate. The outcomes update the outcome probabilities ([`RolloutCounts::posterior`]).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,11 +19,11 @@ use crate::detection::DetectedObject;
 use crate::executor::Executor;
 use crate::outcome_model::{AimPosterior, OutcomeProbabilities, TryOutcome};
 
-/// Number of antithetic pairs of samples: each sample comes with its mirror image.
+/// Number of antithetic pairs of samples: each sample comes with its reflection about the mean.
 pub(crate) const ANTITHETIC_PAIRS: usize = 4;
-/// Largest number of grasps that are played besides the plan.
+/// Largest number of grasps that are rolled out besides the planned one.
 const MAX_ALTERNATIVES: usize = 10;
-/// Weight of the odds from rehearsals, as a number of plays. Set by hand on seed 1.
+/// Weight of the prior outcome probabilities, as a number of rollouts. Set by hand on seed 1.
 const PRIOR_ROLLOUTS: f64 = 4.0;
 /// Standard deviation of the target's yaw, rad.
 const YAW_SIGMA: f64 = 0.08;
@@ -45,45 +45,45 @@ pub struct RolloutScene<'a> {
     pub executor: &'a Executor,
     /// The held object and the target.
     pub objects: &'a [Arc<ObjectModel>],
-    /// Finger joint angles as felt, rad.
+    /// Finger joint angles as estimated by touch, rad.
     pub joints: &'a [f64],
     /// Samples of the unknowns.
     pub samples: &'a [StateSample],
 }
 
-/// Failure of the twin.
+/// Failure of the rollout model.
 #[derive(Debug, thiserror::Error)]
-#[error("the twin of the scene: {0}")]
+#[error("the rollout model: {0}")]
 pub struct RolloutError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
 
-/// A model of the robot and the objects in which tries can be played.
+/// A model of the robot and the objects in which tries can be rolled out.
 pub trait RolloutModel: Sync {
-    /// Prepares the twin to play tries in a scene.
+    /// Prepares rollouts of tries in a scene.
     fn prepare(&self, scene: &RolloutScene) -> Result<Box<dyn SampledScene>, RolloutError>;
 }
 
-/// A scene in the twin, under each of its samples.
+/// A scene of the rollout model, under each of its samples.
 pub trait SampledScene {
-    /// Plays `going`, which is about to approach the second object, under the samples `draws` and returns the outcomes.
-    /// `None` where the sampled hold of the first object is not a hold in the twin.
+    /// Rolls out `going`, which is about to approach the second object, under the samples `draws` and returns the
+    /// outcomes. `None` if the sampled hold of the first object is not a hold in the model.
     fn roll_out(&self, going: &Executor, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, RolloutError>;
 }
 
-/// Settings for playing second grasps in a twin before one is chosen.
+/// Settings for rollouts of second grasps before one is chosen.
 #[derive(Clone, Copy)]
 pub struct LookAheadSettings<'a> {
     pub model: &'a dyn RolloutModel,
-    /// Largest number of grasps that are played besides the plan.
+    /// Largest number of grasps that are rolled out besides the planned one.
     pub max_alternatives: usize,
 }
 
 impl<'a> LookAheadSettings<'a> {
-    /// Plays the plan and the best other grasps.
+    /// Rolls out the planned grasp and the best other grasps.
     pub fn with_alternatives(twin: &'a dyn RolloutModel) -> Self {
         Self { model: twin, max_alternatives: MAX_ALTERNATIVES }
     }
 
-    /// Plays the plan alone.
+    /// Rolls out the planned grasp alone.
     pub fn plan_only(twin: &'a dyn RolloutModel) -> Self {
         Self { model: twin, max_alternatives: 0 }
     }
@@ -93,11 +93,11 @@ impl<'a> LookAheadSettings<'a> {
 pub(crate) struct UnknownState<'a> {
     /// Estimated `palm_from_object` of the held object and its covariance (m and rad, palm axes).
     pub held: (Isometry3<f64>, &'a Matrix6<f64>),
-    /// The target as seen, or as felt.
+    /// The target as detected, or as located by touch.
     pub target: DetectedObject,
-    /// Belief about the error of the aim.
+    /// Posterior of the error of the aim.
     pub aim_posterior: &'a AimPosterior,
-    /// Number of looks over which the target's position is averaged.
+    /// Number of detections over which the target's position is averaged.
     pub detections: u32,
 }
 
@@ -134,21 +134,21 @@ fn displaced(pose: &Isometry3<f64>, off: &Vector6<f64>) -> Isometry3<f64> {
     )
 }
 
-/// `world_from_object` of the object at `percept`, displaced by `off` (m) and rotated about the vertical by `turn`
-/// (rad).
-fn displaced_target(percept: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
+/// `world_from_object` of the object detected at `detected`, displaced by `off` (m) and rotated about the vertical by
+/// `turn` (rad).
+fn displaced_target(detected: &DetectedObject, off: &Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-    Isometry3::from_parts(Translation3::from(percept.position.coords + off), turn * percept.rotation)
+    Isometry3::from_parts(Translation3::from(detected.position.coords + off), turn * detected.rotation)
 }
 
-/// Outcomes of a grasp in the twin.
+/// Outcomes of the rollouts of a grasp.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RolloutCounts {
-    /// Number of plays.
+    /// Number of rollouts.
     pub rollouts: u32,
-    /// Number of plays in which it held the object without an unwanted contact.
+    /// Number of rollouts in which it held the object without an unwanted contact.
     pub held: u32,
-    /// Number of plays with an unwanted contact.
+    /// Number of rollouts with an unwanted contact.
     pub contact: u32,
 }
 
@@ -162,13 +162,13 @@ impl RolloutCounts {
         }
     }
 
-    /// Counts as they would be if `more` further plays all held the object.
+    /// Counts as they would be if `more` further rollouts all held the object.
     pub(crate) fn if_all_held(self, more: u32) -> Self {
         Self { rollouts: self.rollouts + more, held: self.held + more, ..self }
     }
 
-    /// Updates `probabilities` with these outcomes: the posterior mean under a Dirichlet prior whose mean is `probabilities` and whose
-    /// weight is [`PRIOR_ROLLOUTS`] plays.
+    /// Updates `probabilities` with these outcomes: the posterior mean under a Dirichlet prior whose mean is
+    /// `probabilities` and whose weight is [`PRIOR_ROLLOUTS`] rollouts.
     pub(crate) fn posterior(&self, probabilities: &OutcomeProbabilities) -> OutcomeProbabilities {
         let share = |prior: f64, count: u32| {
             (PRIOR_ROLLOUTS * prior + f64::from(count)) / (PRIOR_ROLLOUTS + f64::from(self.rollouts))
@@ -187,16 +187,16 @@ mod tests {
     use super::*;
     use crate::outcome_model::{AimedGrasp, Rollout};
 
-    fn percept() -> DetectedObject {
+    fn detected() -> DetectedObject {
         DetectedObject { position: Point3::new(0.6, 0.1, 0.03), rotation: UnitQuaternion::identity(), yaw: 0.0 }
     }
 
     fn some_draws(held: &Matrix6<f64>, aim: &Matrix3<f64>) -> Vec<StateSample> {
-        let belief = AimPosterior::from_touch(aim).expect("positive definite");
+        let posterior = AimPosterior::from_touch(aim).expect("positive definite");
         draw_samples(&UnknownState {
             held: (Isometry3::translation(0.01, 0.05, -0.03), held),
-            target: percept(),
-            aim_posterior: &belief,
+            target: detected(),
+            aim_posterior: &posterior,
             detections: 1,
         })
     }
@@ -206,11 +206,11 @@ mod tests {
     fn without_doubt_all_draws_are_the_estimate() {
         for draw in some_draws(&Matrix6::zeros(), &(Matrix3::identity() * 1e-16)) {
             assert!((draw.held.translation.vector - Vector3::new(0.01, 0.05, -0.03)).norm() < 1e-12);
-            assert!((draw.target.translation.vector - percept().position.coords).norm() < 1e-6);
+            assert!((draw.target.translation.vector - detected().position.coords).norm() < 1e-6);
         }
     }
 
-    /// Samples of the hold come in mirrored pairs, spread only along uncertain directions, and are the same every time.
+    /// Samples of the hold come in antithetic pairs, vary only along uncertain directions, and are the same every time.
     #[test]
     fn draws_mirror_each_other_about_the_estimate() {
         let mut held = Matrix6::zeros();
@@ -230,34 +230,35 @@ mod tests {
         assert!((0.3..3.0).contains(&(spread.sqrt() / 0.004)), "{spread}");
     }
 
-    /// Offsets (m) of the target from its seen position in the samples.
-    fn offs(belief: &AimPosterior) -> Vec<Vector3<f64>> {
+    /// Offsets (m) of the target from its detected position in the samples.
+    fn offs(posterior: &AimPosterior) -> Vec<Vector3<f64>> {
         let held = (Isometry3::identity(), &Matrix6::zeros());
-        let all = draw_samples(&UnknownState { held, target: percept(), aim_posterior: belief, detections: 1 });
-        all.iter().map(|draw| draw.target.translation.vector - percept().position.coords).collect()
+        let all = draw_samples(&UnknownState { held, target: detected(), aim_posterior: posterior, detections: 1 });
+        all.iter().map(|draw| draw.target.translation.vector - detected().position.coords).collect()
     }
 
     /// If the hand goes too far along x, the target appears too far back.
     #[test]
     fn an_error_of_the_aim_is_a_target_on_the_other_side() {
-        let mut belief =
+        let mut posterior =
             AimPosterior::from_touch(&(Matrix3::identity() * 0.003_f64.powi(2))).expect("positive definite");
-        let mean = |belief: &AimPosterior| offs(belief).iter().sum::<Vector3<f64>>() / (2 * ANTITHETIC_PAIRS) as f64;
-        assert!(mean(&belief).norm() < 0.003, "{}", mean(&belief));
-        // Failures wherever the error is positive have taught that it is positive.
+        let mean =
+            |posterior: &AimPosterior| offs(posterior).iter().sum::<Vector3<f64>>() / (2 * ANTITHETIC_PAIRS) as f64;
+        assert!(mean(&posterior).norm() < 0.003, "{}", mean(&posterior));
+        // Failures at every positive error make a positive error likely.
         let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
-        let rehearsed: Arc<[Rollout]> = (-20..=20)
+        let rollouts: Arc<[Rollout]> = (-20..=20)
             .map(|n| 0.001 * f64::from(n))
             .map(|x| Rollout::new(Vector3::new(x, 0.0, 0.0), outcome(x)))
             .collect();
         let aimed =
-            AimedGrasp { rollouts: rehearsed.clone(), all_rollouts: rehearsed, heading: 0.0, aim: Vector3::zeros() };
-        (0..6).for_each(|_| belief.update_after_failure(&aimed, 1));
-        assert!(mean(&belief).x < -0.001, "{}", mean(&belief));
+            AimedGrasp { rollouts: rollouts.clone(), all_rollouts: rollouts, heading: 0.0, aim: Vector3::zeros() };
+        (0..6).for_each(|_| posterior.update_after_failure(&aimed, 1));
+        assert!(mean(&posterior).x < -0.001, "{}", mean(&posterior));
     }
 
     #[test]
-    fn outcomes_count_beside_the_odds() {
+    fn outcomes_count_beside_the_prediction() {
         let probabilities = OutcomeProbabilities { held: 0.8, contact: 0.1 };
         assert_eq!(RolloutCounts::default().posterior(&probabilities), probabilities);
         let mut foreseen = RolloutCounts::default();

@@ -1,8 +1,8 @@
 //! Motion shared by all executors: the arm servo follows a palm path, the cables pull, and tactile images are
 //! collected.
 //!
-//! An executor decides which path comes next and which tensions are desired; [`MotionExecutor`] carries that out tick by tick.
-//! [`approach_path`] makes the paths to a grasp, [`tension`] the tensions over time.
+//! An executor decides which path comes next and which tensions are desired; [`MotionExecutor`] carries that out tick
+//! by tick. [`mod@approach`] makes the paths to a grasp, [`tension`] the tensions over time.
 
 pub mod approach;
 pub mod tension;
@@ -25,7 +25,7 @@ use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// Time given to the digits to close, s.
 pub const CLOSING_TIME: f64 = 1.1;
-/// Rest before and after the images of a look are taken, s.
+/// Rest before and after the images of a tactile snapshot are taken, s.
 pub const SNAPSHOT_REST_TIME: f64 = 0.3;
 /// Time given to the digits to open when objects are put down, s.
 pub const OPENING_TIME: f64 = 0.7;
@@ -38,8 +38,8 @@ const PATH_TOLERANCE: f64 = 0.02;
 const END_TOLERANCE: (f64, f64) = (0.002, 0.02);
 /// Shares of the speed limits that are tried: joints in an unfavourable posture cannot follow at full speed.
 const SPEED_SHARES: [f64; 2] = [1.0, 0.5];
-/// Time step of a path's rehearsal by the arm servo, and its settling time at the end, s. Both are coarser than the
-/// real ones.
+/// Time step of a path's rollout by the arm servo, and its settling time at the end, s. Both are coarser than the real
+/// ones.
 const ROLLOUT_TIMING: (f64, f64) = (1.0 / 40.0, 0.1);
 
 /// Distances, times and limits of an executor's motions.
@@ -150,7 +150,7 @@ impl MotionExecutor {
         &self.newest
     }
 
-    /// The last look, completed or in progress.
+    /// The last tactile snapshot, completed or in progress.
     pub fn snapshot(&self) -> TactileSnapshot<'_> {
         let readings = Readings::new(&self.servos, &self.palm().rotation);
         TactileSnapshot { images: &self.images, sequences_before: &self.sequences_before, readings }
@@ -193,7 +193,7 @@ impl MotionExecutor {
         PosePath::new(vec![(0.0, self.end()), (time, self.end())])
     }
 
-    /// Path that rests for `time` s at the present palm pose, on the way.
+    /// Path that rests for `time` s at the present palm pose, also before the end of the present path.
     pub fn stop_path(&self, time: f64) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
     }
@@ -249,8 +249,8 @@ impl MotionExecutor {
         approach((self.hand(), limits), &[self.end()], grasp, detected)
     }
 
-    /// Path like [`MotionExecutor::approach_path`] by way of `stops`, rehearsed by the arm servo: straight or through the pose at
-    /// the very beginning, at full speed or slower.
+    /// Path like [`MotionExecutor::approach_path`] by way of `stops`, checked with a rollout of the arm servo: straight
+    /// or through the pose at the very beginning, at full speed or slower.
     ///
     /// A straight path from the end of a failed try can lead the joints to their limits with the palm decimetres off,
     /// although another posture would reach the target. `None` if no path ends there.
@@ -300,7 +300,7 @@ impl MotionExecutor {
         there.then_some(done.worst_position_error)
     }
 
-    /// Begins a look. Earlier images do not count.
+    /// Begins a tactile snapshot. Earlier images do not count.
     pub fn begin_snapshot(&mut self) {
         self.images.clear();
         for frame in &self.newest {
@@ -310,17 +310,18 @@ impl MotionExecutor {
         }
     }
 
-    /// True if the images of a look have arrived, or will not arrive any more.
+    /// True if the images of a snapshot have arrived, or will not arrive any more.
     pub fn snapshot_is_complete(&self) -> bool {
         self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * SNAPSHOT_REST_TIME
     }
 
-    /// True if the images of a look are to be requested in this tick: at the end of the path, when everything rests.
+    /// True if the images of a snapshot are to be requested in this tick: at the end of the path, when everything
+    /// rests.
     pub fn captures_snapshot(&self) -> bool {
         (self.clock - self.path.duration() + self.tick).abs() < 0.6 * self.tick
     }
 
-    /// Takes the measurements. Of the images that arrived, those in `looked` belong to a look.
+    /// Takes the measurements. Of the images that arrived, those in `looked` belong to a snapshot.
     pub fn measure(&mut self, observation: &Observation, looked: &[TactileFrame]) {
         self.servos = observation.servos;
         self.arm = observation.arm;

@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn an_outage_is_borne_for_a_while() {
-        let (mut outage, gone) = (Outage::default(), RobotError::ConnectionLost("nobody answers".to_owned()));
+        let (mut outage, gone) = (Outage::default(), RobotError::ConnectionLost("no answer".to_owned()));
         let failed = |outage: &mut Outage| outage.record_observation(Err(gone.clone())).map(|seen| seen.is_some());
         for _ in 0..MAX_CONSECUTIVE_FAILURES {
             assert_eq!(failed(&mut outage), Ok(false));

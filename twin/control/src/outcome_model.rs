@@ -1,18 +1,18 @@
-//! Odds of a try: success and contact probabilities from rehearsals under sampled errors, for an aim with an unknown
-//! error.
+//! Outcome model of a try: success and contact probabilities from rollouts under sampled errors, for an aim with an
+//! unknown error.
 //!
-//! A grasp was rehearsed in physics under errors of its aim, and each rehearsal held, missed or made an unwanted
+//! A grasp was rolled out in physics under errors of its aim, and each rollout held, missed or made an unwanted
 //! contact. In a trial the error of the aim is b + n: b persists through the trial (the error of the arm and the
-//! persistent part of vision's error), n is new at each look. A [`AimPosterior`] is a set of weighted samples of b. The odds
-//! at one b come from the rehearsals near it, weighted by a Gaussian kernel as wide as n (the Nadaraya-Watson
-//! estimator). The odds of the try are their mean over the belief. A failed try makes those b more likely at which it
-//! had to fail.
+//! persistent part of the detector's error), n is new at each detection. An [`AimPosterior`] is a set of weighted
+//! samples of b. The outcome probabilities at one b come from the rollouts near it, weighted by a Gaussian kernel as
+//! wide as n (the Nadaraya-Watson estimator). The outcome probabilities of the try are their mean over the posterior. A
+//! failed try makes those b more likely at which it had to fail.
 //!
-//! Two dozen rehearsals alone are too few to tell grasps apart: the best of many such estimates is mostly the luckiest.
-//! Rehearsals of the other grasps of the same object therefore count too, each with a reduced weight.
+//! Two dozen rollouts alone are too few to distinguish grasps: the best of many such estimates is mostly the luckiest.
+//! Rollouts of the other grasps of the same object therefore count too, each with a reduced weight.
 //!
-//! Rehearsals after various holds of the first object are weighted by the similarity of their hold to the felt one
-//! ([`Rollout::beside`]).
+//! Rollouts after various holds of the first object are weighted by the similarity of their hold to the felt one
+//! ([`Rollout::hold`]).
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -22,17 +22,16 @@ use nalgebra::{Matrix3, Rotation2, Vector2, Vector3};
 use crate::extent::HeldExtent;
 use crate::uncertainty::Uncertainty;
 
-/// Number of samples of the persistent error in a belief.
+/// Number of samples of the persistent error in a posterior.
 const SAMPLE_COUNT: usize = 96;
-/// Smallest kernel width, m: at about this width, left-out rehearsals are predicted best by the others.
+/// Smallest kernel width, m: at about this width, left-out rollouts are predicted best by the others.
 const MIN_KERNEL_WIDTH: f64 = 0.004;
-/// Kernel weight of a default outcome that dominates where no rehearsal is near: no hold, and a contact in half of the
+/// Kernel weight of a default outcome that dominates where no rollout is near: no hold, and a contact in half of the
 /// cases.
 const DEFAULT_OUTCOME_WEIGHT: f64 = 0.2;
-/// Weight of a rehearsal of any grasp of the same object; those of the grasp itself count with the rest of 1 in
-/// addition.
+/// Weight of a rollout of any grasp of the same object; those of the grasp itself have the rest of 1 in addition.
 const OTHER_GRASPS_WEIGHT: f64 = 0.2;
-/// Smallest weight of a rehearsal after another hold: with few sampled holds, none is similar to the felt one in all
+/// Smallest weight of a rollout after another hold: with few sampled holds, none is similar to the felt one in all
 /// components.
 const MIN_HOLD_WEIGHT: f64 = 0.1;
 /// Number of aims along each axis of the grid of [`AimPosterior::probabilities_around`]; odd.
@@ -53,12 +52,12 @@ pub enum TryOutcome {
     Contact,
 }
 
-/// One rehearsal of a grasp.
+/// One rollout of a grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rollout {
     /// Error of the aim, m, in axes that turn with the grasp's heading.
     pub error: Vector3<f64>,
-    /// Extent of the first object as it was held; `None` if all rehearsals have the planned hold.
+    /// Extent of the first object as it was held; `None` if all rollouts have the planned hold.
     pub hold: Option<HeldExtent>,
     pub outcome: TryOutcome,
     /// Weight for the felt hold; 1 for its own hold.
@@ -66,12 +65,12 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// A rehearsal after the planned hold.
+    /// A rollout after the planned hold.
     pub fn new(error: Vector3<f64>, outcome: TryOutcome) -> Self {
         Self { error, hold: None, outcome, weight: 1.0 }
     }
 
-    /// Weights the rehearsal by the similarity of its hold to the felt one.
+    /// Weights the rollout by the similarity of its hold to the felt one.
     #[must_use]
     pub fn reweighted_for_hold(&self, felt: &HeldExtent) -> Self {
         let weight = |hold: HeldExtent| MIN_HOLD_WEIGHT + (1.0 - MIN_HOLD_WEIGHT) * hold.similarity(felt);
@@ -86,32 +85,32 @@ pub struct OutcomeProbabilities {
     pub contact: f64,
 }
 
-/// Properties of a try that determine its odds.
+/// Properties of a try that determine its outcome probabilities.
 #[derive(Debug, Clone)]
 pub struct AimedGrasp {
-    /// Rehearsals of the grasp.
+    /// Rollouts of the grasp.
     pub rollouts: Arc<[Rollout]>,
-    /// Rehearsals of all grasps of the object, including this one.
+    /// Rollouts of all grasps of the object, including this one.
     pub all_rollouts: Arc<[Rollout]>,
     /// Yaw of the grasp in the world, rad.
     pub heading: f64,
-    /// Offset of the aim from the seen position, m, world.
+    /// Offset of the aim from the detected position, m, world.
     pub aim: Vector3<f64>,
 }
 
-/// Belief about the persistent error of the aim: weighted samples (a particle set).
+/// Posterior of the persistent error of the aim: weighted samples (a particle set).
 #[derive(Debug, Clone)]
 pub struct AimPosterior {
     /// Samples of the error, m, world.
     samples: Vec<Vector3<f64>>,
     /// Weights of the samples; they add up to 1.
     weights: Vec<f64>,
-    /// Standard deviation of the part of vision's error that is new at each look, m.
+    /// Standard deviation of the part of the detector's error that is new at each detection, m.
     detection_sigma: f64,
 }
 
 impl AimPosterior {
-    /// Prior belief, before any try.
+    /// Prior, before any try.
     pub fn new(uncertainty: &Uncertainty) -> Self {
         let level = uncertainty.persistent_sigma();
         let sigmas = Vector3::new(level, level, uncertainty.arm);
@@ -123,7 +122,7 @@ impl AimPosterior {
         }
     }
 
-    /// Belief about an object that was located by touch, so that its position relative to the hand is known with this
+    /// Posterior for an object that was located by touch, so that its position relative to the hand is known with this
     /// covariance (m2, world). `None` if the covariance is not positive definite.
     pub fn from_touch(covariance: &Matrix3<f64>) -> Option<Self> {
         let root = covariance.cholesky()?.l();
@@ -131,7 +130,7 @@ impl AimPosterior {
         Some(Self { samples: values, weights: vec![1.0 / SAMPLE_COUNT as f64; SAMPLE_COUNT], detection_sigma: 0.0 })
     }
 
-    /// Odds of a try at an object whose position is the mean of `detections` looks.
+    /// Outcome probabilities of a try at an object whose position is the mean of `detections` detections.
     pub fn probabilities(&self, aimed: &AimedGrasp, detections: u32) -> OutcomeProbabilities {
         let mut odds = OutcomeProbabilities { held: 0.0, contact: 0.0 };
         for (value, weight) in self.samples.iter().zip(&self.weights) {
@@ -142,8 +141,8 @@ impl AimPosterior {
         odds
     }
 
-    /// [`Self::probabilities`] for a square grid of aims, centred on that of `aimed`; [`aim_grid_offset`] gives the offsets of the
-    /// others.
+    /// [`Self::probabilities`] for a square grid of aims, centred on that of `aimed`; [`aim_grid_offset`] gives the
+    /// offsets of the others.
     ///
     /// A kernel is a product over the world's axes. Along an axis, its values at evenly spaced aims form a power
     /// series: `exp(-(d - n s)^2 / 2 w^2) = exp(-d^2 / 2 w^2) exp(d s / w^2)^n exp(-s^2 / 2 w^2)^(n^2)`.
@@ -156,18 +155,18 @@ impl AimPosterior {
         let inverse = 1.0 / (width * width);
         let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
         let turn = Rotation2::new(aimed.heading);
-        let counted = |rehearsed: &Rollout, share| {
-            let level = turn * rehearsed.error.xy();
-            (Vector3::new(level.x, level.y, rehearsed.error.z) - aimed.aim, share * rehearsed.weight, rehearsed.outcome)
+        let counted = |rollout: &Rollout, share| {
+            let level = turn * rollout.error.xy();
+            (Vector3::new(level.x, level.y, rollout.error.z) - aimed.aim, share * rollout.weight, rollout.outcome)
         };
-        let own = aimed.rollouts.iter().map(|rehearsed| counted(rehearsed, 1.0 - OTHER_GRASPS_WEIGHT));
-        let all = aimed.all_rollouts.iter().map(|rehearsed| counted(rehearsed, OTHER_GRASPS_WEIGHT));
-        let rehearsals: Vec<_> = own.chain(all).collect();
-        let mut odds = [[OutcomeProbabilities { held: 0.0, contact: 0.0 }; AIM_GRID_SIZE]; AIM_GRID_SIZE];
+        let own = aimed.rollouts.iter().map(|rollout| counted(rollout, 1.0 - OTHER_GRASPS_WEIGHT));
+        let all = aimed.all_rollouts.iter().map(|rollout| counted(rollout, OTHER_GRASPS_WEIGHT));
+        let rollouts: Vec<_> = own.chain(all).collect();
+        let mut probabilities = [[OutcomeProbabilities { held: 0.0, contact: 0.0 }; AIM_GRID_SIZE]; AIM_GRID_SIZE];
         for (value, weight) in self.samples.iter().zip(&self.weights) {
-            // Sums over rehearsals that held, made a contact and missed.
+            // Sums over rollouts that held, made a contact and missed.
             let mut sums = [[[0.0; AIM_GRID_SIZE]; AIM_GRID_SIZE]; 3];
-            for (error, share, outcome) in &rehearsals {
+            for (error, share, outcome) in &rollouts {
                 let off = error - value;
                 let middle = share * (-0.5 * off.norm_squared() * inverse).exp();
                 let [x, y] = [off.x, off.y].map(|off| kernel_on_grid(off * AIM_STEP * inverse, fall));
@@ -180,19 +179,19 @@ impl AimPosterior {
                     line.iter_mut().zip(y).for_each(|(sum, y)| *sum += middle * x * y);
                 }
             }
-            for (x, line) in odds.iter_mut().enumerate() {
-                for (y, odds) in line.iter_mut().enumerate() {
+            for (x, line) in probabilities.iter_mut().enumerate() {
+                for (y, probabilities) in line.iter_mut().enumerate() {
                     let [held, contact, missed] = sums.map(|sum| sum[x][y]);
                     let share = weight / (DEFAULT_OUTCOME_WEIGHT + held + contact + missed);
-                    odds.held += share * held;
-                    odds.contact += share * (0.5 * DEFAULT_OUTCOME_WEIGHT + contact);
+                    probabilities.held += share * held;
+                    probabilities.contact += share * (0.5 * DEFAULT_OUTCOME_WEIGHT + contact);
                 }
             }
         }
-        odds
+        probabilities
     }
 
-    /// Updates the belief after a try that did not hold the object.
+    /// Updates the posterior after a try that did not hold the object.
     pub fn update_after_failure(&mut self, aimed: &AimedGrasp, detections: u32) {
         let likely: Vec<f64> =
             self.samples.iter().map(|value| 1.0 - self.probabilities_at(aimed, value, detections).held).collect();
@@ -218,7 +217,7 @@ impl AimPosterior {
         self.samples[place]
     }
 
-    /// Standard deviation of the non-persistent error in the mean of `detections` looks, for each of x and y, m.
+    /// Standard deviation of the non-persistent error in the mean of `detections` detections, for each of x and y, m.
     pub(crate) fn mean_detection_sigma(&self, detections: u32) -> f64 {
         self.detection_sigma / f64::from(detections.max(1)).sqrt()
     }
@@ -231,17 +230,17 @@ impl AimPosterior {
         (squares.sum::<f64>() / 3.0).sqrt()
     }
 
-    /// Odds under the assumption that the persistent error is `value`.
+    /// Outcome probabilities under the assumption that the persistent error is `value`.
     fn probabilities_at(&self, aimed: &AimedGrasp, value: &Vector3<f64>, detections: u32) -> OutcomeProbabilities {
         let width = self.mean_detection_sigma(detections).max(MIN_KERNEL_WIDTH);
         let off = value + aimed.aim;
         let level = Rotation2::new(-aimed.heading) * Vector2::new(off.x, off.y);
         let off = Vector3::new(level.x, level.y, off.z);
         let (mut held, mut contact, mut sum) = (0.0, 0.5 * DEFAULT_OUTCOME_WEIGHT, DEFAULT_OUTCOME_WEIGHT);
-        for (rehearsals, share) in
+        for (rollouts, share) in
             [(&aimed.rollouts, 1.0 - OTHER_GRASPS_WEIGHT), (&aimed.all_rollouts, OTHER_GRASPS_WEIGHT)]
         {
-            for Rollout { error, outcome, weight, .. } in rehearsals.iter() {
+            for Rollout { error, outcome, weight, .. } in rollouts.iter() {
                 let near = share * weight * (-0.5 * (error - off).norm_squared() / (width * width)).exp();
                 sum += near;
                 match outcome {
@@ -260,8 +259,8 @@ pub fn aim_grid_offset(n: usize) -> f64 {
     (n as f64 - (AIM_GRID_SIZE / 2) as f64) * AIM_STEP
 }
 
-/// Kernel along an axis at the aims of [`aim_grid_offset`], relative to its value at the middle one: `slope` is d s / w^2
-/// and `fall` is exp(-s^2 / 2 w^2), in the notation of [`AimPosterior::probabilities_around`].
+/// Kernel along an axis at the aims of [`aim_grid_offset`], relative to its value at the middle one: `slope` is d s /
+/// w^2 and `fall` is exp(-s^2 / 2 w^2), in the notation of [`AimPosterior::probabilities_around`].
 fn kernel_on_grid(slope: f64, fall: f64) -> [f64; AIM_GRID_SIZE] {
     let step = slope.clamp(-MAX_LOG_RATIO, MAX_LOG_RATIO).exp();
     let (mut values, back) = ([1.0; AIM_GRID_SIZE], step.recip());
@@ -283,7 +282,7 @@ fn normal_triple(n: usize) -> Vector3<f64> {
     Vector3::new(one * (TAU * b).cos(), one * (TAU * b).sin(), two * (TAU * d).cos())
 }
 
-/// Van der Corput sequence: the digits of `n` in `base`, mirrored at the point.
+/// Van der Corput sequence: the digits of `n` in `base`, reversed after the point.
 fn halton(mut n: usize, base: usize) -> f64 {
     let (mut value, mut place) = (0.0, 1.0);
     while n > 0 {
@@ -300,8 +299,7 @@ mod tests {
 
     const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, detector: 0.006, detector_persistent_share: 0.5 };
 
-    /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, a miss above 8 mm, a hold in
-    /// between.
+    /// Rollouts on a grid of 3 mm: contact if the error is below -4 mm along x, a miss above 8 mm, a hold in between.
     fn wall() -> Arc<[Rollout]> {
         let steps = || (-6..=6).map(|n| 0.003 * f64::from(n));
         let outcome = |x: f64| match x {
@@ -331,9 +329,9 @@ mod tests {
         assert!(posterior.mean().norm() < 0.001);
     }
 
-    /// The odds are integrals of the normal distribution: contact left of the wall, hold right of it.
+    /// The outcome probabilities are integrals of the normal distribution: contact left of the wall, hold right of it.
     #[test]
-    fn odds_are_integrals() {
+    fn probabilities_are_integrals() {
         let posterior = AimPosterior::new(&UNCERTAINTY);
         let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.detector);
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
@@ -346,9 +344,9 @@ mod tests {
         assert!(posterior.probabilities(&aimed(0.006), 1).contact < posterior.probabilities(&aimed(0.0), 1).contact);
     }
 
-    /// The grid of aims has the same odds as each aim alone, near rehearsals and far from all of them.
+    /// The grid of aims has the same outcome probabilities as each aim alone, near rollouts and far from all of them.
     #[test]
-    fn odds_around_are_those_of_each_aim() {
+    fn probabilities_around_are_those_of_each_aim() {
         let mut posterior = AimPosterior::new(&UNCERTAINTY);
         posterior.update_after_failure(&aimed(0.002), 1);
         for (at, heading, detections) in
@@ -368,9 +366,9 @@ mod tests {
         }
     }
 
-    /// Far from all rehearsals, no hold is promised.
+    /// Far from all rollouts, the probability of a hold is low.
     #[test]
-    fn far_from_all_rehearsals_nothing_is_promised() {
+    fn far_from_all_rollouts_nothing_is_promised() {
         let odds = AimPosterior::new(&UNCERTAINTY).probabilities(&aimed(0.1), 1);
         assert!(odds.held < 1e-6 && (odds.contact - 0.5).abs() < 1e-6, "{odds:?}");
     }
@@ -391,7 +389,7 @@ mod tests {
         assert!(right.mean().x > 0.0);
     }
 
-    /// An object that was located by touch is predicted by the rehearsals close to its position.
+    /// An object that was located by touch is predicted by the rollouts close to its position.
     #[test]
     fn what_was_located_leaves_little_doubt() {
         let covariance = Matrix3::identity() * 0.001_f64.powi(2);
@@ -405,24 +403,20 @@ mod tests {
     /// A contact is likely if the felt hold is similar to the holds after which the grasp made contact, and unlikely
     /// otherwise.
     #[test]
-    fn odds_depend_on_the_felt_hold() {
+    fn probabilities_depend_on_the_felt_hold() {
         let (low, high) = (HeldExtent([0.0; 6]), HeldExtent([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]));
         let after = |hold, outcome| [Rollout { hold: Some(hold), ..Rollout::new(Vector3::zeros(), outcome) }; 10];
         let tried = [after(low, TryOutcome::Contact), after(high, TryOutcome::Held)].concat();
         let odds = |felt: &HeldExtent| {
-            let rehearsed: Arc<[Rollout]> = tried.iter().map(|one| one.reweighted_for_hold(felt)).collect();
-            let aimed = AimedGrasp {
-                all_rollouts: rehearsed.clone(),
-                rollouts: rehearsed,
-                heading: 0.0,
-                aim: Vector3::zeros(),
-            };
+            let rollout: Arc<[Rollout]> = tried.iter().map(|one| one.reweighted_for_hold(felt)).collect();
+            let aimed =
+                AimedGrasp { all_rollouts: rollout.clone(), rollouts: rollout, heading: 0.0, aim: Vector3::zeros() };
             AimPosterior::from_touch(&Matrix3::from_diagonal_element(1e-6)).expect("positive").probabilities(&aimed, 1)
         };
         assert!(odds(&low).contact > 0.7 && odds(&high).held > 0.7, "{:?} {:?}", odds(&low), odds(&high));
     }
 
-    /// A grasp that was lucky in its few rehearsals is not believed to be much better than the others of its object.
+    /// A grasp that was lucky in its few rollouts does not count as much better than the others of its object.
     #[test]
     fn luck_counts_for_less() {
         let with = |outcome| [Rollout::new(Vector3::zeros(), outcome); 40];

@@ -1,6 +1,6 @@
 //! Palpation: free digits touch an object before it is grasped, in order to locate it.
 //!
-//! The errors of vision and arm are as large as the width of a finger, and they are the same in the touch and in the
+//! The errors of detector and arm are as large as the width of a finger, and they are the same in the touch and in the
 //! grasp that follows it at the same place. Index and middle finger, stretched out, come down slowly on the object's
 //! rim from above until a pad feels it. The pads then show the object's pose in the hand, as they do for a held object.
 
@@ -27,7 +27,7 @@ const TOUCH_CANDIDATES: [(f64, f64); 6] =
     [(0.5, 0.0), (0.7, 0.0), (0.5, 0.012), (0.7, 0.012), (0.3, 0.0), (0.9, 0.012)];
 /// Time for hand and object to come to rest before the images are taken, s.
 pub const SETTLING_TIME: f64 = 0.1;
-/// Distances before and beyond the seen surface at which the guarded motion begins and ends, m.
+/// Distances before and beyond the detected surface at which the guarded motion begins and ends, m.
 const GUARDED_MARGINS: (f64, f64) = (0.012, 0.018);
 /// Mean speed of the guarded motion, m/s.
 const GUARDED_SPEED: f64 = 0.025;
@@ -49,8 +49,8 @@ pub struct PalpationPaths {
     pub guarded_motion: PosePath,
 }
 
-/// Guarded motions with which the hand can touch an object of this `shape` seen at `detected`, the preferred one first:
-/// from above, with the hand yawed by `heading` (rad).
+/// Guarded motions with which the hand can touch an object of this `shape` detected at `detected`, the preferred one
+/// first: from above, with the hand yawed by `heading` (rad).
 pub fn guarded_motions(hand: &Hand, heading: f64, (shape, detected): (&ObjectShape, &DetectedObject)) -> Vec<PosePath> {
     let (middle, facing) = middle_of_pads(hand);
     let pose = detected.pose();
@@ -144,28 +144,28 @@ fn middle_of_pads(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
 /// object. `first` is the held object, if there is one.
 pub fn estimate_touched_pose(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     object: &KnownObject,
     prior: &PosePrior,
     first: Option<ExpectedObject>,
 ) -> Result<Option<PoseEstimate>, TouchError> {
     let (pipeline, shape) = (senses.pipeline(), object as &dyn KnownShape);
-    let mut touches = senses.perceive(look)?.touches;
+    let mut touches = senses.perceive(snapshot)?.touches;
     let objects: Vec<ExpectedObject> = first.into_iter().chain([ExpectedObject { shape, prior: *prior }]).collect();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &objects)?;
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &objects)?;
     let fingers = palpating_fingers(pipeline.hand());
     touches.retain(|touch| is_pad_on_digits(pipeline.hand(), touch.pad, &fingers));
     if touches.iter().all(|touch| touch.object_patches().next().is_none()) {
         return Ok(None);
     }
-    let found = pipeline.estimate_pose(&touches, look.readings, prior, shape)?;
+    let found = pipeline.estimate_pose(&touches, snapshot.readings, prior, shape)?;
     let off = found.palm_from_object.translation.vector - prior.palm_from_object.translation.vector;
     Ok((off.norm() < GATE_SIGMAS * prior.sigma_translation).then_some(found))
 }
 
 /// Conditions a touch on the fact that the object stands on the table, so that its height is known. The object was
-/// found `off` (m, world) from its seen position, with this covariance (m2), from an isotropic prior with the first of
-/// `sigmas` (m) as standard deviation. The second one is the standard deviation of its height.
+/// found `off` (m, world) from its detected position, with this covariance (m2), from an isotropic prior with the first
+/// of `sigmas` (m) as standard deviation. The second one is the standard deviation of its height.
 pub fn condition_on_table(
     off: Vector3<f64>,
     covariance: &Matrix3<f64>,
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(palpating_fingers(&Hand::ftac()), [Digit::Index, Digit::Middle]);
     }
 
-    /// Once the guarded motion has come as far as the seen surface, the centre of the pads is on that surface and faces
+    /// Once the guarded motion has reached the detected surface, the centre of the pads is on that surface and faces
     /// it.
     #[test]
     fn pads_meet_the_object_where_it_is_seen() {
@@ -240,7 +240,7 @@ mod tests {
         (covariance[(0, 2)], covariance[(2, 0)]) = (0.8e-4, 0.8e-4);
         let (off, found) = condition_on_table(Vector3::new(0.003, 0.0, 0.004), &covariance, (0.01, 0.005));
         assert!(found[(0, 0)] < 0.6e-4 && off.x < 0.001, "{found} {off}");
-        // A prior that knows the height better is left unchanged.
+        // A prior with a smaller height variance is left unchanged.
         assert_eq!(condition_on_table(off, &covariance, (0.004, 0.005)), (off, covariance));
     }
 }

@@ -24,7 +24,7 @@ use crate::tactile_snapshot::TactileSnapshot;
 
 /// Standard deviations of the planned pose of an object in the hand, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
-/// Lower bounds of these standard deviations for a grasp whose spread of holds is known, m and rad.
+/// Lower bounds of these standard deviations for a grasp with a known distribution of holds, m and rad.
 const MIN_PRIOR_SIGMA: (f64, f64) = (0.003, 0.08);
 
 /// Cell size of the distance grids of meshes, and their margin around the shape, m.
@@ -142,10 +142,10 @@ impl HoldState {
     /// as held if a cable shows that a finger did not close.
     ///
     /// A finger that takes no part in the verified hold of a later grasp, or that stops much later than in that hold,
-    /// has met the thumb and not the object. So has a finger that feels another part of the hand, or of which a pad
-    /// rests on the first object: such contacts are no evidence of a later object. A finger with links that bear no pad
-    /// is compared with its grasp's hold and with an empty closing ([`stops_early`]). Jaws can meet nothing else: a jaw
-    /// that did not close holds the first object.
+    /// has met the thumb and not the object. The same holds for a finger that feels another part of the hand, or of
+    /// which a pad rests on the first object: such contacts are no evidence of a later object. A finger with links that
+    /// bear no pad is compared with its grasp's hold and with an empty closing ([`stops_early`]). Jaws can meet nothing
+    /// else: a jaw that did not close holds the first object.
     pub fn from_evidence(hand: &Hand, signs: &HoldEvidence) -> Self {
         let HoldEvidence { limits, touches, servos, q, objects, on_first, sigma } = *signs;
         let of = |digit: Option<Digit>| {
@@ -232,7 +232,7 @@ pub struct ExpectedHolds<'a> {
 }
 
 impl<'a> ExpectedHolds<'a> {
-    /// Expectations from the `first` grasp and the ones after it; `detected` is the percept of the first object.
+    /// Expectations from the `first` grasp and the ones after it; `detected` is the detected pose of the first object.
     pub fn from_grasps(
         first: &'a Grasp,
         detected: &DetectedObject,
@@ -257,30 +257,31 @@ pub fn pose_in_hand(grasp: &Grasp, detected: &DetectedObject) -> Isometry3<f64> 
     grasp.held.unwrap_or_else(|| grasp.palm_pose(&detected.position, detected.yaw).inverse() * detected.pose())
 }
 
-/// Interprets a look at the hand with `object` as the first object.
+/// Interprets a tactile snapshot of the hand with `object` as the first object.
 pub fn estimate_hold(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     object: &KnownObject,
     expected: &ExpectedHolds,
 ) -> Result<ObjectEstimate, TouchError> {
     let pipeline = senses.pipeline();
-    let PadPerception { mut touches, faults } = senses.perceive(look)?;
+    let PadPerception { mut touches, faults } = senses.perceive(snapshot)?;
     let prior = expected.prior();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &[ExpectedObject { shape: object, prior }])?;
-    let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
-    let (servos, q, sigma) = (look.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &[ExpectedObject { shape: object, prior }])?;
+    let estimate = pipeline.estimate_pose(&touches, snapshot.readings, &prior, object)?;
+    let (servos, q, sigma) = (snapshot.readings.servos, &estimate.q[..], excursion_sigma(pipeline));
     let (limits, objects) = (senses.hold_limits(), &expected.objects[..]);
     let signs = HoldEvidence { limits, touches: &touches, servos, q, objects, on_first: &[], sigma };
     let grip = HoldState::from_evidence(pipeline.hand(), &signs);
     Ok(ObjectEstimate { object: 0, touches, faults, estimate, prior: prior.palm_from_object, hold_state: grip })
 }
 
-/// Interprets a look, already perceived, at a hand that holds each object with digits of its own, and estimates the
-/// pose of each. Every object is given by its number, its shape, its digits and its expected `palm_from_object`.
+/// Interprets a tactile snapshot, already perceived, of a hand that holds each object with its own digits, and
+/// estimates the pose of each. Every object is given by its number, its shape, its digits and its expected
+/// `palm_from_object`.
 pub fn estimate_each_hold(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     (PadPerception { mut touches, faults }, grip): (PadPerception, HoldState),
     objects: &[(usize, &KnownObject, &[Digit], Isometry3<f64>)],
 ) -> Result<Vec<ObjectEstimate>, TouchError> {
@@ -289,8 +290,8 @@ pub fn estimate_each_hold(
         .iter()
         .map(|(_, shape, _, place)| ExpectedObject { shape: *shape as &dyn KnownShape, prior: default_prior(*place) })
         .collect();
-    pipeline.mark_self_contacts(&mut touches, look.readings, &in_hand)?;
-    let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, look.readings, &pipeline.pose)?));
+    pipeline.mark_self_contacts(&mut touches, snapshot.readings, &in_hand)?;
+    let pads = hand.pad_poses(&hand.tree.forward(&loaded_posture(hand, &touches, snapshot.readings, &pipeline.pose)?));
     // Each patch belongs to the nearest object. A digit keeps its patches for the object it holds, unless they lie on
     // another one.
     let owner = |pad: usize, patch: &ContactPatch| {
@@ -306,7 +307,7 @@ pub fn estimate_each_hold(
         own.retain(|touch| {
             on_palm(touch.pad) || is_pad_on_digits(hand, touch.pad, digits) || !touch.patches.is_empty()
         });
-        let estimate = pipeline.estimate_pose(&own, look.readings, &in_hand[n].prior, *shape)?;
+        let estimate = pipeline.estimate_pose(&own, snapshot.readings, &in_hand[n].prior, *shape)?;
         let faults = if n == 0 { faults.clone() } else { Vec::new() };
         felt.push(ObjectEstimate { object: *object, touches: own, faults, estimate, prior: *place, hold_state: grip });
     }
@@ -333,21 +334,22 @@ pub fn default_prior(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Determines from a look which objects are in the hand; `objects` are the expected ones, the first one first.
+/// Determines from a tactile snapshot which objects are in the hand; `objects` are the expected ones, the first one
+/// first.
 pub fn detect_hold_state(
     senses: &TouchPerception,
-    look: &TactileSnapshot,
+    snapshot: &TactileSnapshot,
     expected: &ExpectedHolds,
     objects: &[ExpectedObject],
 ) -> Result<HoldState, TouchError> {
-    let PadPerception { mut touches, .. } = senses.perceive(look)?;
-    senses.pipeline().mark_self_contacts(&mut touches, look.readings, objects)?;
+    let PadPerception { mut touches, .. } = senses.perceive(snapshot)?;
+    senses.pipeline().mark_self_contacts(&mut touches, snapshot.readings, objects)?;
     let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
-    let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
+    let q = loaded_posture(hand, &touches, snapshot.readings, &pipeline.pose)?;
     let free: Vec<Digit> = expected.objects.iter().skip(1).flat_map(|object| object.digits.iter().copied()).collect();
     let on_first =
         objects.first().map_or(Vec::new(), |first| pads_on_object(hand, &q, first, &free, senses.hold_limits().near));
-    let (servos, sigma) = (look.readings.servos, excursion_sigma(pipeline));
+    let (servos, sigma) = (snapshot.readings.servos, excursion_sigma(pipeline));
     let (limits, objects) = (senses.hold_limits(), &expected.objects[..]);
     let signs = HoldEvidence { limits, touches: &touches, servos, q: &q, objects, on_first: &on_first, sigma };
     Ok(HoldState::from_evidence(hand, &signs))
@@ -390,7 +392,7 @@ pub(crate) mod tests {
         pulled(hand, share, 10.0)
     }
 
-    /// Grip from the servos alone, with the verified hold of the second grasp.
+    /// Hold state from the servos alone, with the verified hold of the second grasp.
     fn hold_state_from_servos(hand: &Hand, servos: &[ServoState], second: Option<&[f64]>) -> HoldState {
         let (q, sets) = (hand.open_angles(), dexterous_grasping::digit_sets(hand, 2));
         let objects =

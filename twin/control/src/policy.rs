@@ -1,11 +1,11 @@
-//! Policies: everything that decides, retries, aims and gives up.
+//! Policies: they choose grasps and aims, retry, and give up.
 //!
-//! A policy receives the measurements of the robot and the reports of its [`ObjectDetector`]. It is asked at the decisions of a
-//! trial, acts on the [`Executor`], and answers how to go on. [`blind`] carries out the plan, and [`touch`] adapts to
-//! tactile perception. [`sequential`] does so with more than two objects. [`chooser`] delegates the choice to an external
-//! chooser. [`order`] determines which object is taken first, [`pick_sequence`] decides the picks of a transport, and
-//! [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth: the true-pose
-//! ablation is an [`InjectedHold`] estimate from outside.
+//! A policy receives the measurements of the robot and the reports of its [`ObjectDetector`]. It is called at the
+//! decisions of a trial, acts on the [`Executor`], and answers how to go on. [`blind`] carries out the planned grasps,
+//! and [`touch`] adapts to tactile perception. [`sequential`] does so with more than two objects. [`chooser`] delegates
+//! the choice to an external chooser. [`order`] determines which object is taken first, [`pick_sequence`] decides the
+//! picks of a transport, and [`reach`] finds the grasps that the arm can carry out. No type here has access to ground
+//! truth: the true-pose ablation is an [`InjectedHold`] estimate from the caller.
 
 pub mod blind;
 pub mod chooser;
@@ -42,7 +42,7 @@ pub struct Knowledge<'a> {
     pub cell: &'a Workcell,
     /// All objects, in every pose in which they can lie.
     pub library: &'a ObjectSet,
-    /// Grasps proven in simulation.
+    /// Grasps verified in simulation.
     pub repertoire: &'a Repertoire,
     /// The objects of the trial, in the order in which they are taken.
     pub objects: Vec<Arc<ObjectModel>>,
@@ -52,13 +52,14 @@ pub struct Knowledge<'a> {
     pub second_candidates: Vec<GraspCandidate>,
     /// Grasps of the third object, the planned one first; empty in a trial of fewer objects.
     pub third_candidates: Vec<GraspCandidate>,
-    /// Rehearsed grasps of the second object for the ways in which it can fall over; the object of each names that way.
+    /// Grasps of the second object with rollouts, for the poses into which it can fall over; the object of each names
+    /// that pose.
     pub fallen_candidates: Vec<GraspCandidate>,
-    /// Alternative first grasps, each with the second grasps rehearsed after it.
+    /// Alternative first grasps, each with the second grasps that have rollouts after it.
     pub alternative_firsts: Vec<GraspSequence>,
     /// Standard deviations of the errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
-    /// Standard deviation that the first look at each object states for its own error, m
+    /// Standard deviation that the detector reports for its first detection of each object, m
     /// ([`crate::detection::PoseDetection::sigma`]).
     pub first_detection_sigmas: [Option<f64>; MAX_OBJECTS],
     /// Time limit of a trial, s.
@@ -67,22 +68,23 @@ pub struct Knowledge<'a> {
     pub recovery: Recovery,
     /// True if the policy palpates objects to locate them before it grasps them.
     pub palpates: bool,
-    /// Settings for playing second grasps in a twin of the scene before one is chosen, if that is enabled.
+    /// Settings for rollouts of second grasps before one is chosen, if that is enabled.
     pub look_ahead: Option<LookAheadSettings<'a>>,
     /// Expected results of both orders, if the objects are taken in another order than planned.
     pub reordered: Option<OrderComparison>,
 }
 
-/// Factor by which the other order must promise more than the planned one. Where no sequence of the plan is sure, the
-/// best of many odds was searched in both orders, and the best of many is partly the luckiest. Set by hand on seed 1.
+/// Factor by which the other order must score higher than the planned one. Without a sure sequence in the plan, the
+/// best of many outcome models was searched in both orders, and the best of many is partly the luckiest. Set by hand on
+/// seed 1.
 const REORDER_GAIN: f64 = 1.1;
 
-/// Expected results of two orders, where the other order promises more than the planned one.
+/// Expected results of two orders, if the other order scores higher than the planned one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OrderComparison {
-    /// Promise of the planned order.
+    /// Score of the planned order.
     pub planned: f64,
-    /// Promise of the other order.
+    /// Score of the other order.
     pub other: f64,
 }
 
@@ -98,7 +100,7 @@ impl OrderComparison {
 pub struct Recovery {
     /// True if failed grasps are tried again.
     pub retry: bool,
-    /// True if the objects are looked at again before a retry.
+    /// True if the objects are detected again before a retry.
     pub new_detection: bool,
 }
 
@@ -119,7 +121,7 @@ pub struct InjectedHold {
 /// Continuation of a trial after a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PolicyStep {
-    /// Play until the next decision.
+    /// Run until the next decision.
     Continue,
     /// The trial is over.
     Finish,
@@ -129,18 +131,18 @@ pub enum PolicyStep {
     Decline,
     /// The trial is given up: a required object is not visible.
     NotDetected,
-    /// The trial is given up: the decision maker has failed.
+    /// The trial is given up: the external chooser has failed.
     Failed,
 }
 
-/// A decision for an observer: the options that were weighed, and the result.
+/// A decision for an observer: the options that were scored, and the result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecisionRecord {
     /// The candidates.
     pub candidates: Vec<ScoredCandidate>,
     /// Index of the chosen candidate; `None` if none was taken.
     pub chosen: Option<usize>,
-    /// Predicted course of the plan, if another option was chosen.
+    /// Predicted course of the planned grasp, if another option was chosen.
     pub rejected: Option<HeldObjectPath>,
     /// Predicted course of the chosen option.
     pub course: Option<HeldObjectPath>,
@@ -162,7 +164,7 @@ impl DecisionRecord {
 /// The planned and the chosen second grasp, as assessed by the first decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstDecision {
-    /// Assessment of the plan, aimed at the seen position.
+    /// Assessment of the planned grasp, aimed at the detected position.
     pub planned: Assessment,
     /// Assessment of the chosen grasp; `None` if the policy declined.
     pub chosen: Option<Assessment>,
@@ -175,7 +177,7 @@ pub struct DecisionTrace {
     pub retries: u32,
     /// True if a second grasp other than the planned one was chosen.
     pub switched: bool,
-    /// True if the second grasp was aimed away from the position that was seen first.
+    /// True if the second grasp was aimed away from the first detected position.
     pub aimed: bool,
     /// Number of decisions on how to take the second object.
     pub decisions: u32,
@@ -234,9 +236,9 @@ pub enum PolicyError {
     NoSecondGrasp(String),
 }
 
-/// Policy of a trial. It is asked whenever the executor waits: first it perceives, then it decides.
+/// Policy of a trial. It is called whenever the executor waits: first it perceives, then it decides.
 pub trait TrialPolicy {
-    /// Perceives the measurements of the last look.
+    /// Perceives the measurements of the last tactile snapshot.
     fn perceive(&mut self, executor: &Executor, injected: Option<InjectedHold>) -> Result<(), PolicyError>;
     /// Decides at `time` (s, the robot's clock) and acts on the executor.
     fn decide(
@@ -247,7 +249,7 @@ pub trait TrialPolicy {
     ) -> Result<PolicyStep, PolicyError>;
     /// Returns the record of its actions so far.
     fn trace(&mut self) -> &mut DecisionTrace;
-    /// Pose estimate of each object in the hand at the last look.
+    /// Pose estimate of each object in the hand at the last tactile snapshot.
     fn felt(&self) -> &[ObjectEstimate];
     /// True if its decisions depend on measurements, and therefore take time.
     fn deliberates(&self) -> bool;

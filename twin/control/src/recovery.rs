@@ -10,9 +10,10 @@ use crate::perception::HoldState;
 /// Length of a probe of the aim, in standard deviations of the arm's error.
 const PROBE_REACH: f64 = 1.5;
 
-/// Offset of the aim from the seen position after `failures` failed grasps in a row, m. The arm has an unknown constant
-/// error with standard deviation `sigma` (m), so the same aim would fail again. The first retry trusts the new look.
-/// The following ones go through the six directions along the axes and the eight between them, over and over.
+/// Offset of the aim from the detected position after `failures` failed grasps in a row, m. The arm has an unknown
+/// constant error with standard deviation `sigma` (m), so the same aim would fail again. The first retry trusts the new
+/// detection. The following ones go through the six directions along the axes and the eight between them, over and
+/// over.
 pub fn probe_offset(failures: usize, sigma: f64) -> Vector3<f64> {
     let Some(n) = failures.checked_sub(2) else { return Vector3::zeros() };
     let direction = match n % 14 {
@@ -30,7 +31,7 @@ pub fn probe_offset(failures: usize, sigma: f64) -> Vector3<f64> {
     direction * (PROBE_REACH * sigma)
 }
 
-/// Next action after a look.
+/// Next action after a tactile snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NextAction {
     /// Go on as planned.
@@ -42,7 +43,7 @@ pub enum NextAction {
 }
 
 impl NextAction {
-    /// Next action after the look that ends in `phase`, in a trial whose `last` object has this index.
+    /// Next action after the snapshot that ends in `phase`, in a trial whose `last` object has this index.
     pub fn after(phase: Phase, grip: HoldState, last: usize) -> Self {
         let taken = (0..=last).rev().find(|object| phase.has_lifted(*object)).unwrap_or(0);
         match grip.first_missing(taken) {

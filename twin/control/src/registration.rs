@@ -6,8 +6,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Tolerance of collinearity, m: points whose spread across their longest line is smaller leave a rotation
-/// undetermined.
+/// Tolerance of collinearity, m: points that deviate less from a line leave a rotation undetermined.
 const COLLINEARITY_TOLERANCE: f64 = 0.02;
 
 /// A touched point.
@@ -42,12 +41,12 @@ pub enum RegistrationError {
     Collinear(f64),
     /// A value is not finite, or a covariance is not positive definite.
     #[error(
-        "point {0}: found a place or a covariance that cannot be, expected finite numbers and a positive definite covariance"
+        "point {0}: found an invalid position or covariance, expected finite numbers and a positive definite covariance"
     )]
     NotFinite(usize),
     /// A residual is too large: the points do not fit together.
     #[error(
-        "point {point}: it stays {:.1} mm from where it is known to be, expected at most {:.1} mm: is it in its place?",
+        "point {point}: residual: found {:.1} mm, expected at most {:.1} mm: check its position",
         1e3 * residual,
         1e3 * most
     )]
@@ -195,7 +194,7 @@ mod tests {
         let mut numbers = good.clone();
         numbers[1].felt.x = f64::NAN;
         assert_eq!(register(&numbers, 0.01), Err(RegistrationError::NotFinite(2)));
-        // One ball is beside its mark.
+        // One ball is off its mark.
         let moved = touched([Vector3::zeros(), Vector3::zeros(), Vector3::new(0.03, 0.0, 0.0)]);
         let error = register(&moved, 0.005).expect_err("refused").to_string();
         assert!(error.contains("expected at most 5.0 mm"), "{error}");

@@ -14,7 +14,7 @@ use crate::tactile_snapshot::TactileSnapshot;
 
 /// Side of the blocks of pixels that a coarse image averages, pixels.
 const COARSE_BLOCK_SIDE: usize = 10;
-/// One of this many pads is left in [`SensorFigures::QuarterOfPads`].
+/// One of this many pads is left in [`Sensing::QuarterOfPads`].
 const PAD_STRIDE: usize = 4;
 
 /// Perception of a hand, restricted to the senses it may use.
@@ -57,7 +57,7 @@ impl<'a> TouchPerception<'a> {
         &self.hold
     }
 
-    /// Perceives the contacts on the pads in a look. Cameras that may not be used do not count as faults.
+    /// Perceives the contacts on the pads in a tactile snapshot. Cameras that may not be used do not count as faults.
     pub fn perceive(&self, snapshot: &TactileSnapshot) -> Result<PadPerception, TouchError> {
         let hand = self.pipeline.hand();
         let frames = self.remaining_frames(snapshot.images);
@@ -101,8 +101,8 @@ pub fn is_pad_on_digits(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
     hand.digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
 }
 
-/// Replaces every block of [`COARSE_BLOCK_SIDE`] x [`COARSE_BLOCK_SIDE`] pixels by its mean. An image of another size is returned unchanged, to
-/// be refused later.
+/// Replaces every block of [`COARSE_BLOCK_SIDE`] x [`COARSE_BLOCK_SIDE`] pixels by its mean. An image of another size
+/// is returned unchanged, to be refused later.
 fn coarsen(image: &TactileImage) -> TactileImage {
     const WIDTH: usize = IMAGE_SIZE;
     let mut rgb = image.rgb.clone();

@@ -3,7 +3,7 @@
 //! While objects are carried, nothing should move in the hand. Slip has two signs: the image of a pad changes, or the
 //! cable of a digit is taken up further because its support has gone. In either case all digits that hold the same
 //! object pull harder by one step, up to a limit. If no further slip is detected for a while, the additional tension
-//! decays. The tension never falls below the plan.
+//! decays. The tension never falls below the planned tension.
 
 use std::sync::Arc;
 
@@ -18,9 +18,9 @@ pub const IMAGE_PERIOD: f64 = 0.1;
 const SLIP_EXCURSION: f64 = 0.0012;
 /// Threshold of the mean change of a pad's image that counts as slip, grey levels.
 const SLIP_IMAGE_CHANGE: f64 = 1.5;
-/// Step of the additional tension, as a share of the plan's.
+/// Step of the additional tension, as a share of the planned tension.
 const TENSION_STEP: f64 = 0.25;
-/// Largest additional tension, as a share of the plan's; see [`TENSION_STEP`].
+/// Largest additional tension, as a share of the planned tension; see [`TENSION_STEP`].
 const MAX_ADDED_TENSION: f64 = 1.0;
 /// Settling time after a step, and after the start, during which nothing counts as slip, s.
 const SETTLING_TIME: f64 = 0.15;
@@ -28,7 +28,7 @@ const SETTLING_TIME: f64 = 0.15;
 const DECAY_RATE: f64 = 0.1;
 /// Time without slip after which the decay begins, s; see [`DECAY_RATE`].
 const DECAY_DELAY: f64 = 1.0;
-/// Stride of the bytes that are compared in an image. It is coprime with three, so that all colours take their turn.
+/// Stride of the bytes that are compared in an image. It is coprime with three, so that all colours are sampled.
 const BYTE_STRIDE: usize = 31;
 
 /// Slip detection for carries, one after the other.
@@ -50,7 +50,7 @@ pub fn max_tension(hand: &Hand) -> f64 {
 struct SlipState {
     /// Digits that hold the object.
     digits: Vec<Digit>,
-    /// Additional tension, as a share of the plan's.
+    /// Additional tension, as a share of the planned tension.
     added_tension: f64,
     /// Number of steps taken.
     steps: u32,
@@ -177,7 +177,7 @@ mod tests {
         })
     }
 
-    /// A watch of two objects, held by ring and little finger and by the other digits.
+    /// Controller of a carry of two objects, held by ring and little finger and by the other digits.
     fn watching() -> SlipController {
         let mut watch = SlipController::default();
         let digits = [&[Digit::Ring, Digit::Little][..], &[Digit::Thumb, Digit::Index, Digit::Middle]];
@@ -201,8 +201,8 @@ mod tests {
         assert_eq!(watch.slip_counts()[..], [0, 0]);
     }
 
-    /// If the ring finger closes further, ring and little finger pull harder and the others stay. Calm restores the
-    /// plan, and no less.
+    /// If the ring finger closes further, ring and little finger pull harder and the others stay. Without slip the
+    /// planned tension returns, and no less.
     #[test]
     fn tension_rises_on_slip_within_limits_and_falls_back() {
         let (hand, mut watch) = (Hand::ftac(), watching());

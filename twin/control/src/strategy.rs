@@ -1,14 +1,15 @@
 //! Strategy: chooses the grasp of the next object and its aim, given the felt pose of the held object.
 //!
-//! The odds of a candidate (held, missed, contact) come from its rehearsals under errors ([`crate::probabilities`]), at the
-//! offset of the aim with the highest utility. Rehearsals used the planned hold. The felt hold is compared with it by
-//! geometry: the union of the held object (with the digits that hold it) and the target is checked along the whole
-//! motion, which is the approach and the way of the target into the hand while the digits close. The probability that
-//! this clearance is negative may be larger for the felt hold than for the rehearsed one; the probability of a contact
-//! rises by the difference. The odds of a candidate that was proven after many holds give most weight to those similar
-//! to the felt one ([`crate::extent`]) and already include obstacles at the object. A candidate without rehearsals has
-//! its proven worth and the whole of that probability. A miss without contact is worth part of a hold, because it can
-//! be tried again. The plan is kept unless another candidate is clearly better.
+//! The outcome probabilities of a candidate (held, missed, contact) come from its rollouts under errors
+//! ([`crate::outcome_model`]), at the offset of the aim with the highest score. Rollouts used the planned hold. The
+//! felt hold is compared with it by geometry: the union of the held object (with the digits that hold it) and the
+//! target is checked along the whole motion, which is the approach and the path of the target into the hand while the
+//! digits close. The probability that this clearance is negative may be larger for the felt hold than for that of the
+//! rollouts; the probability of a contact rises by the difference. The outcome probabilities of a candidate that was
+//! verified after many holds give most weight to those similar to the felt one ([`crate::extent`]) and already include
+//! obstacles at the object. A candidate without rollouts has its verified score and the whole of that probability. A
+//! miss without contact scores part of a hold, because it can be tried again. The planned grasp is kept unless another
+//! candidate is clearly better.
 
 mod approach_paths;
 mod rollout_choice;
@@ -46,16 +47,16 @@ pub struct Assessment {
     pub risk: f64,
     /// Probability that the object is held after this try.
     pub held: f64,
-    /// Utility of the try, 0 to 1.
+    /// Score of the try, 0 to 1.
     pub score: f64,
 }
 
-/// Record of one weighed candidate.
+/// Record of one scored candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoredCandidate {
     /// Number of the grasp.
     pub grasp: u32,
-    /// Offset of its aim from the seen position, m, world.
+    /// Offset of its aim from the detected position, m, world.
     pub aim: Vector3<f64>,
     /// Clearance, m; only for candidates that could still win.
     pub clearance: Option<f64>,
@@ -63,34 +64,35 @@ pub struct ScoredCandidate {
     pub risk: f64,
     /// Probability that the object is held.
     pub held: f64,
-    /// Utility of the try, 0 to 1.
+    /// Score of the try, 0 to 1.
     pub score: f64,
-    /// True for the plan.
+    /// True for the planned grasp.
     pub planned: bool,
 }
 
 /// A decision with its reasons.
 #[derive(Debug, Clone)]
 pub struct Decision {
-    /// All candidates: the plan, aimed at the seen position, first, then the others by their odds.
+    /// All candidates: the planned grasp, aimed at the detected position, first, then the others by their outcome
+    /// probabilities.
     pub candidates: Vec<ScoredCandidate>,
     /// Index of the chosen candidate.
     pub choice: usize,
-    /// Predicted course of the plan, if another grasp or aim was chosen.
+    /// Predicted course of the planned grasp, if another grasp or aim was chosen.
     pub rejected: Option<HeldObjectPath>,
     /// Predicted course of the chosen option.
     pub course: HeldObjectPath,
     /// Chosen grasp.
     pub grasp: Grasp,
-    /// Offset of its aim from the seen position, m, world.
+    /// Offset of its aim from the detected position, m, world.
     pub aim: Vector3<f64>,
-    /// Rehearsals and aim of the chosen grasp, for learning from its outcome.
+    /// Rollouts and aim of the chosen grasp, for learning from its outcome.
     pub aimed: AimedGrasp,
     /// Via poses on the way to its approach pose.
     pub via_poses: Vec<Isometry3<f64>>,
     /// True if it differs from the planned grasp.
     pub switched: bool,
-    /// Assessment of the plan, aimed at the seen position.
+    /// Assessment of the planned grasp, aimed at the detected position.
     pub planned: Assessment,
     /// Assessment of the chosen grasp.
     pub chosen: Assessment,
@@ -107,34 +109,34 @@ pub enum StrategyError {
     /// A path could not be planned.
     #[error(transparent)]
     Motion(#[from] MotionError),
-    /// The twin failed.
+    /// The rollout model failed.
     #[error(transparent)]
     Rollout(#[from] RolloutError),
 }
 
 /// Inputs of a choice.
 pub struct DecisionContext<'a> {
-    /// Executor with the present palm pose and the target's percept.
+    /// Executor with the present palm pose and the target's detected pose.
     pub executor: &'a Executor,
     pub hand: &'a Hand,
     /// Contents of the hand.
     pub held: &'a HeldObject<'a>,
-    /// Hold of the same object after which the candidates were rehearsed: `palm_from_object` and finger joint angles,
-    /// rad.
+    /// Hold of the same object from which the rollouts of the candidates began: `palm_from_object` and finger joint
+    /// angles, rad.
     pub rollout_hold: Option<(Isometry3<f64>, &'a [f64])>,
     /// Solids of the object to take next, in its own frame: [`object_solids`].
     pub target: &'a [Solid],
     /// Standard deviation of the target's position relative to the hand, from perceiving and reaching it, m.
     pub target_sigma: f64,
-    /// Rehearsals of all candidates.
+    /// Rollouts of all candidates.
     pub all_rollouts: Arc<[Rollout]>,
-    /// Belief about the error of the aim.
+    /// Posterior of the error of the aim.
     pub aim_posterior: &'a AimPosterior,
-    /// Number of looks over which the target's position is averaged.
+    /// Number of detections over which the target's position is averaged.
     pub detections: u32,
-    /// Offset of the aim for a grasp that was not rehearsed, m, world.
+    /// Offset of the aim for a grasp without rollouts, m, world.
     pub probe: Vector3<f64>,
-    /// Twin in which the best candidates are played before one is chosen.
+    /// Inputs for rollouts of the best candidates before one is chosen.
     pub look_ahead: Option<LookAhead<'a>>,
 }
 
@@ -146,16 +148,16 @@ struct AimedCandidate<'a> {
 }
 
 impl<'a> AimedCandidate<'a> {
-    /// `candidate` with its aim at the offset `aim` (m) from the seen position.
+    /// `candidate` with its aim at the offset `aim` (m) from the detected position.
     fn with_aim(situation: &DecisionContext, candidate: &'a GraspCandidate, aim: Vector3<f64>) -> Self {
         let heading = candidate.grasp.yaw + situation.executor.target(1).detected.yaw;
-        let (rehearsed, all) = (candidate.rollouts.clone(), situation.all_rollouts.clone());
-        let aimed = AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading, aim };
+        let (rollouts, all) = (candidate.rollouts.clone(), situation.all_rollouts.clone());
+        let aimed = AimedGrasp { rollouts: rollouts, all_rollouts: all, heading, aim };
         let odds = candidate_probabilities(candidate, &aimed, (situation.aim_posterior, situation.detections));
         Self { candidate, aimed, probabilities: odds }
     }
 
-    /// `candidate` with the aim of the highest utility.
+    /// `candidate` with the aim of the highest score.
     fn with_best_aim(situation: &DecisionContext, candidate: &'a GraspCandidate) -> Self {
         if candidate.rollouts.is_empty() {
             return Self::with_aim(situation, candidate, situation.probe);
@@ -197,7 +199,7 @@ impl<'a> AimedCandidate<'a> {
         ))
     }
 
-    /// Record of the option, with its odds alone or with its assessment.
+    /// Record of the option, with its outcome probabilities alone or with its assessment.
     fn record(&self, assessed: Option<&Assessment>, planned: bool) -> ScoredCandidate {
         let OutcomeProbabilities { held, contact } = self.probabilities;
         let (held, risk, worth) = match assessed {
@@ -217,11 +219,12 @@ impl<'a> AimedCandidate<'a> {
     }
 }
 
-/// Odds of a candidate with the aim `aimed`, given a belief and the number of looks at the object.
+/// Outcome probabilities of a candidate with the aim `aimed`, given a posterior and the number of detections of the
+/// object.
 fn candidate_probabilities(
     candidate: &GraspCandidate,
     aimed: &AimedGrasp,
-    (posterior, looks): (&AimPosterior, u32),
+    (posterior, detections): (&AimPosterior, u32),
 ) -> OutcomeProbabilities {
     if candidate.rollouts.is_empty() {
         return OutcomeProbabilities {
@@ -229,51 +232,51 @@ fn candidate_probabilities(
             contact: DEFAULT_CONTACT_PROBABILITY,
         };
     }
-    let odds = posterior.probabilities(aimed, looks);
+    let odds = posterior.probabilities(aimed, detections);
     OutcomeProbabilities { held: odds.held * candidate.failure_factor, ..odds }
 }
 
-/// Rehearsals of all `candidates`.
+/// Rollouts of all `candidates`.
 pub fn collect_rollouts(candidates: &[GraspCandidate]) -> Arc<[Rollout]> {
     candidates.iter().flat_map(|candidate| candidate.rollouts.iter().copied()).collect()
 }
 
-/// Utility of the best of `candidates` at an object whose position has the error of `posterior`.
+/// Score of the best of `candidates` at an object whose position has the error of `posterior`.
 pub fn best_candidate_score(candidates: &[GraspCandidate], posterior: &AimPosterior) -> f64 {
     let all = collect_rollouts(candidates);
-    let worth = |candidate: &GraspCandidate| {
-        let (rehearsed, all) = (candidate.rollouts.clone(), all.clone());
+    let score = |candidate: &GraspCandidate| {
+        let (rollouts, all) = (candidate.rollouts.clone(), all.clone());
         let aimed =
-            AimedGrasp { rollouts: rehearsed, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
+            AimedGrasp { rollouts: rollouts, all_rollouts: all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
         outcome_score(&candidate_probabilities(candidate, &aimed, (posterior, 1)))
     };
-    candidates.iter().map(worth).fold(0.0, f64::max)
+    candidates.iter().map(score).fold(0.0, f64::max)
 }
 
-/// Utility of a try with these odds.
-fn outcome_score(odds: &OutcomeProbabilities) -> f64 {
-    odds.held + MISS_SCORE * (1.0 - odds.held - odds.contact)
+/// Score of a try with these outcome probabilities.
+fn outcome_score(probabilities: &OutcomeProbabilities) -> f64 {
+    probabilities.held + MISS_SCORE * (1.0 - probabilities.held - probabilities.contact)
 }
 
 /// A candidate whose motion was checked.
 struct CheckedCandidate<'a> {
-    /// Its index among the weighed candidates.
+    /// Its index among the scored candidates.
     index: usize,
     aimed: AimedCandidate<'a>,
     assessment: Assessment,
     swept_clearance: SweptClearance,
-    /// Outcomes in the twin, if it was played.
+    /// Outcomes of its rollouts, if there were any.
     rollout_counts: Option<RolloutCounts>,
 }
 
-/// Chooses among `candidates`, the first of which is the plan. `None` if there are none.
+/// Chooses among `candidates`, the first of which is the planned grasp. `None` if there are none.
 pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Result<Option<Decision>, StrategyError> {
     let Some(planned) = candidates.first() else { return Ok(None) };
     let scene = ClearanceScene::new(situation);
     let aiming = AimedCandidate::with_aim(situation, planned, Vector3::zeros());
-    let (assessment, passage) = aiming.assess(situation.executor, &scene)?;
+    let (assessment, clearance) = aiming.assess(situation.executor, &scene)?;
     let mut plan =
-        CheckedCandidate { index: 0, aimed: aiming, assessment, swept_clearance: passage, rollout_counts: None };
+        CheckedCandidate { index: 0, aimed: aiming, assessment, swept_clearance: clearance, rollout_counts: None };
     let mut options: Vec<AimedCandidate> =
         candidates.iter().map(|candidate| AimedCandidate::with_best_aim(situation, candidate)).collect();
     options.sort_by(|a, b| outcome_score(&b.probabilities).total_cmp(&outcome_score(&a.probabilities)));
@@ -295,11 +298,9 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     let mut reason = reason(situation.held.name, (&planned.grasp, &plan_assessment), (&aiming, &assessment));
     match foreseen {
         Some(RolloutCounts { rollouts: played, held, contact }) => {
-            reason.push_str(&format!("; of {played} tries in the twin {held} hold and {contact} touch"));
+            reason.push_str(&format!("; of {played} rollouts {held} hold and {contact} make contact"));
         }
-        None if situation.look_ahead.is_some() => {
-            reason.push_str("; not played: there is no such hold or way in the twin")
-        }
+        None if situation.look_ahead.is_some() => reason.push_str("; no rollouts: the model has no such hold or path"),
         None => {}
     }
     let course = way.held_object_path(&situation.held.pose);
@@ -319,8 +320,8 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     }))
 }
 
-/// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. Obstacles can only lower the
-/// utility of an option, so those that cannot win are not checked.
+/// Best of `options`, ranked by their outcome probabilities, if it is clearly better than the `plan`. Obstacles can
+/// only lower the score of an option, so those that cannot win are not checked.
 fn best_by_probability<'a>(
     executor: &Executor,
     scene: &ClearanceScene,
@@ -335,14 +336,14 @@ fn best_by_probability<'a>(
         if outcome_score(&aiming.probabilities) <= least {
             break;
         }
-        let (assessment, passage) = aiming.assess(executor, scene)?;
+        let (assessment, clearance) = aiming.assess(executor, scene)?;
         scored[n + 1] = aiming.record(Some(&assessment), false);
         if assessment.score > least {
             best = Some(CheckedCandidate {
                 index: n + 1,
                 aimed: aiming,
                 assessment,
-                swept_clearance: passage,
+                swept_clearance: clearance,
                 rollout_counts: None,
             });
         }
@@ -359,7 +360,7 @@ fn reason(held: &str, plan: (&Grasp, &Assessment), chosen: (&AimedCandidate, &As
         return format!("grasp {} as planned {passes}: {}", grasp.id, odds(plan.1));
     }
     format!(
-        "grasp {} as planned: {}; grasp {} aimed ({:.0}, {:.0}, {:.0}) mm beside what is seen {passes}: {}",
+        "grasp {} as planned: {}; grasp {} aimed ({:.0}, {:.0}, {:.0}) mm from the detected position {passes}: {}",
         plan.0.id,
         odds(plan.1),
         grasp.id,

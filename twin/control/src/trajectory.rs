@@ -265,7 +265,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Speed and acceleration limits hold everywhere, twists are the derivative of poses, and all waypoints are met.
+        /// Speed and acceleration limits hold everywhere, twists are the derivative of poses, and all waypoints are
+        /// met.
         #[test]
         fn limits_hold(raw in proptest::collection::vec(-1.0f64..1.0, 24)) {
             let limits = PathLimits::default();

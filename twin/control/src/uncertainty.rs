@@ -12,16 +12,17 @@ use serde::Deserialize;
 pub struct Uncertainty {
     /// Persistent error of the arm, each axis, m.
     pub arm: f64,
-    /// Error of prior perception, each of x and y, m.
+    /// Error of object detection, each of x and y, m.
     #[serde(alias = "eyes")]
     pub detector: f64,
-    /// Share of the variance of `detector` that stays the same over the looks of a trial.
+    /// Share of the variance of `detector` that stays the same over the detections of a trial.
     #[serde(alias = "eyes_lasting")]
     pub detector_persistent_share: f64,
 }
 
 impl Uncertainty {
-    /// Errors of a robot and eyes that were measured to be exact: nobody can claim less than a tenth of a millimetre.
+    /// Errors of a robot and a detector that were measured to be exact. No smaller values are claimed than a tenth of a
+    /// millimetre.
     pub const EXACT: Self = Self { arm: 1e-4, detector: 1e-4, detector_persistent_share: 0.5 };
 
     /// Errors of the robot that comes with the program, `control/data/uncertainty.toml`.
@@ -33,13 +34,13 @@ impl Uncertainty {
         Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
     }
 
-    /// Replaces the error of the eyes by the standard deviation that a look states, m, each of x and y.
+    /// Replaces the error of the detector by the standard deviation of a detection, m, each of x and y.
     #[must_use]
     pub fn with_detector_sigma(self, sigma: Option<f64>) -> Self {
         Self { detector: sigma.unwrap_or(self.detector), ..self }
     }
 
-    /// Standard deviation of the part of a look's error that is new each time, each of x and y, m.
+    /// Standard deviation of the part of a detection's error that is new each time, each of x and y, m.
     pub fn independent_detection_sigma(&self) -> f64 {
         self.detector * (1.0 - self.detector_persistent_share).sqrt()
     }
@@ -50,8 +51,8 @@ impl Uncertainty {
         self.arm.hypot(self.detector * self.detector_persistent_share.sqrt())
     }
 
-    /// Standard deviation of the hand's position relative to an object whose position is the mean of `detections` looks,
-    /// each axis, m.
+    /// Standard deviation of the hand's position relative to an object whose position is the mean of `detections`
+    /// detections, each axis, m.
     pub fn aim_sigma(&self, detections: u32) -> f64 {
         self.persistent_sigma().hypot(self.independent_detection_sigma() / f64::from(detections.max(1)).sqrt())
     }

@@ -1,4 +1,4 @@
-//! Workcell as the controller knows it: the robot, the pose of its base, and the posture at the start of a trial.
+//! Workcell in the controller's model: the robot, the pose of its base, and the posture at the start of a trial.
 
 use hand_model::RobotModel;
 use nalgebra::Isometry3;

@@ -155,7 +155,8 @@ fn brakes_to_rest() {
     assert_eq!(servo.qd()[..], [0.0; 7]);
 }
 
-/// Prints the cost of a step, separately for both ways of solving. Not an assertion on time, because machines differ.
+/// Prints the cost of a step, separately for both solution methods. Makes no assertion on time, because machines
+/// differ.
 #[test]
 fn time_per_step() {
     let mut servo = servo(Arm::gen3().home);
@@ -178,7 +179,7 @@ fn time_per_step() {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
-    /// Limits hold for any targets, however they jump and whatever twist they claim.
+    /// Limits hold for any targets, whatever their jumps and twists.
     #[test]
     fn limits_hold_over_random_targets(raw in proptest::collection::vec(-1.0f64..1.0, 5 * 12), dt in 0.001f64..0.02) {
         let mut servo = servo(Arm::gen3().home);

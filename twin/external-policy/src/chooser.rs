@@ -1,4 +1,4 @@
-//! A chooser whose decisions come from an external policy, through its host.
+//! A chooser whose decisions come from an external policy, through its policy server.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::message;
 use super::server::{PolicyServer, QuestionArray};
 
-/// Asks a host for the decisions.
+/// Asks a policy server for the decisions.
 pub struct ExternalChooser<'a> {
     server: &'a mut dyn PolicyServer,
     hand: &'a Hand,

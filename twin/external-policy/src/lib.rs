@@ -1,13 +1,13 @@
-//! Policies of the user's own: a condition of the benchmark with an external decision maker.
+//! External policies: a condition of the benchmark with a decision maker outside this program.
 //!
-//! [`server`] is the interface to whatever answers for a policy, including the introduction of the policy. [`message`]
-//! composes a question from information that a controller may have. [`process`] runs a policy in a process of its own,
-//! with the [`python`] that is installed and under a time limit, and [`pool`] keeps such processes for a run.
-//! [`chooser`] is a policy that chooses grasps. A policy that moves the robot itself is played by the benchmark.
+//! [`server`] is the interface to the process or object that answers for a policy, including the introduction of the
+//! policy. [`message`] composes a question from information that a controller may have. [`process`] runs a policy in a
+//! separate process, with the [`python`] that is installed and under a time limit, and [`pool`] keeps such processes
+//! for a run. [`chooser`] is a policy that chooses grasps. The benchmark itself runs a policy that moves the robot.
 //!
-//! A policy receives the same information as the built-in ones: measurements, images, the reports of vision, and the
-//! results of touch. It runs outside of this process, or behind the Python interface. It can influence this process
-//! only through its answers to these questions.
+//! A policy receives the same information as the built-in ones: measurements, images, detections, and the estimates
+//! from touch. It runs outside of this process, or behind the Python interface. It can influence this process only
+//! through its answers to these questions.
 
 pub mod chooser;
 mod deadline;

@@ -37,7 +37,7 @@ pub struct TrialInfo<'a> {
     /// Seed for the random numbers of the policy. It reveals nothing about the random numbers of the trial.
     pub seed: u32,
     pub objects: Vec<&'a str>,
-    /// Yaws of the objects from their rest poses, as seen, rad.
+    /// Yaws of the objects from their rest poses, as detected, rad.
     pub yaws: Vec<f64>,
     pub limits: &'a ActionLimits,
 }
@@ -98,7 +98,7 @@ pub struct PolicyObservation<'a> {
     pub arm: &'a ArmState,
     /// `world_from_palm` from the arm's encoders.
     pub palm: Isometry3<f64>,
-    /// `world_from_object` of each object, as reported by vision at the start of the trial.
+    /// `world_from_object` of each object, as detected at the start of the trial.
     pub detected_poses: Vec<Isometry3<f64>>,
 }
 

@@ -1,4 +1,4 @@
-//! Pool of the processes that answer for the user's policy in a run.
+//! Pool of the processes that answer for the external policy in a run.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -8,7 +8,7 @@ use super::process::{PolicyInterrupted, PolicyProcess};
 use super::server::{PolicyIntroduction, PolicyServer};
 use super::source::PolicySource;
 
-/// The user's policy with its idle processes, up to one for every thread that plays.
+/// The external policy with its idle processes, up to one for every thread that runs trials.
 pub struct ExternalPolicy {
     pub source: PolicySource,
     pub introduction: PolicyIntroduction,
@@ -16,17 +16,17 @@ pub struct ExternalPolicy {
 }
 
 impl ExternalPolicy {
-    /// Starts a first process, so that a policy that does not work is found before anything is played.
+    /// Starts a first process, so that a policy that does not work is found before any trial runs.
     pub fn start(source: PolicySource) -> Result<Self> {
         let (process, guest) = PolicyProcess::start(&source)?;
         Ok(Self { source, introduction: guest, idle: Mutex::new(vec![process]) })
     }
 
-    /// Plays with a process that nobody else uses. A process that failed is not used again.
+    /// Calls `play` with an idle process. A process that failed is not used again.
     ///
     /// # Errors
-    /// Those of `play`, and [`PolicyInterrupted`] if the operator requested a stop while the policy was thinking; the trial
-    /// then does not count.
+    /// Those of `play`, and [`PolicyInterrupted`] if the operator requested a stop while the policy was computing; the
+    /// trial then does not count.
     pub fn with_process<T>(&self, play: impl FnOnce(&mut dyn PolicyServer) -> Result<T>) -> Result<T> {
         let waiting = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut process = match waiting {

@@ -1,4 +1,4 @@
-//! A policy in a process of its own: `python3 -m ftac.policy_host FILE:CLASS ARGUMENTS`, with the arguments as a JSON
+//! A policy in a separate process: `python3 -m ftac.policy_host FILE:CLASS ARGUMENTS`, with the arguments as a JSON
 //! object.
 //!
 //! Questions go to its standard input: a line of JSON, whose `shapes` describe the arrays of bytes that follow. Answers
@@ -70,7 +70,7 @@ impl PolicyProcess {
             Err(PolicyServerError::Failed(why)) => bail!("--policy {asked}: {why}"),
             Err(PolicyServerError::TimedOut(limit)) => {
                 bail!(
-                    "--policy {asked}: found a class that was not made within {} s, expected one that is",
+                    "--policy {asked}: found a class that was not constructed within {} s, expected one that is",
                     limit.as_secs()
                 )
             }
@@ -88,7 +88,7 @@ impl PolicyProcess {
         self.healthy
     }
 
-    /// True if the operator requested a stop while the policy was thinking.
+    /// True if the operator requested a stop while the policy was computing.
     pub fn was_interrupted(&self) -> bool {
         self.interrupted
     }
@@ -130,7 +130,7 @@ impl Pipes {
         let mut question = question.clone();
         question["shapes"] = arrays.iter().map(|array| array.shape.clone()).collect::<Vec<_>>().into();
         let Some(to) = &mut self.questions else {
-            return Err(PolicyServerError::ProcessEnded("it was told to".to_owned()));
+            return Err(PolicyServerError::ProcessEnded("stopped on request".to_owned()));
         };
         let mut put = || {
             writeln!(to, "{question}")?;
@@ -138,7 +138,7 @@ impl Pipes {
             to.flush()
         };
         match put() {
-            // The reader is gone: the exit status of the process says more.
+            // The pipe is closed: the exit status of the process is more informative.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 Err(PolicyServerError::ProcessEnded(self.child.wait()?.to_string()))
             }
@@ -169,7 +169,7 @@ impl Drop for PolicyProcess {
     }
 }
 
-/// The operator requested a stop while a policy was thinking.
+/// The operator requested a stop while a policy was computing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted while the policy thought: this trial is left out, what is finished is kept")]
 pub struct PolicyInterrupted;

@@ -1,4 +1,4 @@
-//! Hosts: they answer the questions to a policy.
+//! Policy servers: they answer the questions to a policy.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -43,7 +43,7 @@ pub enum PolicyServerError {
     /// The policy exceeded its time limit.
     #[error("the policy has not answered within {} s (--policy-timeout): its process was ended", .0.as_secs())]
     TimedOut(Duration),
-    /// The operator requested a stop while the policy was thinking.
+    /// The operator requested a stop while the policy was computing.
     #[error("interrupted while the policy thought")]
     Interrupted,
     /// The pipes to the policy failed.
@@ -68,7 +68,7 @@ impl<'a> QuestionArray<'a> {
 
 /// Answers the questions to a policy: a separate process, or an object in this one.
 pub trait PolicyServer {
-    /// Asks a question, accompanied by `arrays`, and waits for the answer without limit, or up to the host's time
+    /// Asks a question, accompanied by `arrays`, and waits for the answer without limit, or up to the server's time
     /// limit.
     fn ask(&mut self, question: &Value, arrays: &[QuestionArray]) -> Result<Value, PolicyServerError>;
 }

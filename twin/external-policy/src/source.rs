@@ -1,4 +1,4 @@
-//! Source of the user's policy in a run: its file, its class, and the passage of time while it thinks.
+//! Source of the external policy in a run: its file, its class, and the passage of simulated time while it computes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use ftac_platform::file::{MAX_TEXT_SIZE, read_regular};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Passage of simulated time while a policy thinks.
+/// Passage of simulated time while a policy computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SimulatedTimePassage {

@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_divergence_reads_as_a_sentence_and_as_a_row() {
+    fn a_fault_reads_as_a_sentence_and_as_a_row() {
         let lost = DetectedFault {
             time: 3.25,
             kind: FaultKind::CableBroken,

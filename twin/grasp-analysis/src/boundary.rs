@@ -1,5 +1,5 @@
-//! The boundary between power and precision grasps: a support-vector classifier with a Gaussian kernel, with its accuracy
-//! on its own training data, as the paper reports it, and on unseen objects.
+//! The boundary between power and precision grasps: a support-vector classifier with a Gaussian kernel, with its
+//! accuracy on its own training data, as the paper reports it, and on unseen objects.
 //!
 //! Nothing is tuned. Both classes have the same total weight (C = n / 2 n_class; otherwise the larger class dominates).
 //! The kernel exp(-|x - y|2 / (d v)) is as wide as the data, for d coordinates of mean variance v.
@@ -100,8 +100,8 @@ pub struct HeldOutAccuracy {
     pub objects: Vec<(String, usize, usize)>,
 }
 
-/// Leaves out each object in turn, fits to the others and counts correct answers on it. The interval is a bootstrap over
-/// objects, because grasps of one object are correlated.
+/// Leaves out each object in turn, fits to the others and counts correct answers on it. The interval is a bootstrap
+/// over objects, because grasps of one object are correlated.
 pub fn held_out(
     points: &[Vec<f64>],
     power: &[bool],

@@ -1,5 +1,5 @@
-//! Contact maps: the distance of every part of the hand from the object, as one vector per grasp (supplement, "2D cluster
-//! map").
+//! Contact maps: the distance of every part of the hand from the object, as one vector per grasp (supplement, "2D
+//! cluster map").
 //!
 //! Omega = log(eps1 + min(D, eps2)) at 2,170 points all around the hand, with D the distance to the object's surface in
 //! metres. The logarithm resolves small distances; eps2 clips large ones.
@@ -19,7 +19,7 @@ pub const CLIP_DISTANCE: f64 = 0.05;
 /// A point fixed to a link: 0 is the palm, i + 1 the link that joint i moves; m, link frame.
 pub type HandPoint = (usize, Point3<f64>);
 
-/// Returns [`HAND_POINT_COUNT`] points spread evenly over the covers of `hand`.
+/// Returns [`HAND_POINT_COUNT`] points distributed evenly over the covers of `hand`.
 pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
     let surface = HandSurface::new(hand, HAND_POINT_COUNT);
     let all: Vec<HandPoint> = surface

@@ -1,8 +1,8 @@
 //! Energy landscapes mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
 //!
-//! [`attraction`] tests if a chain drawn towards a minimum reaches it, and over which energy. [`mapping`] sorts minima
-//! into basins by that test and measures the barriers between them. [`metastability`] finds the pull at which minima
-//! are no longer reachable, so that it need not be guessed, and [`disconnectivity`] builds the tree.
+//! [`attraction`] tests whether a chain drawn towards a minimum reaches it, and over which energy. [`mapping`] sorts
+//! minima into basins by that test and measures the barriers between them. [`metastability`] finds the pull at which
+//! minima are no longer reachable, so that it need not be guessed, and [`disconnectivity`] builds the tree.
 //!
 //! Two landscapes are mapped: [`multi_well`], whose minima and barriers are exact, and [`grasps`], the energy of grasps
 //! on several objects. For the latter, [`calibration`] sets the pull, [`exploration`] runs the mapping, and [`basins`]

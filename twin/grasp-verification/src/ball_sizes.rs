@@ -39,7 +39,7 @@ pub fn add_balls(
     Ok(added)
 }
 
-/// Returns the plan of a trial of the sweep.
+/// Returns the grasp pair of a trial of the sweep.
 pub fn pair_for_trial(plan: &GraspPair, sweep: &SizeSweep, trial: usize) -> GraspPair {
     let mut other = plan.clone();
     let ball = match sweep.object {

@@ -1,4 +1,4 @@
-//! Built-in proven grasps and plans, which come with the program.
+//! Built-in verified grasps and grasp pairs, which come with the program.
 
 use std::path::Path;
 
@@ -8,13 +8,13 @@ use hand_model::RobotModel;
 
 use crate::grasp_pair::GraspPairTable;
 
-/// Returns the benchmark's repertoire of pick-ups.
+/// Returns the benchmark's repertoire.
 pub fn repertoire() -> Result<Repertoire> {
     Ok(Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-/// True if the built-in grasps and plans fit `robot`: it moves like the built-in robot, or is an individual of one that
-/// does.
+/// True if the built-in grasps and grasp pairs fit `robot`: it moves like the built-in robot, or is an instance of one
+/// that does.
 pub fn fits_robot(robot: &RobotModel) -> Result<bool> {
     Ok(robot.sources.is_none() || Repertoire::robot_identity(&robot.nominal()?).is_none())
 }
@@ -32,8 +32,8 @@ mod tests {
 
     use super::*;
 
-    /// Every plan names a first grasp of its first object and second grasps of its second object. No ordered pair of
-    /// objects is planned twice.
+    /// Every grasp pair names a first grasp of its first object and second grasps of its second object. No ordered pair
+    /// of objects occurs twice.
     #[test]
     fn plans_name_grasps_of_the_repertoire() {
         let (repertoire, plans) = (repertoire().unwrap(), grasp_pairs().unwrap());
@@ -42,7 +42,7 @@ mod tests {
         let mut pairs = BTreeSet::new();
         for plan in &plans.pairs {
             let pair = (&plan.first, &plan.second);
-            assert!(pairs.insert(pair), "{pair:?} is planned twice");
+            assert!(pairs.insert(pair), "{pair:?} occurs twice");
             let has = |object: &str, place: usize, id: u32| {
                 repertoire.for_digits(object, &sets[place]).any(|grasp| grasp.id == id)
             };
@@ -52,7 +52,7 @@ mod tests {
             for (id, score) in &plan.second_grasps {
                 assert!(has(&plan.second, 1, *id), "{pair:?}: second grasp {id}");
                 assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
-                assert!((0.0..=1.0).contains(score), "{pair:?}: second grasp {id} is worth {score}");
+                assert!((0.0..=1.0).contains(score), "{pair:?}: second grasp {id}: score {score}");
             }
         }
         for plan in &plans.pairs {
@@ -61,18 +61,23 @@ mod tests {
             assert!(
                 known > 0
                     && known == plan.verification.as_ref().map_or(plan.outcomes.len(), |proof| proof.grasps.len()),
-                "{}, {}: odds of {known} grasps",
+                "{}, {}: rollouts of {known} grasps",
                 plan.first,
                 plan.second
             );
-            assert!(!candidates[0].rollouts.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
+            assert!(
+                !candidates[0].rollouts.is_empty(),
+                "{}, {}: no rollouts of the planned grasp",
+                plan.first,
+                plan.second
+            );
         }
         for rejected in &plans.rejected {
             assert!(!pairs.contains(&(&rejected[0], &rejected[1])), "{rejected:?} is planned and rejected");
         }
     }
 
-    /// A number identifies one grasp of an object and set of digits, so that a plan that names it is unambiguous.
+    /// A number identifies one grasp of an object and set of digits, so that a grasp pair that names it is unambiguous.
     #[test]
     fn numbers_of_grasps_are_unique() {
         let repertoire = repertoire().unwrap();

@@ -20,10 +20,10 @@ pub struct ResultCache {
     folder: PathBuf,
 }
 
-/// Key of a result: a digest of everything that it was made from.
+/// Key of a result: a digest of all its inputs.
 #[derive(Debug, Clone)]
 pub struct CacheKey {
-    /// Readable name, for people who look into the folder.
+    /// Readable name of the result in the folder.
     label: String,
     digest: Sha256,
 }
@@ -35,7 +35,7 @@ impl CacheKey {
         Self { label, digest }
     }
 
-    /// Adds one more part that goes into the result.
+    /// Adds one more input of the result.
     pub fn with_part(mut self, part: &impl Serialize) -> Result<Self> {
         let bytes = serde_json::to_vec(part)?;
         self.digest.update(bytes.len().to_le_bytes());
@@ -121,7 +121,7 @@ pub struct SearchSteps<S> {
 }
 
 impl<S: Serialize + DeserializeOwned> SearchSteps<S> {
-    /// Creates the steps of a search that are kept nowhere.
+    /// Creates the steps of a search that are not kept on disk.
     pub fn in_memory() -> Self {
         Self { path: None, known: BTreeMap::new(), file: Mutex::new(None) }
     }

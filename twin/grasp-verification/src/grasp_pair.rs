@@ -1,15 +1,15 @@
-//! Plans: for each combination, a first grasp and the second grasps that may follow it, rehearsed without noise. For a
-//! single object, the plan is the grasp that holds it to the end of the trial.
+//! Grasp pairs: for each combination, a first grasp and the second grasps that may follow it, rolled out without noise.
+//! For a single object, it is the grasp that holds the object to the end of the trial.
 //!
-//! All combinations of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a
+//! All combinations of the scenario's objects are shuffled by the seed and rolled out in that order. A pair becomes a
 //! combination if some first grasp can be followed by some second grasp without a collision. Otherwise it is listed as
 //! rejected and the next pair takes its place. The results of the policies blind and touch play no part in this.
 //!
-//! The plan is made as in the paper, without any disturbance: the first grasp in the repertoire's order that holds its
-//! object, and after it the first second grasp in the repertoire's order that works. The other second grasps are
-//! alternatives. [`outcomes`] tries the plan and the first alternatives under errors, for the odds that a policy uses.
-//! If all of them are poor, it also tries second grasps after other first grasps, and [`other_order`] plans the two
-//! objects in the reverse order.
+//! Grasps are planned as in the paper, without any disturbance: the first grasp in the repertoire's order that holds
+//! its object, and after it the first second grasp in the repertoire's order that works. The other second grasps are
+//! alternatives. [`outcomes`] tries the planned grasp and the first alternatives under errors, for the outcome model of
+//! a policy. If all of them score low, it also tries second grasps after other first grasps, and [`other_order`] plans
+//! the two objects in the reverse order.
 
 pub mod holds;
 pub mod other_order;
@@ -41,12 +41,12 @@ use crate::simulated_world::SimulatedWorld;
 pub use self::outcomes::GraspOutcomes;
 use self::verification::Verification;
 
-/// Format version of plan files.
+/// Format version of the files of grasp pairs.
 const VERSION: u32 = 1;
-/// Factor on the general score of a grasp that failed in this pair's rehearsal.
+/// Factor on the general score of a grasp that failed in this pair's rollout.
 const FAILED_SCORE_FACTOR: f64 = 0.3;
 
-/// Plan of one combination.
+/// Grasp pair of one combination.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct GraspPair {
     /// First object.
@@ -56,7 +56,7 @@ pub struct GraspPair {
     pub second: String,
     /// Number of the first grasp in its repertoire.
     pub first_grasp: u32,
-    /// (number of the second grasp, worth in this combination), the plan first.
+    /// (number of the second grasp, score in this combination), the planned one first.
     pub second_grasps: Vec<(u32, f64)>,
     /// Outcomes of the first of them under aim errors.
     #[serde(default)]
@@ -68,7 +68,7 @@ pub struct GraspPair {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(alias = "others")]
     pub alternative_firsts: Vec<AlternativeFirstGrasp>,
-    /// Grasps of this combination alone, which the repertoire lacks. Outcomes and proofs refer to them as to the
+    /// Grasps of this combination alone, which the repertoire lacks. Outcomes and verifications refer to them as to the
     /// repertoire's own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
@@ -76,15 +76,15 @@ pub struct GraspPair {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(alias = "proof")]
     pub verification: Option<Verification>,
-    /// Level of effort of the search for proofs. 0 if there was none, or if it did not finish.
+    /// Level of effort of the verification. 0 if there was none, or if it did not finish.
     #[serde(default, skip_serializing_if = "is_zero")]
     #[serde(alias = "proven")]
     pub verification_level: u32,
-    /// Third object and its grasps, as (number of the grasp, worth in this combination), the planned grasp first.
+    /// Third object and its grasps, as (number of the grasp, score in this combination), the planned grasp first.
     /// `None` if there are fewer objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub third: Option<(String, Vec<(u32, f64)>)>,
-    /// Plan of the same two objects in the same places, taken in the other order.
+    /// Grasp pair of the same two objects in the same places, taken in the other order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversed: Option<Box<GraspPair>>,
 }
@@ -93,7 +93,7 @@ fn is_zero(level: &u32) -> bool {
     *level == 0
 }
 
-/// Another way to take the first object than the plan's, with the outcomes of second grasps after it.
+/// Another first grasp than the planned one, with the outcomes of second grasps after it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AlternativeFirstGrasp {
     /// Number of the first grasp in its repertoire.
@@ -106,7 +106,7 @@ pub struct AlternativeFirstGrasp {
     pub verification: Option<Verification>,
 }
 
-/// Grasps that a plan names.
+/// Grasps that a grasp pair names.
 #[derive(Debug, Clone)]
 pub struct PlannedGrasps {
     pub first: Grasp,
@@ -114,9 +114,9 @@ pub struct PlannedGrasps {
     pub second_candidates: Vec<GraspCandidate>,
     /// Grasps of the third object in the same order. Empty if there are fewer objects.
     pub third_candidates: Vec<GraspCandidate>,
-    /// Rehearsed grasps of the second object in its fallen poses. Each names its pose as its object.
+    /// Grasps of the second object in its fallen poses, with rollouts. Each names its pose as its object.
     pub fallen_candidates: Vec<GraspCandidate>,
-    /// Other first grasps, each with the second grasps rehearsed after it.
+    /// Other first grasps, each with the second grasps that have rollouts after it.
     pub alternative_firsts: Vec<GraspSequence>,
 }
 
@@ -129,7 +129,7 @@ impl PlannedGrasps {
     }
 }
 
-/// Plans of a scenario.
+/// Grasp pairs of a scenario.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct GraspPairTable {
     /// Format version.
@@ -144,12 +144,12 @@ pub struct GraspPairTable {
 }
 
 impl GraspPairTable {
-    /// Reads a plan file.
+    /// Reads a file of grasp pairs.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&ftac_platform::data::read_text(path)?, path)
     }
 
-    /// Parses a plan file's text.
+    /// Parses the text of a file of grasp pairs.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let plans: Self = serde_json::from_str(text).with_context(|| path.display().to_string())?;
         if plans.version != VERSION {
@@ -158,8 +158,8 @@ impl GraspPairTable {
         Ok(plans)
     }
 
-    /// Returns the plan of a combination, or `Some(None)` if it was rejected. Returns `None` if these plans do not know
-    /// the combination.
+    /// Returns the grasp pair of a combination, or `Some(None)` if it was rejected. Returns `None` if the combination
+    /// is not in the table.
     pub fn for_combination(&self, combination: &Combination) -> Option<Option<&GraspPair>> {
         let planned = self.pairs.iter().find(|plan| plan.objects() == combination.objects).map(Some);
         planned.or_else(|| self.rejected.contains(&combination.objects).then_some(None))
@@ -178,7 +178,7 @@ impl GraspPairTable {
             .with_context(|| format!("cannot write {}", path.display()))
     }
 
-    /// Runs `work` on every plan in parallel. Shows a progress bar called `what` unless `quiet`.
+    /// Runs `work` on every grasp pair in parallel. Shows a progress bar called `what` unless `quiet`.
     fn for_each_pair(
         &mut self,
         what: &str,
@@ -197,7 +197,7 @@ impl GraspPairTable {
 }
 
 impl GraspPair {
-    /// Creates a plan of these objects with these grasps, before anything has been tried under errors.
+    /// Creates a pair of these objects with these grasps, before anything has been tried under errors.
     pub(crate) fn new([first, second]: [&str; 2], first_grasp: u32, second_grasps: Vec<(u32, f64)>) -> Self {
         Self {
             first: first.to_owned(),
@@ -229,7 +229,7 @@ impl GraspPair {
             .filter(move |grasp| grasp.object == object && grasp.digits.iter().all(|digit| digits.contains(digit)))
     }
 
-    /// Removes the variations with their outcomes, and the proofs.
+    /// Removes the variations with their outcomes, and the verifications.
     fn forget_variations(&mut self) {
         (self.verification, self.verification_level) = (None, 0);
         let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
@@ -241,7 +241,7 @@ impl GraspPair {
         }
     }
 
-    /// Returns the grasps of `hand` behind the plan's numbers.
+    /// Returns the grasps of `hand` behind the pair's numbers.
     pub fn grasps(&self, hand: &Hand, repertoire: &Repertoire) -> Result<PlannedGrasps> {
         let sets = digit_sets(hand, self.objects().len());
         let find = |object: &str, place: usize, id: u32| {
@@ -250,10 +250,10 @@ impl GraspPair {
                 .chain(self.variations_for(object, &sets[place]))
                 .find(|grasp| grasp.id == id)
                 .cloned()
-                .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
+                .with_context(|| format!("the grasp pair names grasp {id} of {object}, which the repertoire lacks"))
         };
-        // The proof's draws may hold the first object less often than errors of aim alone suggest. The score is then
-        // the proof's share, and the held pose is the mean over its draws.
+        // The verification's draws may hold the first object less often than errors of aim alone suggest. The score is
+        // then its share of holds, and the held pose is the mean over its draws.
         let first = |id: u32, proof: &Option<Verification>| {
             let first = find(&self.first, 0, id)?;
             let score = proof.as_ref().map_or(first.score, Verification::first_holds);
@@ -261,7 +261,7 @@ impl GraspPair {
             let (held, held_spread) = hold.map_or((first.held, None), |hold| (Some(hold.mean), Some(hold.sigmas)));
             Ok::<_, anyhow::Error>(Grasp { score, held, held_sigmas: held_spread, ..first })
         };
-        // Variations after another first grasp do not belong to the plan's own sequence.
+        // Variations after another first grasp do not belong to the pair's own sequence.
         let own = self.variations.iter().filter(|grasp| was_tested(&self.outcomes, &self.verification, grasp.id));
         let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
         let second = named
@@ -272,7 +272,7 @@ impl GraspPair {
             let worth = grasp.score;
             grasp_candidate(grasp, worth, outcomes, &None)
         });
-        // Outcomes after a single hold are not comparable with proofs after many holds.
+        // Outcomes after a single hold are not comparable with verifications after many holds.
         let others =
             self.alternative_firsts.iter().filter(|other| self.verification.is_none() || other.verification.is_some());
         let others = others.map(|other| {
@@ -305,30 +305,31 @@ impl GraspPair {
 }
 
 /// True if the grasp was tried under errors.
-fn was_tested(outcomes: &[GraspOutcomes], proof: &Option<Verification>, id: u32) -> bool {
-    let verified = proof.iter().flat_map(|proof| &proof.grasps).any(|verified| verified.grasp == id);
+fn was_tested(outcomes: &[GraspOutcomes], verification: &Option<Verification>, id: u32) -> bool {
+    let verified =
+        verification.iter().flat_map(|verification| &verification.grasps).any(|verified| verified.grasp == id);
     verified || outcomes.iter().any(|outcomes| outcomes.grasp == id)
 }
 
-/// Returns a grasp with its rehearsals. If some grasps were proven, the rehearsals of the others are too optimistic,
+/// Returns a grasp with its rollouts. If some grasps were verified, the rollouts of the others are too optimistic,
 /// because they start from a single hold. They are then left out.
 fn grasp_candidate(
     grasp: Grasp,
-    worth: f64,
+    score: f64,
     outcomes: &[GraspOutcomes],
-    proof: &Option<Verification>,
+    verification: &Option<Verification>,
 ) -> Result<GraspCandidate> {
-    let rehearsed = match proof {
-        Some(proof) => proof.rollouts(&grasp)?,
+    let rollouts = match verification {
+        Some(verification) => verification.rollouts(&grasp)?,
         None => {
             let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == grasp.id);
             outcomes.map(|outcomes| outcomes.rollouts(&grasp)).transpose()?
         }
     };
-    Ok(GraspCandidate { rollouts: rehearsed.unwrap_or_default().into(), ..GraspCandidate::new(grasp, worth) })
+    Ok(GraspCandidate { rollouts: rollouts.unwrap_or_default().into(), ..GraspCandidate::new(grasp, score) })
 }
 
-/// Plans combinations of `scenario`, drawn by `seed`, until there are `count` plans or all combinations have been
+/// Plans combinations of `scenario`, drawn by `seed`, until there are `count` grasp pairs or all combinations have been
 /// tried. `plan` returns `None` for a combination that cannot be done without noise. If the scenario has objects of a
 /// user's own, the combinations with each of them come first, until one of them can be done. Shows a progress bar
 /// unless `quiet`.
@@ -375,13 +376,13 @@ pub fn make_pairs(
     Ok(drawn.pairs_table)
 }
 
-/// Combinations of a scenario in the order of the draw, with their plans so far.
+/// Combinations of a scenario in the order of the draw, with their grasp pairs so far.
 struct DrawnCombinations {
     pairs: Vec<Combination>,
     /// Results of the combinations that were planned, by their place in the draw. Several are planned at once, and some
     /// in vain.
     results: BTreeMap<usize, Option<GraspPair>>,
-    /// Places in the draw whose plan or rejection is final.
+    /// Places in the draw whose grasp pair or rejection is final.
     decided: BTreeSet<usize>,
     pairs_table: GraspPairTable,
     count: usize,
@@ -410,7 +411,7 @@ impl DrawnCombinations {
         Ok(())
     }
 
-    /// Makes the plan or rejection of `place` final, as long as more plans are wanted.
+    /// Makes the grasp pair or rejection of `place` final, as long as more pairs are wanted.
     fn decide(&mut self, place: usize, bar: &ProgressBar) {
         if self.is_full() || !self.decided.insert(place) {
             return;
@@ -426,8 +427,8 @@ impl DrawnCombinations {
     }
 }
 
-/// Plans a combination, without odds. Returns `None` if nothing works without errors. `board` has cameras as in a
-/// trial, because a look ends when its images have arrived.
+/// Plans a combination, without outcomes. Returns `None` if nothing works without errors. `board` has cameras as in a
+/// trial, because a tactile snapshot ends when its images have arrived.
 pub fn plan_combination(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -473,8 +474,8 @@ fn plan_pair(
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.for_digits(one, &sets[0]) {
         let grasps = [first, *any];
-        let rehearsal = FirstGraspRollout::ideal(world, &grasps);
-        let Some((hold, _)) = roll_out_first(world, &rehearsal, board)? else { continue };
+        let rollout = FirstGraspRollout::ideal(world, &grasps);
+        let Some((hold, _)) = roll_out_first(world, &rollout, board)? else { continue };
         let works = |second: &Grasp| {
             let (collided, outcome) = roll_out_last(&hold, second)?;
             Ok(outcome.held && !collided)
@@ -487,7 +488,7 @@ fn plan_pair(
     Ok(None)
 }
 
-/// Returns the grasps that work, then those that do not, each group in its own order, as (number, worth). Empty if none
+/// Returns the grasps that work, then those that do not, each group in its own order, as (number, score). Empty if none
 /// works.
 fn ranked(grasps: &[&Grasp], works: impl Fn(&Grasp) -> Result<bool>) -> Result<Vec<(u32, f64)>> {
     let (mut worked, mut failed) = (Vec::new(), Vec::new());

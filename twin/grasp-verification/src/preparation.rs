@@ -1,10 +1,11 @@
-//! Preparation: grasps and plans for a scenario that has objects or pairs of a user's own.
+//! Preparation: grasps and grasp pairs for a scenario that has objects or pairs of a user's own.
 //!
-//! The grasps and plans that come with the program are used where they fit. The user's own objects are searched for
-//! pick-ups in physics, at the places in which the scenario names them. Pairs without a plan are planned and tried
-//! under errors. Both follow the rules of the benchmark itself. Each result is kept in a [`ResultCache`], and so are the
-//! finished steps of a search under way. An interrupted preparation resumes where it stopped, and a second run begins
-//! at once. Anything that cannot be played is reported ([`left_out`]), never replaced silently.
+//! The grasps and grasp pairs that come with the program are used if they fit. Grasps of the user's own objects are
+//! searched for in physics, at the places in which the scenario names them. Combinations without a grasp pair are
+//! planned and tried under errors. Both follow the rules of the benchmark itself. Each result is kept in a
+//! [`ResultCache`], and so are the finished steps of a search under way. An interrupted preparation resumes where it
+//! stopped, and a second run begins at once. Anything that cannot be used is reported ([`left_out`]), never replaced
+//! silently.
 
 mod forecast;
 mod left_out;
@@ -37,25 +38,25 @@ use crate::skills;
 /// Version of the search rules. It rises when a rule of the search or the engine changes, so that everything kept is
 /// searched anew.
 const RULES_VERSION: u32 = 3;
-/// Seed of the proposals of pick-ups. They do not depend on a run's own seed.
+/// Seed of the grasp proposals. They do not depend on a run's own seed.
 const SEED: u64 = 1;
 /// Search effort for each object and place, the same as for the benchmark's own objects.
 pub const SEARCH_EFFORT: RepertoireEffort =
     RepertoireEffort { proposals: 128, variations: 64, keep_first: 4, keep_second: 14 };
 
-/// Grasps and plans from which the trials of a scenario choose.
+/// Grasps and grasp pairs from which the trials of a scenario choose.
 pub struct PreparedGrasps {
     pub repertoire: Repertoire,
-    /// Plans, as many as were asked for or as can be done.
+    /// Grasp pairs, as many as were asked for or as can be done.
     pub pairs: GraspPairTable,
     /// Deviations from the files of the scenario's own objects, and requests that cannot be met with them.
     pub notes: Vec<String>,
-    /// Objects of the scenario that are not played at all, with the reasons.
+    /// Objects of the scenario that are not used at all, with the reasons.
     pub left_out: Vec<String>,
 }
 
-/// Prepares grasps and plans for `count` combinations of the world's scenario, drawn by `seed`, or for as many as can
-/// be done. Returns [`NotPlayable`] if the scenario has objects of its own and none of them can be played.
+/// Prepares grasps and grasp pairs for `count` combinations of the world's scenario, drawn by `seed`, or for as many as
+/// can be done. Returns [`NotPlayable`] if the scenario has objects of its own and none of them can be used.
 pub fn prepare(
     world: &SimulatedWorld,
     count: usize,
@@ -80,7 +81,7 @@ pub fn prepare(
     if let [(_, first), (_, second), (_, third)] = &world.scenario.object_lists()[..] {
         ensure!(
             builtin && world.scenario.object.is_empty(),
-            "{}: third: found {} objects, expected none: pick-ups by one finger each are known of the built-in hand and objects alone",
+            "{}: third: found {} objects, expected none: grasps by one finger each exist for the built-in hand and objects alone",
             world.scenario.name,
             third.len()
         );
@@ -95,7 +96,7 @@ pub fn prepare(
     if !own.is_empty() {
         let whose = if builtin { "the scenario's own" } else { "this robot for all of the scenario's" };
         say(&format!(
-            "looking for grasps of {whose} objects in physics; each finished step is kept in {}: after an interruption the same \
+            "searching for grasps of {whose} objects in physics; each finished step is kept in {}: after an interruption the same \
              command goes on there",
             cache.folder().display()
         ));
@@ -160,13 +161,12 @@ fn digit_sets(world: &SimulatedWorld) -> Vec<Vec<Digit>> {
     dexterous_grasping::digit_sets(&world.cell.robot.hand, world.scenario.object_lists().len())
 }
 
-/// Returns the sets of digits for which grasps are searched by pick-ups. There are none in trials of more than two
-/// objects.
+/// Returns the sets of digits for which grasps are searched. There are none in trials of more than two objects.
 fn searched_sets(world: &SimulatedWorld) -> Vec<Vec<Digit>> {
     if world.scenario.object_lists().len() > 2 { Vec::new() } else { digit_sets(world) }
 }
 
-/// Measures the time of one rehearsal on this machine on one thread, s, with the first of these pairs that has grasps.
+/// Measures the time of one rollout on this machine on one thread, s, with the first of these pairs that has grasps.
 /// Returns `None` if no pair has any.
 fn measure_rollout_time(
     world: &SimulatedWorld,
@@ -230,12 +230,12 @@ fn searches(world: &SimulatedWorld, builtin: bool) -> Vec<GraspSearch<'_>> {
             }
         }
     }
-    // Second grasps are proven beside the smallest object that can be held, so first grasps come first.
+    // Second grasps are verified beside the smallest object that can be held, so first grasps come first.
     searches.sort_by_key(|search| search.place);
     searches
 }
 
-/// Returns the grasps of an object, kept or searched. `for_other_first` are the searches that follow.
+/// Returns the grasps of an object, kept or searched. `after` are the searches that follow.
 fn find_grasps(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -252,7 +252,7 @@ fn find_grasps(
         .with_part(&ObjectDescription::from_object(object))?
         .with_part(&(ordinal(*place), reference))?;
     cache.get_or(&key, |steps: &SearchSteps<Option<Grasp>>| {
-        let what = format!("rehearsals of {} at most", object.name);
+        let what = format!("rollouts of {} at most", object.name);
         let bar = progress::resumed_bar(
             SEARCH_EFFORT.max_rollouts(*place),
             repertoire_search::kept_rollouts(steps),
@@ -282,7 +282,7 @@ fn find_grasps(
     })
 }
 
-/// Returns the built-in plans if the scenario's places and start are those of the benchmark.
+/// Returns the built-in grasp pairs if the scenario's places and start are those of the benchmark.
 fn builtin_pairs(scenario: &Scenario) -> Result<Option<GraspPairTable>> {
     let benchmark = Scenario::benchmark();
     let placed = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
@@ -290,7 +290,7 @@ fn builtin_pairs(scenario: &Scenario) -> Result<Option<GraspPairTable>> {
     same.then(crate::builtin::grasp_pairs).transpose()
 }
 
-/// Returns the key of a plan: its world, its objects and all grasps that it may name.
+/// Returns the key of a grasp pair: its world, its objects and all grasps that it may name.
 fn pair_key(world: &SimulatedWorld, repertoire: &Repertoire, pair: &Combination) -> Result<CacheKey> {
     let mut key = base_key(world, pair.objects.join("-"))?;
     let sets = digit_sets(world);
@@ -305,8 +305,8 @@ fn pair_key(world: &SimulatedWorld, repertoire: &Repertoire, pair: &Combination)
     Ok(key)
 }
 
-/// Returns a key with everything that each rehearsal of a scenario depends on: the rules, hand and arm, the layout, the
-/// protocol of a trial, and the effects that are present without errors.
+/// Returns a key with all inputs of the rollouts of a scenario: the rules, hand and arm, the layout, the protocol of a
+/// trial, and the disturbances that are present without errors.
 fn base_key(world: &SimulatedWorld, label: String) -> Result<CacheKey> {
     let scenario = &world.scenario;
     let kept = [Effect::Pads, Effect::Gel, Effect::Cables, Effect::Floor, Effect::Time];

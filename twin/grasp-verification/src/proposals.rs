@@ -1,5 +1,5 @@
-//! Proposals for pick-ups of one object: drawn from the ranges of the hand's file, or synthesized by Langevin sampling
-//! above the table.
+//! Grasp proposals for one object: drawn from the ranges of the hand's file, or synthesized by Langevin sampling above
+//! the table.
 
 use anyhow::Result;
 use dexterous_grasping::Grasp;

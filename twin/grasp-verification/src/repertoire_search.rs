@@ -1,9 +1,9 @@
-//! Repertoire of pick-ups of the benchmark.
+//! Search for the grasps of the benchmark's repertoire.
 //!
 //! Random proposals are closed and held in physics. Those that hold are varied and tried again under errors, and the
 //! repertoire keeps the grasps that held in the largest share of tries. First grasps meet errors as wide as a
-//! controller of the benchmark's robot expects, because only vision says where the object stands. Second grasps meet
-//! fewer draws, because [`crate::grasp_pair::outcomes`] tries them again in each plan.
+//! controller of the benchmark's robot expects, because only the detector locates the object. Second grasps meet fewer
+//! draws, because [`crate::grasp_pair::outcomes`] tries them again in each grasp pair.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -54,7 +54,7 @@ pub struct RepertoireEffort {
 }
 
 impl RepertoireEffort {
-    /// Returns the maximum number of rehearsals for an object in a place. Each grasp that is closed counts, and so does
+    /// Returns the maximum number of rollouts for an object in a place. Each grasp that is closed counts, and so does
     /// each try of it under an error.
     pub fn max_rollouts(&self, place: usize) -> u64 {
         let tries = 1 + error_count(place) as u64;
@@ -111,7 +111,7 @@ fn grasp_rng(seed: u64, object: &str, place: usize, id: u32) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(hash)
 }
 
-/// Search for pick-ups in a world.
+/// Search for grasps in a world.
 struct RepertoireSearch<'a> {
     world: &'a SimulatedWorld,
     effort: RepertoireEffort,
@@ -119,7 +119,7 @@ struct RepertoireSearch<'a> {
     sets: &'a [Vec<Digit>],
     /// Seed of all proposals.
     seed: u64,
-    /// Blank, because grasps are proven without touch.
+    /// Blank, because grasps are verified without touch.
     board: TactileBoard,
     progress: &'a SearchProgress<'a>,
 }
@@ -130,7 +130,7 @@ pub struct SearchProgress<'a> {
     pub bar: &'a ProgressBar,
     /// Grasps that were tried before the search was interrupted, and those tried now.
     pub steps: &'a SearchSteps<Option<Grasp>>,
-    /// Called once with the time of a rehearsal on this machine with all its threads, s.
+    /// Called once with the time of a rollout on this machine with all its threads, s.
     pub report_pace: &'a (dyn Fn(f64) + Sync),
 }
 
@@ -153,7 +153,7 @@ fn step_name(object: &str, place: usize, grasp: u32, errors: usize) -> String {
     format!("{object} {} {grasp} {errors}", ["First", "Second"][place.min(1)])
 }
 
-/// Returns the number of rehearsals that the kept steps of a search stand for.
+/// Returns the number of rollouts in the kept steps of a search.
 pub fn kept_rollouts(steps: &SearchSteps<Option<Grasp>>) -> u64 {
     let errors = |name: &str| name.rsplit(' ').next().and_then(|errors| errors.parse::<u64>().ok()).unwrap_or(0);
     steps.names().map(|name| 1 + errors(name)).sum()
@@ -226,8 +226,8 @@ impl RepertoireSearch<'_> {
 
     fn roll_out_first(&self, grasps: &[&Grasp], noise: &TrialNoise) -> Result<Option<(RolloutSnapshot, HoldOutcome)>> {
         let protocol = self.world.rollout_protocol();
-        let rehearsal = FirstGraspRollout { protocol, start: StartPosture::Near, grasps, noise };
-        roll_out_first(self.world, &rehearsal, &self.board)
+        let rollout = FirstGraspRollout { protocol, start: StartPosture::Near, grasps, noise };
+        roll_out_first(self.world, &rollout, &self.board)
     }
 
     /// Returns a grasp of the object that stands by. It is never closed.
@@ -388,7 +388,7 @@ fn keep_distinct(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
 }
 
 /// Returns the first grasps that hold the smallest graspable object. It occupies the first digits while second grasps
-/// are proven.
+/// are verified.
 pub fn reference_hold(world: &SimulatedWorld, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
     let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
     let first = &digit_sets(&world.cell.robot.hand, 2)[0];

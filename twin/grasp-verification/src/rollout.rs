@@ -1,8 +1,7 @@
-//! Rehearsals (rollouts) of grasps: a grasp is proven by closing and holding it in physics, without errors or under
-//! given ones.
+//! Rollouts of grasps: a grasp is verified by closing and holding it in physics, without errors or under given ones.
 //!
-//! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while the ring and little fingers
-//! already hold an object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
+//! A *first* grasp is verified alone: take, lift, hold. A *second* grasp is verified while the ring and little fingers
+//! already hold an object: the rollout starts from a snapshot of that hold and runs to the end of the trial.
 
 pub mod circumstances;
 
@@ -27,10 +26,10 @@ use world::objects::ObjectModel;
 
 use crate::simulated_world::{SimulatedWorld, drive, tick};
 
-/// Seed of the errors under which grasps are proven. No benchmark trial draws from it.
+/// Seed of the errors under which grasps are verified. No benchmark trial draws from it.
 const VERIFICATION_SEED: u64 = 0x005e_ed0f_9a05;
 
-/// Result of the hold at the end of a rehearsal.
+/// Result of the hold at the end of a rollout.
 #[derive(Debug, Clone)]
 pub struct HoldOutcome {
     /// True if the object was lifted, is held to the end and is off the table.
@@ -45,10 +44,10 @@ pub struct HoldOutcome {
     pub contacts: Vec<HeldContact>,
 }
 
-/// Snapshot of a rollout: the body together with its controller.
+/// Snapshot of a rollout: the robot together with its controller.
 #[derive(Clone)]
 pub struct RolloutSnapshot<R = SimulatedRobot> {
-    /// The body.
+    /// The robot.
     pub robot: R,
     /// The controller.
     pub executor: Executor,
@@ -61,7 +60,7 @@ pub struct TrialStart<'a> {
     pub protocol: MotionProtocol,
     /// Planned grasps, one per object.
     pub grasps: &'a [&'a Grasp],
-    /// Errors of the arm and of the prior perception.
+    /// Errors of the arm and of object detection.
     pub noise: &'a TrialNoise,
     /// Posture of the arm, rad.
     pub arm: ArmVector,
@@ -69,7 +68,7 @@ pub struct TrialStart<'a> {
 
 impl RolloutSnapshot {
     /// Creates the snapshot of a trial that is about to begin. `objects` stand at the places of the objects that the
-    /// grasps are for, and are perceived with the errors of the noise.
+    /// grasps are for, and are detected with the errors of the noise.
     pub fn at_start(
         world: &SimulatedWorld,
         start: &TrialStart<'_>,
@@ -99,16 +98,16 @@ pub fn in_hand(truth: &GroundTruth, index: usize) -> bool {
     LIFTED_RULE.holds(&truth.support(index))
 }
 
-/// Posture of the arm at the start of a rehearsal.
+/// Posture of the arm at the start of a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StartPosture {
-    /// The posture in which every trial starts. The rehearsal is then bit for bit the ideal run of the trial.
+    /// The posture in which every trial starts. The rollout is then bit for bit the ideal run of the trial.
     Ready,
     /// Right before the grasp, which saves time.
     Near,
 }
 
-/// Parameters of the rehearsal of a first grasp.
+/// Parameters of the rollout of a first grasp.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstGraspRollout<'a> {
     /// Distances and times.
@@ -117,7 +116,7 @@ pub struct FirstGraspRollout<'a> {
     pub start: StartPosture,
     /// The first grasp, then one grasp for each object that stands by.
     pub grasps: &'a [&'a Grasp],
-    /// Errors of the arm and of the prior perception.
+    /// Errors of the arm and of object detection.
     pub noise: &'a TrialNoise,
 }
 
@@ -129,8 +128,8 @@ impl<'a> FirstGraspRollout<'a> {
     }
 }
 
-/// Takes the first object and plays the trial up to the decision on the second grasp. Returns `None` if the arm does
-/// not reach the object or the grasp does not hold it.
+/// Takes the first object and runs the trial up to the decision on the second grasp. Returns `None` if the arm does not
+/// reach the object or the grasp does not hold it.
 pub fn roll_out_first(
     world: &SimulatedWorld,
     rollout: &FirstGraspRollout<'_>,
@@ -163,7 +162,7 @@ pub fn roll_out_first(
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
-/// Watches a try at a later object, by the referee's rule for collisions.
+/// Monitors a try at a later object, by the referee's rule for collisions.
 struct TryMonitor {
     /// Index of the object.
     object: usize,
@@ -186,7 +185,7 @@ impl TryMonitor {
         Self { object, holding: digit_bits(hand, &holding), free, gripped, collided: false }
     }
 
-    /// Plays up to `phase`, or to a collision.
+    /// Runs up to `phase`, or to a collision.
     fn drive(&mut self, robot: &mut SimulatedRobot, executor: &mut Executor, phase: Phase) -> Result<()> {
         while executor.phase() != phase && !self.collided {
             tick(robot, executor)?;
@@ -204,7 +203,7 @@ impl TryMonitor {
     }
 }
 
-/// Plays the rest of the trial from a hold of the only object. Returns the result of the hold.
+/// Runs the rest of the trial from a hold of the only object. Returns the result of the hold.
 pub fn roll_out_carry(snapshot: &RolloutSnapshot) -> Result<HoldOutcome> {
     let RolloutSnapshot { mut robot, mut executor } = snapshot.clone();
     executor.carry_aside()?;
@@ -232,9 +231,9 @@ pub fn roll_out_next(snapshot: &RolloutSnapshot, object: usize, grasp: &Grasp) -
     Ok((0..=object).all(|one| in_hand(&truth, one)).then_some(RolloutSnapshot { robot, executor }))
 }
 
-/// Plays the rest of the trial from a hold of all objects but the last, with `grasp` for the last one. Returns true if
+/// Runs the rest of the trial from a hold of all objects but the last, with `grasp` for the last one. Returns true if
 /// there was a collision before the digits had closed, and the result of the hold. A trial that can no longer succeed
-/// is not played to the end.
+/// is not run to the end.
 pub fn roll_out_last(snapshot: &RolloutSnapshot, grasp: &Grasp) -> Result<(bool, HoldOutcome)> {
     let RolloutSnapshot { mut robot, mut executor } = snapshot.clone();
     let last = executor.targets().len() - 1;
@@ -268,14 +267,14 @@ pub fn roll_out_last(snapshot: &RolloutSnapshot, grasp: &Grasp) -> Result<(bool,
     Ok((watch.collided, outcome))
 }
 
-/// Plays one try of `second` from a hold of the first object, up to the end of its lift.
+/// Runs one try of `second` from a hold of the first object, up to the end of its lift.
 pub fn try_second(snapshot: &RolloutSnapshot, second: &Grasp) -> Result<TryOutcome> {
     let RolloutSnapshot { mut robot, mut executor } = snapshot.clone();
     executor.take_with(1, second.clone())?;
     roll_out_try(&mut robot, &mut executor)
 }
 
-/// Plays a try at the second object, which `executor` is about to approach, until both objects are carried.
+/// Runs a try at the second object, which `executor` is about to approach, until both objects are carried.
 pub fn roll_out_to_carry(mut robot: SimulatedRobot, mut executor: Executor) -> Result<TryOutcome> {
     let lifted = roll_out_try(&mut robot, &mut executor)?;
     if lifted != TryOutcome::Held {
@@ -288,7 +287,7 @@ pub fn roll_out_to_carry(mut robot: SimulatedRobot, mut executor: Executor) -> R
     Ok(if in_hand(&truth, 0) && in_hand(&truth, 1) { TryOutcome::Held } else { TryOutcome::Missed })
 }
 
-/// Plays a try at the second object, which `executor` is about to approach, up to the end of its lift.
+/// Runs a try at the second object, which `executor` is about to approach, up to the end of its lift.
 fn roll_out_try(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<TryOutcome> {
     let mut watch = TryMonitor::new(executor, 1);
     for phase in [Phase::run(Skill::Grasp, 1), Phase::run(Skill::Lift, 1), Phase::run(Skill::Snapshot, 1)] {
@@ -305,8 +304,8 @@ fn roll_out_try(robot: &mut SimulatedRobot, executor: &mut Executor) -> Result<T
 }
 
 /// Returns `grasp` as it turns out under the errors of `noise` when it takes object `index`, to first order in the
-/// errors. The planner aims at the perceived object. An error of perception or of the arm therefore shifts and turns
-/// the object the other way relative to the hand.
+/// errors. The planner aims at the detected object. An error of detection or of the arm therefore shifts and turns the
+/// object the other way relative to the hand.
 pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
     let mut misaimed = grasp.clone();
     let seen = noise.objects[index];
@@ -321,7 +320,7 @@ pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
     misaimed
 }
 
-/// Noise that a planner expects. Grasps are proven and ranked under it, whatever noise a scenario's trials have.
+/// Noise that a planner expects. Grasps are verified and ranked under it, whatever the noise of a scenario's trials.
 const EXPECTED_NOISE: NoiseLevels = NoiseLevels {
     execution: ExecutionNoise { position_sigma: 0.003, rotation_sigma: 0.01 },
     perception: PerceptionNoise { xy_sigma: 0.004, z_sigma: 0.0015, yaw_sigma: 0.05 },
@@ -334,10 +333,11 @@ pub fn verification_errors(count: usize) -> Vec<TrialNoise> {
     (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, 2, &mut rng)).collect()
 }
 
-/// Factor on the expected noise under which the odds of second grasps are rehearsed. It is wide enough to cover what
-/// controllers of the benchmark's robot expect.
+/// Factor on the expected noise in the rollouts of second grasps for the outcome model. It is wide enough to cover the
+/// expected errors of the controllers of the benchmark's robot.
 const WIDE_NOISE_FACTOR: f64 = 1.6;
-/// Factor on the position noise once the object has been touched where it stands. The rotation noise keeps [`WIDE_NOISE_FACTOR`].
+/// Factor on the position noise once the object has been touched in place. The rotation noise keeps
+/// [`WIDE_NOISE_FACTOR`].
 const NARROW_NOISE_FACTOR: f64 = 0.5;
 
 /// Draws `count` samples of noise wider than a planner expects (`WIDE_NOISE_FACTOR`), the same ones for every grasp.

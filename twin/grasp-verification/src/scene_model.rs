@@ -1,11 +1,10 @@
-//! Digital twin of a scene: a simulated robot in the state that a controller believes in, for rollouts of tries before
-//! one is chosen.
+//! Simulation of the estimated scene, for rollouts of tries before one is chosen.
 //!
-//! It is built from the controller's knowledge: the robot as drawn or identified, the objects' models, measured joint
-//! angles, the held object as felt, and the target as seen. It never uses the body on which the trial is played. A hold
-//! is built anew for each draw: the held object is fastened at its felt pose in digits at their felt angles, with
-//! servos and tensions as measured, and is then released. The uncertainty of the target's height goes into the arm's
-//! height over the table, because the target stands on the table.
+//! It is built from the controller's knowledge: the nominal or identified robot, the objects' models, measured joint
+//! angles, the held object as felt, and the target as detected. It never uses the robot backend on which the trial is
+//! run. A hold is built anew for each draw: the held object is fastened at its felt pose in digits at their felt
+//! angles, with servos and tensions as measured, and is then released. The uncertainty of the target's height goes into
+//! the arm's height over the table, because the target stands on the table.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,23 +28,23 @@ use crate::simulated_world::{SimulatedWorld, tick};
 const PRESS_AND_SETTLE_TIMES: (f64, f64) = (0.15, 0.25);
 /// Height above its place at which the target waits meanwhile, m.
 const WAITING_HEIGHT: f64 = 1.0;
-/// Seed of the individual properties of the objects in the draws. No benchmark trial draws from it.
+/// Seed of the properties of the object instances in the draws. No benchmark trial draws from it.
 const SEED: u64 = 0x7477_696e;
 
-/// Builder of scenes of a world as its controller knows it.
+/// Builder of scenes from the controller's model of a world.
 pub struct SceneModel {
     world: SimulatedWorld,
     board: TactileBoard,
 }
 
 impl SceneModel {
-    /// Creates the twin of a world. Nothing is drawn with `board`.
+    /// Creates the model of a world. Nothing is drawn with `board`.
     pub fn new(world: SimulatedWorld, board: TactileBoard) -> Self {
         Self { world, board }
     }
 
     /// Returns the objects of draw `number`, which differ from their models in mass, friction and size within the
-    /// spread of the world's objects. They are the same in every scene.
+    /// variation of the world's objects. They are the same in every scene.
     fn objects(&self, models: [&Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
         let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.map(Arc::clone)) };
         let mut rng = trial_rng(SEED, 0, number);
@@ -95,8 +94,8 @@ impl SceneModel {
 /// Holds of a scene, one per draw.
 struct SampledHolds(Vec<Option<SimulatedRobot>>);
 
-/// Returns the pose of an object that stands on the table and is believed to be at `pose`, and how much higher it is
-/// than believed, m.
+/// Returns the pose of an object that stands on the table and is estimated to be at `pose`, and how much higher it is
+/// than estimated, m.
 fn standing_pose(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64) {
     let upright = |yaw: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * object.rest;
     let rotation = object.resting_yaw(&pose.rotation).map_or(pose.rotation, upright);

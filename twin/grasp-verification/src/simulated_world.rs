@@ -21,21 +21,21 @@ use world::objects::{ObjectModel, ObjectSet};
 /// Setup that every trial of a scenario shares.
 #[derive(Clone)]
 pub struct SimulatedWorld {
-    /// The robot as the control stack knows it, and its base pose.
+    /// The control stack's robot model, and its base pose.
     pub cell: Workcell,
     /// All objects, in every resting pose, also fallen over.
     pub objects: ObjectSet,
     /// Task and success criteria.
     pub scenario: Scenario,
-    /// True pose of the arm's base in the simulated world, before a trial's own errors. The controller knows
+    /// True pose of the arm's base in the simulated world, before a trial's own errors. The controller uses
     /// `cell.world_from_base`.
     pub true_world_from_base: Isometry3<f64>,
-    /// The simulated robot if it differs from the one that the control stack knows.
+    /// The simulated robot if it differs from the control stack's model.
     pub plant: Option<RobotModel>,
 }
 
 impl SimulatedWorld {
-    /// Creates the world of a robot that the control stack knows fully, among the objects of a scenario.
+    /// Creates a world in which the control stack's model equals the robot, among the objects of a scenario.
     ///
     /// # Errors
     /// Returns an error if the scenario's start is out of the arm's reach, or if an object of it cannot be read.
@@ -51,7 +51,11 @@ impl SimulatedWorld {
         let pitched = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -robot.start_pitch);
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation * pitched);
         cell.ready_posture = cell.posture(&palm, &robot.arm.home).with_context(|| {
-            format!("{}: arm: found one that does not reach the palm's pose {:?} m in which trials begin, expected one that does", robot.name, [x, y, z])
+            format!(
+                "{}: arm: found one that does not reach the palm's start pose {:?} m, expected one that does",
+                robot.name,
+                [x, y, z]
+            )
         })?;
         let objects = scenario.object_set()?.with_fallen();
         Ok(Self { cell, objects, scenario, true_world_from_base: Isometry3::identity(), plant: None })
@@ -71,20 +75,20 @@ impl SimulatedWorld {
         other
     }
 
-    /// Returns the arm posture for a palm pose, or an error that says that it is out of reach.
+    /// Returns the arm posture for a palm pose, or an error if it is out of reach.
     pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
         self.cell
             .posture(palm, seed)
             .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
     }
 
-    /// Returns the poses of a trial's objects: the places of the layout, shifted as drawn for the trial.
+    /// Returns the poses of a trial's objects: the places of the layout, with the shifts drawn for the trial.
     pub fn object_poses(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<Isometry3<f64>> {
         let places = self.scenario.layout.places().into_iter().zip(&noise.shifts);
         places.zip(objects).map(|((place, shift), object)| place.shifted(shift).pose(object)).collect()
     }
 
-    /// Returns the objects in their places as the prior perception reports them under `noise`.
+    /// Returns the objects in their places as detected under `noise`.
     pub fn detected_objects(&self, objects: &[Arc<ObjectModel>], noise: &TrialNoise) -> Vec<DetectedObject> {
         let poses = self.object_poses(objects, noise).into_iter().zip(&noise.objects);
         poses
@@ -135,8 +139,8 @@ impl SimulatedWorld {
         })
     }
 
-    /// Returns the cable losses that a controller knows: the guide friction of the hand's data file and the backlash of
-    /// the gear's data sheet.
+    /// Returns the cable losses in the controller's model: the guide friction of the hand's data file and the backlash
+    /// of the gear's data sheet.
     pub fn known_cable_losses(&self) -> CableLosses {
         self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
             friction: self.cell.robot.hand.parameters.cable.friction,
@@ -156,7 +160,7 @@ impl SimulatedWorld {
         }
     }
 
-    /// Returns the protocol of rehearsals: the trial's own with a shorter hold.
+    /// Returns the protocol of rollouts: the trial's own with a shorter hold.
     pub fn rollout_protocol(&self) -> MotionProtocol {
         MotionProtocol { hold_time: 1.0, ..self.protocol() }
     }
@@ -171,7 +175,7 @@ impl SimulatedWorld {
         self.objects
             .get(name)
             .cloned()
-            .ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
+            .ok_or_else(|| anyhow!("object: found `{name}`, expected one of {}", self.objects.names().join(", ")))
     }
 }
 
@@ -204,7 +208,7 @@ mod tests {
     use scenarios::generator::trial_rng;
     use scenarios::noise::draw_shifts;
 
-    /// Objects and their percepts are in the drawn places. The plan's noiseless run is in the nominal ones.
+    /// Objects and their detected poses are in the drawn places. The planned noiseless run is in the nominal ones.
     #[test]
     fn a_spread_moves_objects_and_what_is_seen_of_them() {
         let mut scenario = Scenario::benchmark();

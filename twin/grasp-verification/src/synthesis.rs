@@ -1,16 +1,16 @@
 //! Grasp synthesis for any object: grasps are sampled, closed by cables and held in physics.
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and
-//! [`checks`] verifies it. [`synthesizer`] does all three for one chain. [`search`] runs many chains and keeps the
-//! [`to_held_grasp`]s of the grasps that pass, with a [`report`]. [`evaluation`] measures the success rate and how well each
-//! metric predicts it. [`object_properties`] states the mass for which grasps are verified, and [`size`] decides if a hand can take
+//! [`checks`] verifies it. [`synthesizer`] does all three for one chain. [`search`] runs many chains and keeps a
+//! [`record`] of each grasp that passes, with a [`report`]. [`evaluation`] measures the success rate and the predictive
+//! power of each metric. [`object_properties`] states the mass for which grasps are verified, and [`size`] decides if a
+//! hand can take an object at all.
 //! an object at all.
-//!
 //! [`parts`] fills the collection of all objects, one resumable file per object. [`grasp_file`] reads the collection
-//! and the files of single searches. [`reevaluation`] closes and checks the grasps of a file once more, and [`export`] writes
-//! them for another physics engine. [`grasping_hand`] is the interface that all of them need of a hand, and
-//! [`urdf_hand`] derives it from a URDF. [`grasp_kinds`] sorts the grasps that were found, and [`hands`] compares hands on
-//! the same objects. A search may be for one [`type_filter`] type of the taxonomy.
+//! and the files of single searches. [`reevaluation`] closes and checks the grasps of a file once more, and [`export`]
+//! writes them for another physics engine. [`grasping_hand`] is the hand interface of all of them, and [`urdf_hand`]
+//! derives it from a URDF. [`kinds`] sorts the grasps that were found, and [`hands`] compares hands on the same
+//! objects. A search may be for one type of the taxonomy ([`type_filter`]).
 
 pub mod checks;
 pub mod closing;

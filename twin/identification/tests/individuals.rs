@@ -55,7 +55,7 @@ fn the_twin_that_knows_all_moves_as_the_robot_does() {
 
 /// A short excitation identifies many of the parameters on which a robot's free motion depends, and no others.
 #[test]
-fn an_individual_is_found() {
+fn an_instance_is_found() {
     let (robot, losses) = nominal_model();
     let truth = RobotInstance::sample(&robot, 1);
     let trace = excited(&truth, &short_script());

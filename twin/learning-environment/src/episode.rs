@@ -1,7 +1,7 @@
-//! Tasks with objects of the benchmark: beginning of an episode, and its judgement after every step.
+//! Tasks with objects of the benchmark: beginning of an episode, and its evaluation after every step.
 //!
-//! An episode is a trial of the benchmark under another seed, with the same combinations, spread of object poses,
-//! errors of arm and vision, and effects. Its seed decides everything that is random in it, including its combination
+//! An episode is a trial of the benchmark under another seed, with the same combinations, variation of object poses,
+//! errors of arm and detector, and effects. Its seed decides everything that is random in it, including its combination
 //! if none is requested.
 
 use std::sync::Arc;
@@ -49,7 +49,7 @@ const MAX_GRASP_TRIES: u64 = 64;
 pub enum EpisodeTask {
     /// Lift one object, alone on the table.
     PickOne,
-    /// Lift the second object as well, with the first in the hand as the built-in controller grasped it.
+    /// Lift the second object as well, with the first in the hand as grasped by the built-in controller.
     PickSecond,
     /// Lift two objects from the table together.
     PickTwo,
@@ -68,7 +68,7 @@ pub struct EpisodeOptions {
     pub task: EpisodeTask,
     /// Side of the tactile images, pixels; without it there are none.
     pub images: Option<usize>,
-    /// Number of the combination; without it each episode draws its own.
+    /// Number of the combination; without it each episode draws one.
     pub combination: Option<usize>,
 }
 
@@ -78,7 +78,7 @@ pub enum EpisodeError {
     /// There is no such combination.
     #[error("combination: found {found}, expected 0 to {most}")]
     Combination { found: usize, most: usize },
-    /// The task takes more objects than a trial of the scenario has.
+    /// The task needs more objects than a trial of the scenario has.
     #[error("task: found one of {expected} objects, expected one of {found} at most, as the scenario's trials have")]
     Objects { found: usize, expected: usize },
     /// No first grasp of the combination holds under the errors drawn.
@@ -103,7 +103,7 @@ pub struct Judgement {
     pub gained: f64,
     /// True if all objects have been held for [`HOLD_TIME`].
     pub success: bool,
-    /// True if an object has left the table, or if simulation cannot go on.
+    /// True if an object has left the table, or if the simulation cannot continue.
     pub lost: bool,
 }
 
@@ -149,7 +149,7 @@ impl Episode {
         self.objects.iter().map(|object| object.name.as_str())
     }
 
-    /// Returns each object as vision reported it at the beginning, with its error.
+    /// Returns each object as detected at the beginning, with its error.
     pub fn detections(&self) -> &[DetectedObject] {
         &self.detections
     }

@@ -1,12 +1,12 @@
-//! Learning environment: the simulated robot at the benchmark's table, stepped by a learner with twenty actions a
+//! Learning environment: the simulated robot at the benchmark's table, stepped by a learner with twenty actions per
 //! second.
 //!
 //! [`control::action`] defines and checks actions, and [`control::pad_images`] resizes the cameras' frames to one size.
 //! [`scene`] carries actions out and observes, [`episode`] begins a task and judges it, and [`picture`] renders a scene
 //! for people.
 //!
-//! A scene observes only what a robot measures. The ground truth leaves it only through [`scene::TactileScene::truth`].
-//! [`episode::DerivedHandCounts`] is made from it, as a referee's verdict is.
+//! A scene observes only a robot's measurements. Ground truth leaves it only through [`scene::TactileScene::truth`].
+//! An [`episode::Judgement`] is made from ground truth, like a referee's verdict.
 
 pub mod episode;
 pub mod picture;

@@ -28,7 +28,7 @@ const MAX_COORDINATE: f64 = 1.5;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// There is no object of this name.
-    #[error("no object is called `{name}`; known are: {known}")]
+    #[error("object: found `{name}`, expected one of {known}")]
     Object { name: String, known: String },
     /// An object's place is not on the table.
     #[error("object `{name}`, {axis}: found {found}, expected {expected}")]
@@ -59,7 +59,7 @@ pub struct SceneOptions {
     pub seed: u64,
 }
 
-/// A robot at a table with objects. A clone continues on its own from the same bits.
+/// A robot at a table with objects. A clone continues independently from the same state.
 #[derive(Clone)]
 pub struct TactileScene {
     pub(super) cell: Workcell,

@@ -1,4 +1,4 @@
-//! Emulated vision system for emulated robots: it sees the simulated objects with drawn errors and sends their poses
+//! Emulated vision system for emulated robots: it detects the simulated objects with drawn errors and sends their poses
 //! over a socket.
 
 use std::io::{Read as _, Write as _};
@@ -16,9 +16,9 @@ use super::measurement::format_line;
 use super::stream::{DetectorStream, Listener};
 use super::{Address, MAX_LINE_LENGTH, is_pending, unix_time};
 
-/// Interval between polls of clients and questions.
+/// Interval between polls of clients and requests.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// Time limit of a client: one that takes nothing for so long is dropped.
+/// Time limit of a client: one that reads nothing for this long is dropped.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(5);
 
 /// Settings of the measurements.
@@ -28,15 +28,15 @@ pub struct EmulatedDetectorSettings {
     /// measurement.
     pub sigma: (f64, f64),
     pub seed: u64,
-    /// Interval between measurements of every object. Without it measurements are made on request only, so that the
-    /// same questions get the same answers on any machine.
+    /// Interval between measurements of every object. Without it, measurements are made on request only, so that
+    /// the same requests get the same answers on any machine.
     pub period: Option<Duration>,
 }
 
 /// Returns the visible objects with their names and poses, `world_from_object`.
 pub type VisibleObjects = Box<dyn Fn() -> Vec<(String, Isometry3<f64>)> + Send>;
 
-/// A running camera; it ends when dropped.
+/// A running emulated vision system; it ends when dropped.
 pub struct EmulatedDetector {
     address: Address,
     stop: Arc<AtomicBool>,
@@ -44,7 +44,7 @@ pub struct EmulatedDetector {
 }
 
 impl EmulatedDetector {
-    /// Starts the camera at `address`; port 0 selects any free one.
+    /// Starts the vision system at `address`; port 0 selects any free one.
     pub fn start(
         address: &Address,
         settings: EmulatedDetectorSettings,
@@ -58,7 +58,7 @@ impl EmulatedDetector {
         Ok(Self { address, stop, thread: Some(thread) })
     }
 
-    /// Returns the address of the camera.
+    /// Returns the address of the vision system.
     pub fn address(&self) -> &Address {
         &self.address
     }
@@ -76,7 +76,7 @@ impl Drop for EmulatedDetector {
 
 struct Client {
     stream: DetectorStream,
-    /// Bytes of an unfinished question.
+    /// Bytes of an unfinished request.
     pending: Vec<u8>,
 }
 
@@ -115,7 +115,7 @@ fn serve(listener: &Listener, settings: EmulatedDetectorSettings, sight: &Visibl
 }
 
 impl Client {
-    /// Returns the new questions, or `None` if the client is gone.
+    /// Returns the new requests, or `None` if the client is gone.
     fn questions(&mut self) -> Option<Vec<String>> {
         let mut buffer = [0; 1024];
         match self.stream.read(&mut buffer) {
@@ -125,7 +125,7 @@ impl Client {
             Err(_) => return None,
         }
         if self.pending.len() > MAX_LINE_LENGTH {
-            // No valid question is so long.
+            // No valid request is this long.
             return None;
         }
         let mut questions = Vec::new();
@@ -138,7 +138,7 @@ impl Client {
     }
 }
 
-/// Returns `pose` with the camera's errors.
+/// Returns `pose` with drawn errors.
 fn with_errors(pose: &Isometry3<f64>, (place, turn): (f64, f64), rng: &mut ChaCha8Rng) -> Isometry3<f64> {
     let mut draw = |sigma: f64| Normal::new(0.0, sigma).map_or(0.0, |normal| normal.sample(rng));
     let off = Vector3::new(draw(place), draw(place), draw(place));
@@ -159,7 +159,7 @@ mod tests {
         let camera = EmulatedDetector::start(&address.parse().expect("an address"), settings, sight).expect("starts");
         let checks = MeasurementChecks::new(vec!["pear".to_owned(), "ball".to_owned()], Isometry3::identity());
         let mut link = VisionLink::connect(camera.address(), checks).expect("connects");
-        let seen = (0..20).map(|_| link.detect("pear", || false).expect("a look").expect("seen"));
+        let seen = (0..20).map(|_| link.detect("pear", || false).expect("a detection").expect("visible"));
         let seen: Vec<_> = seen.map(|seen| seen.pose).collect();
         for pose in &seen {
             assert!((1e-6..0.02).contains(&(pose.translation.vector - place.translation.vector).norm()));
@@ -171,11 +171,11 @@ mod tests {
     #[test]
     fn answers_are_drawn_from_the_seed() {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("eyes");
+        let path = folder.path().join("detector");
         let unix = format!("unix:{}", path.display());
         let one = look(1, "127.0.0.1:0", None);
         assert_eq!(look(1, &unix, None), one);
-        assert!(!path.exists(), "its socket goes with it");
+        assert!(!path.exists(), "its socket is removed with it");
         assert_ne!(look(2, "127.0.0.1:0", None), one);
     }
 

@@ -12,7 +12,7 @@ use super::{Address, MAX_LINE_LENGTH, is_pending};
 
 /// Time limit for a connection, and for resolving the name of its host.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
-/// Time limit for writing a question.
+/// Time limit for writing a request.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Buffer size for unread lines, bytes; the newest are kept.
 const BUFFER_SIZE: usize = 1 << 20;
@@ -85,7 +85,7 @@ impl Connection {
         stream.set_write_timeout(WRITE_TIMEOUT)?;
         let (theirs, shared) = (stream.try_clone()?, Arc::new(Shared::default()));
         let to = shared.clone();
-        let reader = std::thread::Builder::new().name("eyes".into()).spawn(move || read(theirs, &to))?;
+        let reader = std::thread::Builder::new().name("detector".into()).spawn(move || read(theirs, &to))?;
         Ok(Self { stream, shared, reader: Some(reader) })
     }
 
@@ -149,7 +149,7 @@ fn read(mut stream: DetectorStream, shared: &Shared) {
 mod tests {
     use super::*;
 
-    /// However many lines stay unread, the kept ones are bounded in size and are the newest.
+    /// The kept lines are bounded in size and are the newest, however many stay unread.
     #[test]
     fn lines_that_nobody_takes_are_bounded() {
         let mut heard = LineBuffer::default();

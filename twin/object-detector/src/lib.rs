@@ -5,14 +5,14 @@
 //!  "covariance": [1e-5, 0, 0, 0, 0, 0,  0, 1e-5, ...]}
 //! ```
 //!
-//! [`measurement`] defines the fields and refuses invalid values. [`VisionLink`] asks and waits for a look. [`camera`]
-//! replaces a vision system on emulated robots.
+//! [`measurement`] defines the fields and refuses invalid values. [`VisionLink`] requests a detection and waits for it.
+//! [`camera`] replaces a vision system on emulated robots.
 //!
-//! Each look writes one line `{"look": NAME}`. A system that measures on request answers it. One that measures
-//! continuously need not read it. Only measurements made after the question count. Between looks the [`connection`] is
-//! still read, however long the operator takes. A lost connection is re-established at the next look.
+//! Each request is one line `{"look": NAME}`. A system that measures on request answers it; one that measures
+//! continuously need not read it. Only measurements made after the request count. The [`connection`] is read between
+//! requests too, however long the operator takes. A lost connection is re-established at the next request.
 
-// Printed text may come from third parties: this `eprintln!` makes it printable.
+// Printed text may come from third parties: this `eprintln!` escapes its control characters.
 #[macro_use]
 extern crate progress;
 
@@ -35,19 +35,19 @@ pub use self::stream::Address;
 const MEASUREMENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Interval between checks for a stop, and between attempts to reconnect.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// Tolerance of a measurement's age relative to the question, s: the clocks of two computers differ.
+/// Tolerance of a measurement's age relative to the request, s: the clocks of two computers differ.
 const MAX_CLOCK_SKEW: f64 = 0.05;
 /// Longest line, bytes.
 const MAX_LINE_LENGTH: usize = 1 << 16;
 
-/// Reason for which a look failed.
+/// Reason for which a detection failed.
 #[derive(Debug, thiserror::Error)]
 pub enum VisionError {
     #[error("--detector {address}: {source}")]
     Io { address: String, source: std::io::Error },
-    /// The connection is lost each time it is made.
+    /// The connection is lost each time it is established.
     #[error(
-        "--detector {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
+        "--detector {address}: the connection was lost during the detection of {object}, and again after each reconnection: {why}"
     )]
     Lost { address: String, object: String, why: ConnectionEnd },
     #[error("--detector {address}: {}", ConnectionEnd::LineTooLong)]
@@ -60,7 +60,7 @@ pub enum VisionError {
         /// The last line that came instead.
         refused: Option<RefusedLine>,
     },
-    #[error("the operator stopped it while {0} was looked for")]
+    #[error("the operator stopped it during the detection of {0}")]
     Stopped(String),
 }
 
@@ -123,7 +123,7 @@ impl VisionLink {
                     refused = Some(RefusedLine {
                         line: number,
                         what: format!(
-                            "a measurement of {object} that is {:.2} s old (taken before it was asked for)",
+                            "a measurement of {object} that is {:.2} s old (taken before the request)",
                             unix_time() - seen.time
                         ),
                     });
@@ -139,7 +139,7 @@ impl VisionLink {
         }
     }
 
-    /// Asks for `object`. Returns the time of the question (Unix time, s).
+    /// Requests a detection of `object`. Returns the time of the request (Unix time, s).
     fn send_question(&mut self, object: &str) -> Result<f64, ConnectionEnd> {
         let asked = unix_time();
         let question = serde_json::json!({"look": object}).to_string() + "\n";
@@ -150,12 +150,12 @@ impl VisionLink {
     /// Reconnects after the connection was lost.
     fn reconnect(&mut self, why: &ConnectionEnd) -> Result<(), VisionError> {
         let failed = |error: std::io::Error| {
-            let words = format!("the connection was lost ({why}) and cannot be made anew: {error}");
+            let words = format!("the connection was lost ({why}) and cannot be re-established: {error}");
             let source = std::io::Error::new(error.kind(), words);
             VisionError::Io { address: self.address.to_string(), source }
         };
         self.connection = Connection::open(&self.address).map_err(failed)?;
-        eprintln!("--detector {}: the connection was lost ({why}) and is made anew", self.address);
+        eprintln!("--detector {}: the connection was lost ({why}) and was re-established", self.address);
         Ok(())
     }
 }
@@ -171,19 +171,19 @@ pub(crate) fn unix_time() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
-/// Eyes of a trial: their source, and the checks of their measurements.
+/// Vision of a trial: source and checks of its measurements.
 #[derive(Debug, Clone)]
 pub struct VisionSetup {
     pub source: VisionSource,
     pub checks: MeasurementChecks,
 }
 
-/// Source of looks.
+/// Source of detections.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VisionSource {
     /// A vision system.
     System(Address),
-    /// A camera that comes with the emulated robot.
+    /// The vision system of the emulated robot.
     Emulated,
 }
 
@@ -195,7 +195,7 @@ impl std::str::FromStr for VisionSource {
     }
 }
 
-/// Describes a position in words.
+/// Formats a position as text.
 pub fn format_position(place: &Isometry3<f64>) -> String {
     let t = place.translation.vector;
     format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
@@ -212,7 +212,7 @@ mod tests {
         MeasurementChecks::new(["pear", "ball"].map(str::to_owned).to_vec(), Isometry3::identity())
     }
 
-    /// Starts a system that answers each question with these lines, with `TIME` replaced by the time.
+    /// Starts a system that answers each request with these lines, with `TIME` replaced by the time.
     fn system(lines: &'static [&'static str]) -> Address {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
@@ -248,7 +248,7 @@ mod tests {
         let lines: Vec<&'static str> = lines.iter().map(String::as_str).collect();
         let mut link = VisionLink::connect(&system(Box::leak(lines.into_boxed_slice())), checks()).expect("connects");
         for _ in 0..3 {
-            let seen = link.detect("pear", || false).expect("a look").expect("seen");
+            let seen = link.detect("pear", || false).expect("a detection").expect("visible");
             assert!((seen.sigma.expect("stated") - 0.002).abs() < 1e-12);
             assert_eq!(seen.pose.translation.vector.as_slice(), [0.6, 0.1, 0.03]);
         }
@@ -258,7 +258,7 @@ mod tests {
     fn what_is_hidden_is_not_seen() {
         let address = system(&[r#"{"object": "pear", "time": TIME, "hidden": true}"#]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
-        assert_eq!(link.detect("pear", || false).expect("a look"), None);
+        assert_eq!(link.detect("pear", || false).expect("an answer"), None);
     }
 
     #[test]
@@ -280,24 +280,24 @@ mod tests {
         drop(listener.accept().expect("a client"));
         drop(listener);
         let error = link.detect("pear", || false).expect_err("gone").to_string();
-        assert!(error.starts_with("--detector 127.0.0.1:") && error.contains("cannot be made anew"), "{error}");
-        let error = VisionLink::connect(&address, checks()).err().expect("nobody there").to_string();
+        assert!(error.starts_with("--detector 127.0.0.1:") && error.contains("cannot be re-established"), "{error}");
+        let error = VisionLink::connect(&address, checks()).err().expect("no system there").to_string();
         assert!(error.starts_with("--detector 127.0.0.1:"), "{error}");
     }
 
-    /// The lines of a system that keeps sending while the operator thinks are read. The system never finds its line
-    /// full, and the next look has the newest measurement.
+    /// The lines of a system that keeps sending while the operator waits are read. Its socket is never full, and the
+    /// next detection has the newest measurement.
     #[test]
-    fn an_operator_who_takes_long_finds_the_eyes_open() {
+    fn an_operator_who_takes_long_finds_the_detector_connected() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address: Address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
         let (sender, sent) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().expect("a client");
-            // As strict as the emulated camera: a client that takes nothing is dropped.
+            // As strict as the emulated system: a client that reads nothing is dropped.
             stream.set_write_timeout(Some(Duration::from_millis(500))).expect("set");
             let line = good("pear");
-            // More than sockets hold: the lines of 40 s and more of measuring, at once.
+            // More than sockets hold: the lines of at least 40 s of measuring, at once.
             for n in 0..40_000 {
                 if writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", unix_time()))).is_err() {
                     let _ = sender.send(n);
@@ -310,12 +310,12 @@ mod tests {
             }
         });
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
-        // The operator thinks until all of it was sent, or refused.
-        assert_eq!(sent.recv().expect("sends"), 40_000, "lines taken");
-        link.detect("pear", || false).expect("a look").expect("seen");
+        // The operator waits until all of it was sent or refused.
+        assert_eq!(sent.recv().expect("sends"), 40_000, "lines read");
+        link.detect("pear", || false).expect("a detection").expect("visible");
     }
 
-    /// Each look reconnects to a system that closes its connection after every answer, or that was restarted in
+    /// Each request reconnects to a system that closes its connection after every answer, or that was restarted in
     /// between.
     #[test]
     fn a_connection_that_was_lost_is_made_anew() {
@@ -330,7 +330,7 @@ mod tests {
         });
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         for _ in 0..3 {
-            link.detect("pear", || false).expect("a look").expect("seen");
+            link.detect("pear", || false).expect("a detection").expect("visible");
         }
     }
 
@@ -339,7 +339,7 @@ mod tests {
     fn an_address_that_says_nothing_is_told_soon() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let there = listener.local_addr().expect("its address");
-        // Nobody accepts: once the queue is full, no other client is answered.
+        // No connection is accepted: once the queue is full, no other client is answered.
         let connect = |_| std::net::TcpStream::connect_timeout(&there, Duration::from_millis(200)).ok();
         let _waiting: Vec<_> = (0..10_000).map_while(connect).collect();
         let address: Address = there.to_string().parse().expect("an address");
@@ -349,7 +349,7 @@ mod tests {
 
     /// Text from the network that would clear a terminal is shown in escaped form.
     #[test]
-    fn escape_sequences_from_the_eyes_are_told_in_words() {
+    fn escape_sequences_from_the_detector_are_printed_in_words() {
         let address = system(&[r#"{"object": "\u001b[2Jpear", "time": TIME, "hidden": true}"#, "\u{1b}]0;owned\u{7}"]);
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         let error = link.detect("pear", || false).expect_err("nothing usable").to_string();

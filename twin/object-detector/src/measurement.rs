@@ -78,7 +78,7 @@ pub struct Measurement {
     pub object: String,
     /// Unix time, s.
     pub time: f64,
-    /// Percept of the object; none if it is hidden.
+    /// Detected pose of the object; none if it is hidden.
     pub detection: Option<PoseDetection>,
 }
 
@@ -97,7 +97,7 @@ pub fn parse_line(line: &[u8], number: u64, checks: &MeasurementChecks, now: f64
         )));
     }
     if !line.time.is_finite() || line.time > now + FUTURE_TOLERANCE {
-        return field("time", format!("{} ({:.2} s ahead)", line.time, line.time - now), "a Unix time that has been");
+        return field("time", format!("{} ({:.2} s ahead)", line.time, line.time - now), "a Unix time in the past");
     }
     let MeasurementLine { object, time, frame, .. } = &line;
     if line.hidden {
@@ -217,7 +217,7 @@ mod tests {
             assert!(message.contains(words), "{to}: {message}");
         }
         let exact = format_line("pear", 100.0, &Isometry3::translation(0.62, 0.25, 0.03), (0.0, 0.0));
-        let message = parse_line(exact.as_bytes(), 1, &checks(), 100.0).expect_err("never errs").to_string();
+        let message = parse_line(exact.as_bytes(), 1, &checks(), 100.0).expect_err("error of 0").to_string();
         assert!(message.contains("0.00001 to 0.1 m"), "{message}");
     }
 }

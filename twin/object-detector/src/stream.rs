@@ -58,10 +58,8 @@ impl DetectorStream {
             Ok(Err(error)) if error.kind() != io::ErrorKind::TimedOut => Err(error),
             // Either time limit may expire first.
             _ => {
-                let words = format!(
-                    "found no answer within {:.0} s, expected a vision system that listens",
-                    limit.as_secs_f64()
-                );
+                let words =
+                    format!("found no answer within {:.0} s, expected a listening vision system", limit.as_secs_f64());
                 Err(io::Error::new(io::ErrorKind::TimedOut, words))
             }
         }
@@ -208,7 +206,7 @@ mod tests {
 
     #[test]
     fn addresses_are_read_as_they_are_shown() {
-        for text in ["localhost:7000", "[::1]:7000", "unix:/tmp/eyes"] {
+        for text in ["localhost:7000", "[::1]:7000", "unix:/tmp/detector"] {
             assert_eq!(text.parse::<Address>().expect("good").to_string(), text);
         }
         for text in ["", "unix:", "localhost", "localhost:", ":7000", "localhost:70000"] {

@@ -31,7 +31,7 @@ impl Interrupt {
             None => {
                 let new = InterruptFlags { happened: Arc::default(), next_is_fatal: Arc::new(AtomicBool::new(true)) };
                 for signal in [SIGINT, SIGTERM, SIGHUP] {
-                    // The order matters: whether a signal is deadly is decided before it is noted.
+                    // The order matters: a signal is counted as fatal or not before it is noted.
                     flag::register_conditional_default(signal, new.next_is_fatal.clone())?;
                     flag::register(signal, new.next_is_fatal.clone())?;
                     flag::register(signal, new.happened.clone())?;

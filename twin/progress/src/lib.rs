@@ -1,4 +1,4 @@
-//! Progress of long work: a bar drawn in place on a terminal, or a line now and then if stderr is redirected to a log.
+//! Progress of long work: a bar drawn in place on a terminal, or occasional lines if stderr is redirected to a log.
 //! Also makes text of third parties safe for a terminal ([`printable`]). [`interrupt`] notes Ctrl-C.
 
 pub mod interrupt;
@@ -40,7 +40,8 @@ fn make_bar(length: Option<u64>, done: u64, what: &str, quiet: bool) -> Progress
     let bar = ProgressBar::with_draw_target(length, draw_target(quiet)).with_position(done);
     let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{left}}, {{rate}}] {{msg}}");
     let begun = Instant::now();
-    // The rate is that over all of the time: the bar's own estimate looks back for seconds, and steps may take minutes.
+    // The rate is an average over all of the time: the bar's own estimate covers only seconds, and steps may take
+    // minutes.
     let per_second = move |state: &ProgressState| {
         state.pos().saturating_sub(done) as f64 / begun.elapsed().as_secs_f64().max(f64::MIN_POSITIVE)
     };

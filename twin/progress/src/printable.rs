@@ -35,8 +35,8 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Writes `text` to stderr in its [`printable`] form. If nobody reads stderr any more (a closed pipe, a terminal that
-/// hung up), nothing happens and the work goes on.
+/// Writes `text` to stderr in its [`printable`] form. If stderr has no reader any more (a closed pipe, a terminal that
+/// hung up), nothing happens and the work continues.
 pub fn write_to_stderr(text: std::fmt::Arguments) {
     let _ = io::stderr().write_all(printable(&text.to_string()).as_bytes());
 }

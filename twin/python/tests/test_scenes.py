@@ -110,7 +110,7 @@ class Scenes(unittest.TestCase):
                 scene.step(**action)
         self.assertEqual(scene.observe()["time"], 0.0)
         for make, words in [
-            (lambda: ftac.Scene([("lemn", 0.6, 0.0, 0.0)]), "no object is called `lemn`; known are: "),
+            (lambda: ftac.Scene([("lemn", 0.6, 0.0, 0.0)]), "object: found `lemn`, expected one of "),
             (lambda: ftac.Scene([("lemon", np.nan, 0.0, 0.0)]), "object `lemon`, x: found NaN"),
             (lambda: ftac.Scene(images=241), "images: found 241, expected 8 to 240"),
             (lambda: ftac.Scene(images=1.5), "images: found 1.5, expected a whole number"),

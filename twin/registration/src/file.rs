@@ -46,11 +46,7 @@ impl RegistrationFile {
             return bad("version", read.version.to_string(), "1");
         }
         if !read.position.iter().all(|value| value.abs() <= MAX_BASE_OFFSET.0) {
-            return bad(
-                "position",
-                format!("{:?}", read.position),
-                "at most 0.1 m from where the base nominally stands",
-            );
+            return bad("position", format!("{:?}", read.position), "at most 0.1 m from the base's nominal position");
         }
         let norm = read.quaternion.iter().map(|value| value * value).sum::<f64>().sqrt();
         if !(1.0 - 1e-6..1.0 + 1e-6).contains(&norm) {
@@ -58,7 +54,7 @@ impl RegistrationFile {
         }
         let angle = read.world_from_base().rotation.angle();
         if angle > MAX_BASE_OFFSET.1 {
-            return bad("quaternion", format!("a turn of {:.3} rad", angle), "at most 0.2 rad");
+            return bad("quaternion", format!("a rotation of {:.3} rad", angle), "at most 0.2 rad");
         }
         if !read.sigma.iter().all(|value| *value > 0.0 && value.is_finite()) {
             return bad("sigma", format!("{:?}", read.sigma), "six numbers more than 0");

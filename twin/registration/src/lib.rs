@@ -2,8 +2,8 @@
 //! fits the base pose to them.
 //!
 //! A pad that comes down on the flat table measures only the table's height under it. A ball gives all three
-//! coordinates of its centre, by the same guarded motion and the same registration of touches with which `touch_ball`
-//! palpates an object before grasping it.
+//! coordinates of its centre, by the same guarded motion and the same registration of touches with which the policy
+//! `touch` palpates an object before grasping it.
 
 mod file;
 
@@ -32,7 +32,7 @@ use tactile_perception::backgrounds;
 pub use file::RegistrationFile;
 pub use robot_backends::registration_plan::{RegistrationPlan, hidden_mount};
 
-/// Standard deviation of the rotation of the ball in the hand, rad: all of its rotations look alike.
+/// Standard deviation of the rotation of the ball in the hand, rad: all of its rotations are equivalent.
 const BALL_ROTATION_SIGMA: f64 = 0.08;
 /// Time limit for the images of the untouched pads, s.
 const IMAGE_TIMEOUT: f64 = 5.0;
@@ -107,7 +107,7 @@ impl<'a> Registrar<'a> {
         Ok(Executor::new(cell.robot.hand.clone(), servo, protocol, vec![start], tick)?)
     }
 
-    /// Returns the percept of a ball at `middle`, to be touched with the hand at yaw `heading` (rad).
+    /// Returns the detected pose of a ball at `middle`, to be touched with the hand at yaw `heading` (rad).
     fn detected_ball(&self, middle: &Point3<f64>, heading: f64) -> DetectedObject {
         let ball = DetectedObject::from_ball_pose(&Isometry3::from_parts(
             Translation3::from(middle.coords),
@@ -116,7 +116,7 @@ impl<'a> Registrar<'a> {
         DetectedObject { yaw: heading - self.grasp.yaw, ..ball }
     }
 
-    /// Plans all touches with the base at its assumed pose. Returns the duration (s) of each feasible touch, by mark
+    /// Plans all touches with the base at its nominal pose. Returns the duration (s) of each feasible touch, by mark
     /// and by heading.
     pub fn dry_run(&self) -> Result<Vec<Vec<Option<f64>>>> {
         let mut executor = self.executor(1.0 / 120.0)?;
@@ -143,7 +143,7 @@ impl<'a> Registrar<'a> {
         executor.request_images_every(IMAGE_TIMEOUT);
         let pipeline = self.with_untouched_images(body, &mut executor, pipeline)?;
         let senses = TouchPerception::new(&pipeline, Sensing::Full)?;
-        // Pose of the table in the frame of the arm's own belief.
+        // Pose of the table in the world of the arm's nominal base.
         let mut cell_from_world = Isometry3::identity();
         let mut points = Vec::new();
         for (round, heading) in self.plan.headings.iter().enumerate() {
@@ -161,7 +161,7 @@ impl<'a> Registrar<'a> {
                 }
                 let found = felt.with_context(|| {
                     format!(
-                        "mark {}: found nothing that feels like a {} within {:.0} mm, expected it on its mark",
+                        "mark {}: found no touch of a {} within {:.0} mm, expected it on its mark",
                         mark + 1,
                         self.plan.object,
                         1e3 * self.search_distance(round)
@@ -222,8 +222,8 @@ impl<'a> Registrar<'a> {
         heading: f64,
         round: usize,
     ) -> Result<Option<(Point3<f64>, nalgebra::Matrix3<f64>)>> {
-        let percept = self.detected_ball(expected, heading);
-        executor.update_detection(0, percept);
+        let detected = self.detected_ball(expected, heading);
+        executor.update_detection(0, detected);
         let touching = executor.feasible_palpations(0, &self.ball.model.shape).next();
         let touching = touching.with_context(|| format!("the arm does not reach a ball at {expected:.3}"))?;
         let hand = executor.motion().hand().clone();
@@ -236,7 +236,7 @@ impl<'a> Registrar<'a> {
         // By the encoders, not as commanded.
         let palm = kinematics.palm_pose(&executor.motion().arm().position);
         let prior = PosePrior {
-            palm_from_object: palm.inverse() * percept.pose(),
+            palm_from_object: palm.inverse() * detected.pose(),
             sigma_translation: self.position_sigma(round),
             sigma_rotation: BALL_ROTATION_SIGMA,
         };
@@ -251,7 +251,7 @@ impl<'a> Registrar<'a> {
     }
 }
 
-/// Plays until `phase`.
+/// Runs until `phase`.
 fn play(body: &mut dyn TrialBackend, executor: &mut Executor, phase: Phase) -> Result<()> {
     let mut left = (MOTION_TIMEOUT / body.tick_length()) as u64;
     let mut outage = Outage::default();
@@ -259,10 +259,10 @@ fn play(body: &mut dyn TrialBackend, executor: &mut Executor, phase: Phase) -> R
         tick(body, executor, &mut outage)?;
         left = left.saturating_sub(1);
         if left == 0 {
-            bail!("the hand does not get on: found it {}, expected {}", executor.phase().name(), phase.name());
+            bail!("phase: found {} at the time limit, expected {}", executor.phase().name(), phase.name());
         }
     }
-    // The next step needs thought first.
+    // The next step is computed first.
     body.pause();
     Ok(())
 }
@@ -283,8 +283,8 @@ fn tick(body: &mut dyn TrialBackend, executor: &mut Executor, outage: &mut Outag
     }
 }
 
-/// Returns the error of `found` against `truth`: of the position of `middle`, m, and of the rotation, rad. For whoever
-/// judges.
+/// Returns the error of `found` against `truth`: of the position of `middle`, m, and of the rotation, rad. It is for
+/// evaluation.
 pub fn registration_error(found: &Isometry3<f64>, truth: &Isometry3<f64>, middle: &Point3<f64>) -> (f64, f64) {
     let base = truth.inverse() * middle;
     ((found * base - middle).norm(), found.rotation.angle_to(&truth.rotation))

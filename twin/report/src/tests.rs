@@ -187,7 +187,7 @@ fn the_worst_combination_comes_first() {
 
 /// A prediction that is always right has an area of 1, and groups of trials without and with contacts.
 #[test]
-fn the_worth_of_the_predicted_risk_is_shown() {
+fn the_quality_of_the_predicted_risk_is_shown() {
     let [page, ..] = report(&synthetic_records(60, 10));
     let section = page.split_once("id=\"risk\"").unwrap().1.split_once("<h2").unwrap().0;
     assert!(
@@ -249,7 +249,7 @@ fn nothing_is_said_of_conditions_that_were_not_played() {
             compared(Condition::Blind, Condition::Ideal),
             "{set:?}"
         );
-        assert!(!data.contains("no data") && !page.contains("NaN") && !data.contains("not played"), "{set:?}");
+        assert!(!data.contains("no data") && !page.contains("NaN") && !data.contains("not run"), "{set:?}");
     }
 }
 

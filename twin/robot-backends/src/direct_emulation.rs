@@ -1,8 +1,9 @@
 //! The simulated robot behind the bridge's devices without any wire: function calls ([`DirectRobot`]) apply everything
 //! that the lock-step emulated robot applies to a command, a measurement or an image.
 //!
-//! It stands between `sim` and `wire_emulation`. Differences from `sim` are due to limits, registers, single-precision
-//! degrees and coded images. There must be no differences from `wire_emulation`, since only wires remain between them.
+//! It lies between `sim` and [`crate::wire_emulation`]. Differences from `sim` are due to limits, registers,
+//! single-precision degrees and coded images. There must be no differences from `wire_emulation`, because only wires
+//! remain between them.
 
 use std::path::PathBuf;
 

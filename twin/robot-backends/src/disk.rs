@@ -11,7 +11,7 @@ const SESSION_SIZE: u64 = 1_500_000_000;
 /// Creates the folder and checks that a session can be written into it.
 pub fn ensure_session_space(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    // A file is written and removed again: permissions alone do not tell.
+    // A file is written and removed again: permissions alone do not show it.
     tempfile::NamedTempFile::new_in(folder).with_context(|| {
         format!("{}: found a folder that cannot be written to, expected room for the session", folder.display())
     })?;

@@ -32,7 +32,7 @@ pub struct HardwareBackend {
     robot: HardwareRobot,
     nominal_poses: Vec<Isometry3<f64>>,
     names: Vec<String>,
-    /// Longest time to think, s.
+    /// Longest pause while the controller computes, s.
     max_pause: f64,
     /// Interrupt by the operator, caught from torque-on to the end.
     interrupt: Interrupt,
@@ -51,8 +51,8 @@ impl HardwareBackend {
         }
     }
 
-    /// Asks the operator after the trial. A robot that is lost meanwhile has not kept the objects to the end. One that
-    /// holds because its operator takes long has.
+    /// Asks the operator after the trial. A robot that is lost meanwhile has not kept the objects to the end. A robot
+    /// that holds because the operator takes long has.
     fn ask_for_verdict(&mut self, question: &str) -> Result<String> {
         self.robot.pause(OPERATOR_TIMEOUT);
         let waited = |state: SupervisorState| matches!(state, SupervisorState::Hold(StopCause::HostSilent(_)));
@@ -108,7 +108,8 @@ impl TrialBackend for HardwareBackend {
         None
     }
 
-    /// Looks with the vision system, or without one asks the operator, who puts the object at its nominal place.
+    /// Detects the object with the vision system. Without one, asks the operator, who puts the object at its nominal
+    /// place.
     fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         let object = glance.object;
         if let Some(detector) = &mut self.vision {
@@ -128,7 +129,7 @@ impl TrialBackend for HardwareBackend {
             format_position(&place)
         );
         self.ask_during_trial(&question)?;
-        // After the answer the controller goes on thinking.
+        // After the answer the controller continues to compute.
         self.pause();
         Ok(Some(place.into()))
     }
@@ -186,7 +187,7 @@ impl TrialBackend for HardwareBackend {
         let report = self.robot.report();
         let ms = |seconds: f64| 1e3 * seconds;
         let mm = |metres: f64| 1e3 * metres;
-        // Smallest margins to the supervisor's limits, by which owners set their own.
+        // Smallest margins to the supervisor's limits, by which users set their own.
         let pressed = report.margins.torque.map(|most| {
             serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest_excess)})
         });
@@ -207,7 +208,7 @@ impl TrialBackend for HardwareBackend {
         }))
     }
 
-    /// Opens the hand only if the operator says so.
+    /// Opens the hand only at the operator's request.
     fn end_trial(&mut self, why: Option<&str>) -> Result<()> {
         if let Some(why) = why {
             eprintln!("STOPPED: {why}");
@@ -230,7 +231,7 @@ impl TrialBackend for HardwareBackend {
         let answer = self
             .operator
             .ask_until(question, || {
-                // Reported once, when it happens: it changes what the operator holds hands under.
+                // Reported once, when it happens: it may change where the operator holds their hands.
                 if !told && let SupervisorState::Fault(cause) = self.robot.state() {
                     told = true;
                     eprint!("\nSTOPPED meanwhile: fault: {cause}; the trial was over. {question} ");

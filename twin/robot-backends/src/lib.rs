@@ -1,13 +1,13 @@
-//! Robots on which a trial can be played.
+//! Robot backends on which a trial can be run.
 //!
-//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other body can be
+//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other backend can be
 //! cloned ([`SingleUseBackend`]): the emulated devices with a plant behind them ([`wire_emulation`]), the real robot
-//! ([`hardware`]), a recorded session ([`replay`]), and the simulated robot if its session is recorded. On those
-//! every condition begins a trial of its own, and a clone is the same body.
+//! ([`hardware`]), a recorded session ([`replay`]), and the simulated robot if its session is recorded. On those, every
+//! condition begins a separate trial, and a clone is the same backend.
 //!
-//! [`Backend`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of a
-//! trial (ground truth for the referee, prior perception, the operator) are in [`TrialBackend`], for the program alone.
-//! [`registration_plan`] hides the base of an emulated robot.
+//! [`Backend`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of
+//! a trial (ground truth for the referee, prior perception, the operator) are in [`TrialBackend`], for the program
+//! alone. [`registration_plan`] hides the base of an emulated robot.
 
 // Printed text may come from third parties: this `eprintln!` makes it printable.
 #[macro_use]
@@ -46,25 +46,25 @@ pub use self::task::{PoseSources, TrialTask};
 #[error("{0}")]
 pub struct TrialStopped(pub String);
 
-/// Reason for which a recorded look failed.
+/// Reason for which a recorded detection failed.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{0}")]
 pub struct DetectionFailed(pub String);
 
-/// A look of prior perception.
+/// A detection by prior perception.
 #[derive(Debug, Clone, Copy)]
 pub struct Detection {
     /// Number of the object.
     pub object: usize,
-    /// Error of the look.
+    /// Error of the detection.
     pub noise: ObjectNoise,
     /// Pose of the object when the frame was taken; `None` for its present pose.
     pub pose_at_capture: Option<Isometry3<f64>>,
-    /// Position of the camera, world, m; `None` sees everything.
+    /// Position of the camera, world, m; `None` if nothing is hidden.
     pub camera_position: Option<Point3<f64>>,
 }
 
-/// A body with everything that a trial needs of it in addition to the controller's interface.
+/// A robot backend with everything that a trial needs in addition to the controller's interface.
 pub trait TrialBackend {
     /// Returns the controller's interface.
     fn robot(&self) -> &dyn RobotBackend;
@@ -72,21 +72,21 @@ pub trait TrialBackend {
     fn robot_mut(&mut self) -> &mut dyn RobotBackend;
     /// Returns the ground truth, if it is known: for referee and recording only.
     fn truth(&self) -> Option<GroundTruth>;
-    /// Returns the percept of an object now, or `None` if it is hidden.
+    /// Returns the detected pose of an object now, or `None` if it is hidden.
     fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>>;
-    /// Returns the reason for which the body no longer follows commands, with advice.
+    /// Returns the reason for which the robot no longer follows commands, with advice.
     fn stop_reason(&self) -> Option<String> {
         None
     }
-    /// Stops the body where it is; the hand keeps its grip.
+    /// Stops the robot where it is; the hand keeps its grip.
     fn hold(&mut self) {}
-    /// Announces that the controller thinks: no command comes until it has done so.
+    /// Announces that the controller computes: no command comes until it has done so.
     fn pause(&mut self) {}
     /// Handles the content of the hand after the trial, or after a stop for the reason `why`.
     fn end_trial(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
     }
-    /// Returns statistics of the body's operation, for the record.
+    /// Returns statistics of the backend's operation, for the record.
     fn statistics(&self) -> Option<serde_json::Value> {
         None
     }
@@ -96,7 +96,7 @@ pub trait TrialBackend {
     }
 }
 
-/// The only place where a body's robot is driven through the body.
+/// The only place where the robot of a backend is driven through the backend.
 impl RobotBackend for dyn TrialBackend + '_ {
     fn observe(&mut self) -> Result<Readings, RobotError> {
         self.robot_mut().observe()
@@ -145,9 +145,9 @@ pub struct TrialSetup<'a> {
     pub objects: Vec<(&'a str, Isometry3<f64>)>,
 }
 
-/// Source of bodies that cannot be cloned.
+/// Source of backends that cannot be cloned.
 pub trait BackendFactory {
-    /// Opens a body for a trial. `scene` is the simulated robot in the trial's scene, for the bodies that use it.
+    /// Opens a backend for a trial. `scene` is the simulated robot in the trial's scene, for the backends that use it.
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBackend>>;
     /// Returns the file of the trial's session, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &TrialTask) -> Result<Option<(PathBuf, SessionHeader)>>;
@@ -166,23 +166,23 @@ enum TrialRobot {
     Recorded(Box<SessionRecorder<Box<dyn TrialBackend>>>),
 }
 
-/// A body that cannot be cloned.
+/// A backend that cannot be cloned.
 pub struct SingleUseBackend {
     robot: Option<TrialRobot>,
     time: f64,
 }
 
-/// Body of a trial.
+/// Backend of a trial.
 #[derive(Clone)]
 pub enum Backend {
-    /// Simulated: a clone is another body in the same state.
+    /// Simulated: a clone is another backend in the same state.
     Simulated(Box<SimulatedRobot>),
-    /// Any other: a clone is the same body.
+    /// Any other: a clone is the same backend.
     Single(Rc<RefCell<SingleUseBackend>>),
 }
 
 impl Backend {
-    /// Opens a body that cannot be cloned from `source`. Its session is recorded if the source names a file.
+    /// Opens a backend that cannot be cloned from `source`. Its session is recorded if the source names a file.
     pub fn open(
         source: &mut dyn BackendFactory,
         setup: &TrialSetup,
@@ -223,7 +223,7 @@ impl Backend {
         Ok(Self::Single(Rc::new(RefCell::new(SingleUseBackend { robot: Some(line), time: 0.0 }))))
     }
 
-    /// True if a clone is a body of its own.
+    /// True if a clone is a separate backend.
     pub fn is_cloneable(&self) -> bool {
         matches!(self, Self::Simulated(_))
     }
@@ -244,7 +244,7 @@ impl Backend {
         }
     }
 
-    /// Looks at an object, see [`TrialBackend::detect`], and records the result in the session.
+    /// Detects an object, see [`TrialBackend::detect`], and records the result in the session.
     pub fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         match self {
             Self::Simulated(robot) => TrialBackend::detect(robot.as_mut(), glance),
@@ -257,7 +257,7 @@ impl Backend {
                             let seen = seen.as_ref().map(|seen| (pose_numbers(&seen.pose), seen.sigma));
                             recorder.detection(glance.object, seen.as_ref());
                         }
-                        // A stop does not depend on what would have been seen.
+                        // A stop does not depend on the detection.
                         Err(error) if error.is::<TrialStopped>() => {}
                         Err(error) => recorder.detection_failed(&format!("{error:#}")),
                     }
@@ -285,14 +285,14 @@ impl Backend {
                 let body = single.backend()?;
                 if let Some(error) = unwritten {
                     body.hold();
-                    return Some(format!("hold: the session cannot be written any more ({error}); make room"));
+                    return Some(format!("hold: the session cannot be written ({error}); free disk space"));
                 }
                 body.stop_reason()
             }
         }
     }
 
-    /// See [`TrialBackend::max_pause`].
+    /// See [`TrialBackend::pause`].
     pub fn pause(&mut self) {
         if let Self::Single(single) = self
             && let Some(body) = single.borrow_mut().backend()
@@ -310,7 +310,7 @@ impl Backend {
     }
 
     /// Ends the trial: notes its `record` (none if it was stopped for the reason `why`), finishes its recording, and
-    /// releases the body.
+    /// releases the backend.
     pub fn finish(&mut self, record: Option<&TrialRecord>, why: Option<&str>) -> Result<()> {
         let Self::Single(single) = self else { return Ok(()) };
         let left = single.borrow_mut().backend().map_or(Ok(()), |body| body.end_trial(why));
@@ -330,7 +330,7 @@ impl Backend {
 }
 
 impl SingleUseBackend {
-    /// Returns the reason for which the session cannot be written any more.
+    /// Returns the reason for which the session can no longer be written.
     fn session_error(&self) -> Option<String> {
         match &self.robot {
             Some(TrialRobot::Recorded(recorder)) => recorder.error().map(ToString::to_string),
@@ -388,7 +388,7 @@ impl RobotBackend for Backend {
     }
 }
 
-/// Returns the error of a body after the end of its trial.
+/// Returns the error of a backend after the end of its trial.
 fn trial_over_error() -> RobotError {
     RobotError::ConnectionLost("the trial is over".to_owned())
 }

@@ -76,8 +76,8 @@ pub fn operator_agrees(question: &str) -> Result<bool> {
     operator_agrees_while(question, || Ok(()))
 }
 
-/// As [`operator_agrees`], and calls `attend` several times a second so that devices are attended during the question. Its error
-/// ends the question.
+/// As [`operator_agrees`], and calls `attend` several times a second so that devices are attended during the question.
+/// Its error ends the question.
 pub fn operator_agrees_while(question: &str, mut attend: impl FnMut() -> Result<()>) -> Result<bool> {
     let answer = ask_until(&format!("{question} [yes/no]"), || attend().map(|()| false))?;
     Ok(answer.is_some_and(|answer| answer == "yes"))

@@ -24,11 +24,11 @@ pub struct RegistrationPlan {
     /// Tolerance: largest distance of a ball from its mark after the fit, m.
     #[serde(alias = "most_residual")]
     pub max_residual: f64,
-    /// Spread from which an emulated robot's hidden mount is drawn.
+    /// Prior from which an emulated robot's hidden mount is drawn.
     pub hidden: HiddenMountSigmas,
 }
 
-/// Standard deviations of a mount made by eye and ruler.
+/// Standard deviations of a mount aligned by sight and ruler.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HiddenMountSigmas {
@@ -50,7 +50,7 @@ impl RegistrationPlan {
     }
 }
 
-/// Draws the pose of a hidden base. Only the emulator and whoever judges know it.
+/// Draws the pose of a hidden base. Only the emulator and the evaluation know it.
 pub fn hidden_mount(plan: &RegistrationPlan, seed: u64) -> Isometry3<f64> {
     let mut rng: ChaCha8Rng = trial_rng(seed, usize::MAX, 0);
     let mut draw = |sigma: [f64; 3]| {

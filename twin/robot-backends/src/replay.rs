@@ -1,4 +1,4 @@
-//! A recorded session as a body, on which the control stack runs again.
+//! A recorded session as a robot backend, on which the control stack runs again.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -50,13 +50,13 @@ pub fn check_session(path: &Path, robot: &hand_model::RobotModel) -> Result<(Opt
             _ => continue,
         };
         if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
-            return Err(DataError::field(path, "what was measured", number, "finite times, angles and poses").into());
+            return Err(DataError::field(path, "measurements", number, "finite times, angles and poses").into());
         }
     }
     Ok((outcome, reader.is_finished()))
 }
 
-/// A recording in place of a robot. It reports when dropped.
+/// A recording in place of a robot. It delivers its report when dropped.
 pub struct ReplayBackend {
     replay: Replay,
     report: ReplayReport,
@@ -81,7 +81,7 @@ impl TrialBackend for ReplayBackend {
                 Ok(seen.map(|(numbers, sigma)| PoseDetection { pose: pose_from_numbers(&numbers), sigma }))
             }
             Some(Err(why)) => Err(anyhow!(DetectionFailed(why))),
-            None => Err(anyhow!(TrialStopped("the recording says nothing of it".into()))),
+            None => Err(anyhow!(TrialStopped("the recording has no such detection".into()))),
         }
     }
 

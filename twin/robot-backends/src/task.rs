@@ -12,7 +12,7 @@ use super::registration_plan::{RegistrationPlan, hidden_mount};
 /// Definition of a trial as stored in a session file: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialTask {
-    /// Body: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
+    /// Robot backend: `sim`, `direct`, `emulated` or `hardware`.
     pub robot: String,
     /// Seed of all random draws.
     pub seed: u64,
@@ -31,18 +31,18 @@ pub struct TrialTask {
     /// The robot's files, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_model: Option<RobotSources>,
-    /// Text of the file of an identified robot, used by body and control stack; none for the robot as drawn.
+    /// Text of the file of an identified robot, used by backend and control stack; none for the nominal model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(alias = "individual")]
     pub instance: Option<String>,
     /// Text of the file with the photometric calibration of the pads; none for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pads: Option<String>,
-    /// True if second grasps were simulated in a twin of the scene before one was chosen.
+    /// True if second grasps were simulated (rollouts) before one was chosen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[serde(alias = "foresees")]
     pub looks_ahead: bool,
-    /// True if a mirror observed the trial. On a real robot images were then taken more often.
+    /// True if fault detection ran. On a real robot images were then taken more often.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[serde(alias = "mirrored")]
     pub detects_faults: bool,
@@ -52,7 +52,7 @@ pub struct TrialTask {
 }
 
 impl TrialTask {
-    /// Creates a trial of the built-in robot as drawn, without a scenario, with this many combinations drawn.
+    /// Creates a trial of the nominal built-in robot, without a scenario, with this many combinations drawn.
     pub fn new(robot: &str, seed: u64, [combination, trial, combos]: [usize; 3], condition: Condition) -> Self {
         Self {
             robot: robot.to_owned(),
@@ -84,7 +84,7 @@ pub struct PoseSources {
     /// Registered pose of the arm's base, `world_from_base` as x, y, z, i, j, k, w; none for the nominal pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<[f64; 7]>,
-    /// True if the first looks at the objects, too, come from the body's own eyes.
+    /// True if the first detections, too, come from the backend's own object detector.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     #[serde(alias = "eyes")]
     pub detector: bool,

@@ -40,14 +40,14 @@ impl TrialTask {
 }
 
 impl PoseSources {
-    /// Checks the places in the file at `path`.
+    /// Checks the poses in the file at `path`.
     pub fn check(&self, path: &Path) -> Result<(), DataError> {
         let Some(base) = &self.base else { return Ok(()) };
         let norm = base[3..].iter().map(|part| part * part).sum::<f64>().sqrt();
         if base.iter().all(|number| number.is_finite()) && (norm - 1.0).abs() < NORM_TOLERANCE {
             return Ok(());
         }
-        Err(DataError::field(path, "base", format!("{base:?}"), "a place (m) and a quaternion of norm 1"))
+        Err(DataError::field(path, "base", format!("{base:?}"), "a position (m) and a quaternion of norm 1"))
     }
 }
 

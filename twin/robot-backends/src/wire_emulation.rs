@@ -141,8 +141,8 @@ impl WireEmulationFactory {
 
     /// Adds a vision system that reports object poses.
     #[must_use]
-    pub fn with_vision(self, eyes: Option<VisionSetup>) -> Self {
-        Self { vision: eyes, ..self }
+    pub fn with_vision(self, detector: Option<VisionSetup>) -> Self {
+        Self { vision: detector, ..self }
     }
 }
 
@@ -150,7 +150,7 @@ impl WireEmulationFactory {
 /// Pose estimators of known objects on a table reach them.
 pub const DETECTOR_SIGMA: (f64, f64) = (0.003, 0.02);
 
-/// Returns the function by which a camera sees the plant's objects.
+/// Returns the function by which a camera detects the plant's objects.
 pub fn visible_objects(plant: &SharedPlant, names: Vec<String>) -> VisibleObjects {
     let plant = plant.clone();
     Box::new(move || names.iter().cloned().zip(plant.lock().truth().objects).collect())

@@ -1,7 +1,8 @@
 //! Statistics of trials and predictions.
 //!
-//! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect sizes, power
-//! and tests. [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC curve, calibration.
+//! [`distribution`]: means, percentiles, box plots, densities. [`paired`]: paired differences with intervals, effect
+//! sizes, power and tests. [`mixed`]: paired differences in groups. [`prediction`]: rates with intervals, the ROC
+//! curve, calibration.
 //!
 //! With fewer than [`MIN_SAMPLES`] samples, there is no test and no interval.
 

@@ -1,9 +1,10 @@
 //! Mixed model of paired trials within combinations: a linear model with one random effect.
 //!
-//! The difference of trial j in combination i is `d_ij = mu + b_i + e_ij`, with `b_i` between combinations and `e_ij` between the
-//! trials of one. The variances are those of the one-way analysis of variance with unequal groups (method of moments, negative
-//! estimates set to 0), and `mu` is the generalised least-squares mean with them (Searle, Casella and McCulloch, *Variance
-//! Components*, ch. 3). Outcomes are 0 or 1, so this is a linear probability model: `mu` is a difference of probabilities.
+//! The difference of trial j in combination i is `d_ij = mu + b_i + e_ij`, with `b_i` between combinations and `e_ij`
+//! between the trials of one. The variances are those of the one-way analysis of variance with unequal groups (method
+//! of moments, negative estimates set to 0), and `mu` is the generalised least-squares mean with them (Searle, Casella
+//! and McCulloch, *Variance Components*, ch. 3). Outcomes are 0 or 1, so this is a linear probability model: `mu` is a
+//! difference of probabilities.
 
 use std::collections::BTreeMap;
 

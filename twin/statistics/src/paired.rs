@@ -11,8 +11,8 @@ use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 use crate::distribution::{MeanSd, percentile};
 
 /// Least number of independent samples for a test, an interval or a verdict. With four pairs that all differ in the
-/// same direction, the sign test, which assumes nothing about the distribution of differences, has p = 1/16: they show
-/// nothing at the 5 % level.
+/// same direction, the sign test has p = 1/16 without any assumption on the distribution of differences: they are not
+/// significant at the 5 % level.
 pub const MIN_SAMPLES: usize = 5;
 
 /// Standard deviation below which samples count as constant, because rates carry rounding errors.
@@ -26,7 +26,7 @@ pub enum NoTestReason {
     NotPlayed,
     /// There are fewer than [`MIN_SAMPLES`] pairs.
     TooFew,
-    /// All differences are equal, which tells nothing about the variation among combinations.
+    /// All differences are equal, which gives no information on the variation among combinations.
     NoSpread,
 }
 
@@ -48,7 +48,7 @@ impl TTest {
     pub fn reason(&self) -> Option<String> {
         let pairs = self.df + 1;
         self.untested.map(|untested| match untested {
-            NoTestReason::NotPlayed => "not played".to_owned(),
+            NoTestReason::NotPlayed => "not run".to_owned(),
             NoTestReason::TooFew => format!("{pairs} of at least {MIN_SAMPLES} combinations"),
             NoTestReason::NoSpread => format!("the differences of all {pairs} combinations are equal"),
         })

@@ -32,7 +32,7 @@ fn the_papers_own_figures_come_out() {
     assert!((1.5e-17..3e-17).contains(&p), "{p:e}");
 }
 
-/// Regression: two combinations with equal differences once had p < 10^-300, which the report took for proof.
+/// Regression: two combinations with equal differences once had p < 10^-300, which the report stated as significant.
 #[test]
 fn no_significance_comes_out_of_nothing() {
     let untested = |pairs: &[(f64, f64)]| {
@@ -46,7 +46,7 @@ fn no_significance_comes_out_of_nothing() {
     for equal in [(1.0, 0.0), (0.0, 1.0), (0.3, 0.3)] {
         assert_eq!(untested(&[equal; 60]).0, NoTestReason::NoSpread);
     }
-    assert_eq!(untested(&[]), (NoTestReason::NotPlayed, "not played".to_owned()));
+    assert_eq!(untested(&[]), (NoTestReason::NotPlayed, "not run".to_owned()));
     let tested = paired_t_test(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0), (0.8, 0.0)]);
     assert!(tested.p.is_some_and(|p| p < 0.05) && tested.reason().is_none());
 }

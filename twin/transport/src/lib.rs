@@ -1,9 +1,9 @@
 //! Transport of several objects to one place in one trip.
 //!
-//! [`site`] sets up the scene in physics, [`play_until_decision`] runs one transport under one policy, [`skill_search`] searches for
-//! [skills](grasp_verification::skills) by rollouts, and [`recording`] writes the recording.
+//! [`site`] sets up the scene in physics, [`play_until_decision`] runs one transport under one policy, [`skill_search`]
+//! searches for [skills](grasp_verification::skills) by rollouts, and [`recording`] writes the recording.
 
-// Printed text may come from third parties: this `eprintln!` makes it printable (no control characters).
+// Printed text may come from third parties: this `eprintln!` escapes its control characters.
 #[macro_use]
 extern crate progress;
 

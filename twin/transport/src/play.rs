@@ -1,4 +1,4 @@
-//! One transport under one policy: as many trips to the goal as it takes.
+//! One transport under one policy: as many trips to the goal as needed.
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ pub struct TransportRecord {
     pub picks: usize,
     /// Simulated time up to the last release, s.
     pub seconds: f64,
-    /// Log in words: decisions, tactile findings and disturbances.
+    /// Event log: decisions, tactile findings and disturbances.
     pub events: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ pub struct TransportSite {
     pub world: SimulatedWorld,
     /// Objects to carry, goal, noise and protocol.
     pub transport: TransportTask,
-    /// Skills (rehearsed pick-ups), each marked with the number of the ball size that it is for.
+    /// Skills (picks verified by rollouts), each marked with the number of its ball size.
     pub skills: Vec<PickSkill>,
     /// For each ball, indices of the skills that suit it.
     pub suitable_skills: Vec<Vec<usize>>,
@@ -69,7 +69,7 @@ pub struct TransportSite {
     pub seed: u64,
 }
 
-/// Callback for every tick of a transport. The text, if any, tells the latest decision or event.
+/// Callback for every tick of a transport. The text, if any, is the latest decision or event.
 pub type TickCallback<'a> = &'a mut dyn FnMut(&GroundTruth, &Executor, Option<&str>) -> Result<()>;
 
 /// A transport in progress.
@@ -80,7 +80,7 @@ struct Progress<'a> {
     held: Vec<usize>,
     /// Simulated time at which the push began, s; none before it.
     push_start: Option<f64>,
-    /// Text for the witness at the next tick.
+    /// Text for the callback at the next tick.
     note: Option<String>,
     record: TransportRecord,
 }
@@ -92,7 +92,7 @@ impl TransportSite {
         MotionProtocol { lift: times.lift_height, hold_time: times.hold_time, ..self.world.protocol() }
     }
 
-    /// Plays one transport. Its errors depend on seed and trial alone, so that every policy meets the same arm.
+    /// Runs one transport. Its errors depend on seed and trial alone, so that every policy has the same arm.
     pub fn play(&self, trial: usize, policy: PickMode, witness: TickCallback) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
         let noise = TrialNoise::draw(&self.transport.noise, 2, &mut rng);
@@ -145,7 +145,7 @@ impl TransportSite {
         }
     }
 
-    /// Returns the balls as the policy knows them: name, volume, suitable skills.
+    /// Returns the balls as given to the policy: name, volume, suitable skills.
     fn known_balls(&self) -> Vec<PickObject> {
         let balls = self.transport.ball.iter().zip(&self.suitable_skills);
         let item = |(ball, pickups): (&TransportBall, &Vec<usize>)| PickObject {
@@ -157,7 +157,7 @@ impl TransportSite {
     }
 }
 
-/// Vision with noise: every look at a ball draws a new error.
+/// Object detector with noise: every detection of a ball draws a new error.
 struct SimulatedDetector<'a> {
     robot: &'a SimulatedRobot,
     noise: &'a NoiseLevels,
@@ -182,7 +182,7 @@ impl Progress<'_> {
         }
     }
 
-    /// Plays the motion to the goal and records the balls that arrive there in the hand.
+    /// Runs the motion to the goal and records the balls that arrive there in the hand.
     fn play_delivery(&mut self, witness: TickCallback) -> Result<()> {
         self.held.clear();
         self.play_to_decision(witness)?;
@@ -199,8 +199,8 @@ impl Progress<'_> {
         Ok(())
     }
 
-    /// Plays up to the next decision. Applies the push, updates the balls held over the goal and calls the witness at
-    /// every tick.
+    /// Runs to the next decision. Applies the push, updates the balls held over the goal and calls `witness` at every
+    /// tick.
     fn play_to_decision(&mut self, witness: TickCallback) -> Result<()> {
         let Self { site, branch, push_start: pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();

@@ -1,4 +1,4 @@
-//! Rerun recording of a transport: robot, balls, contacts, tactile images, and the decisions in words.
+//! Rerun recording of a transport: robot, balls, contacts, tactile images, and the decisions as text.
 
 use std::path::Path;
 
@@ -46,7 +46,7 @@ impl TransportRecording {
         Ok(())
     }
 
-    /// Records a tick; `note` is the latest decision or event in words.
+    /// Records a tick; `note` is the latest decision or event as text.
     pub fn record_tick(&mut self, truth: &GroundTruth, executor: &Executor, note: Option<&str>) -> Result<()> {
         let recorder = &mut self.recorder;
         log_scene(recorder, truth, &self.names)?;

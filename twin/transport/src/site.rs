@@ -15,7 +15,7 @@ use sim::{ObjectPlacement, SceneSetup};
 use world::holding::{SupportState, TRANSPORTED_RULE};
 use world::objects::ObjectModel;
 
-/// Builds the scene: the empty hand over balls at their places. Arm and perception are off by the execution error of
+/// Builds the scene: the empty hand over balls at their places. Arm and perception have the execution error of
 /// `noise`.
 pub fn build_scene(
     world: &SimulatedWorld,
@@ -34,8 +34,8 @@ pub fn build_scene(
     Ok(RolloutSnapshot { robot, executor })
 }
 
-/// Plays up to the next decision, or until `watch`, which is called after every tick, returns `false`. Returns true if
-/// it reached the decision.
+/// Runs to the next decision. Calls `watch` after every tick and stops early if it returns `false`. Returns true if the
+/// decision was reached.
 pub fn play_until_decision(
     RolloutSnapshot { robot, executor }: &mut RolloutSnapshot,
     mut watch: impl FnMut(&mut SimulatedRobot, &Executor) -> Result<bool>,

@@ -1,5 +1,5 @@
-//! Rehearsals (rollouts in physics) of a sequence of picks: each pick is searched while the digits of the earlier picks
-//! go on holding.
+//! Rollouts in physics of a sequence of picks: each pick is searched while the digits of the earlier picks go on
+//! holding.
 //!
 //! A proposal closes its digits on the ball. Digits that touch nothing open again; the others must lift everything and
 //! hold it over the goal. Proposals that hold are tried again under the errors that a planner expects, and the next
@@ -26,13 +26,13 @@ use sim::tactile::TactileBoard;
 use super::play::TransportSite;
 use super::site::{build_scene, is_in_hand, play_until_decision};
 
-/// Number of draws of the expected noise under which a pick is proven, after one try without noise.
+/// Number of draws of the expected noise under which a pick is verified, after one try without noise.
 const ERROR_DRAWS: usize = 5;
 /// Number of holds from which the next pick of a sequence is searched.
 const MAX_BASES: usize = 4;
 /// Number of skills kept for each pick.
 const SKILLS_KEPT: usize = 6;
-/// Score (share of tries that hold) from which a skill counts as mostly holding.
+/// Least score (share of tries that hold) of a skill that mostly holds.
 const LIKELY_HOLD_SCORE: f64 = 0.6;
 /// Slip tolerance, m: a ball that moves farther than this in the hand on its way to the goal is not held.
 const SLIP_TOLERANCE: f64 = 0.012;
@@ -149,7 +149,7 @@ pub fn search_skills(
             let vary = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
             found.extend(search_pick(site, &bases, wanted, (n..n + n / 2).map(vary).collect(), &mut searched)?);
         }
-        // Among skills that mostly hold, those that leave more digits free are worth more to the next pick.
+        // Among skills that mostly hold, those that leave more digits free are better for the next pick.
         let rank = |skill: &PickSkill| (skill.grasp.score < LIKELY_HOLD_SCORE, skill.keeps.len());
         found.sort_by(|(a, _), (b, _)| {
             rank(a).cmp(&rank(b)).then(b.grasp.score.total_cmp(&a.grasp.score)).then(a.grasp.id.cmp(&b.grasp.id))
@@ -171,7 +171,7 @@ pub fn search_skills(
     Ok(all)
 }
 
-/// Tries `grasps` on all `bases` in turn. Returns the skills that hold, proven under errors, each with its hold.
+/// Tries `grasps` on all `bases` in turn. Returns the skills that hold, verified under errors, each with its hold.
 fn search_pick(
     site: &TransportSite,
     bases: &[PickBase],

@@ -18,7 +18,7 @@ use crate::arm::Address;
 use crate::lock::lock;
 
 /// Interval at which a waiting thread checks whether to end.
-const PATIENCE: Duration = Duration::from_millis(20);
+const REQUEST_TIMEOUT: Duration = Duration::from_millis(20);
 const MILLISECOND: Duration = Duration::from_millis(1);
 
 /// Clock of the emulated arm.
@@ -150,7 +150,7 @@ fn run(server: &Mutex<Server>, stop: &AtomicBool, pace: Pace) {
     while !stop.load(Ordering::Relaxed) {
         let deadline = match pace {
             Pace::RealTime => next,
-            Pace::Stepped => Instant::now() + PATIENCE,
+            Pace::Stepped => Instant::now() + REQUEST_TIMEOUT,
         };
         wait_for_any(&sockets, deadline);
         let mut server = lock(server);

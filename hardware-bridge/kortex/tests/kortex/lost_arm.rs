@@ -115,7 +115,7 @@ fn a_lossy_network_is_told() {
     let emulator = emulator_with(home_posture(), Pace::Stepped, 50);
     let mut arm = host(&emulator);
     // Commands are in time on any busy machine.
-    let mut servoing = Servoing::enter(&mut arm, ServoingLimits { cycle: PATIENCE, ..limits() }).expect("enters");
+    let mut servoing = Servoing::enter(&mut arm, ServoingLimits { cycle: TEST_TIMEOUT, ..limits() }).expect("enters");
     emulator.inject(Injection::LoseCommands(1.0));
     for _ in 0..60 {
         assert!(!servoing.hold(Instant::now() + Duration::from_micros(100)).expect("not noticed yet"));

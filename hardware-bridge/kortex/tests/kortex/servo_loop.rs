@@ -21,7 +21,7 @@ fn start(host_deadline: Duration) -> (Emulator, ServoLoop) {
 /// A controller at 100 Hz leads all joints along. The arm gets commands without jumps and arrives.
 #[test]
 fn targets_become_smooth_commands() {
-    let (emulator, servo_loop) = start(PATIENCE);
+    let (emulator, servo_loop) = start(TEST_TIMEOUT);
     let home = servo_loop.snapshot().command;
     let mut next = Instant::now();
     for tick in 1..=100 {
@@ -71,7 +71,7 @@ fn a_silent_controller_stops_the_arm() {
 
 #[test]
 fn impossible_targets_are_refused() {
-    let (_emulator, servo_loop) = start(PATIENCE);
+    let (_emulator, servo_loop) = start(TEST_TIMEOUT);
     let mut target = servo_loop.snapshot().command;
     target[1] = 3.0;
     assert!(matches!(servo_loop.set_target(target), Err(CommandError::Range { joint: 2, .. })));
@@ -82,7 +82,7 @@ fn impossible_targets_are_refused() {
 /// A fault ends the loop, and the arm is returned with the reason.
 #[test]
 fn a_fault_ends_the_loop() {
-    let (emulator, servo_loop) = start(PATIENCE);
+    let (emulator, servo_loop) = start(TEST_TIMEOUT);
     emulator.inject(Injection::EmergencyStop(true));
     until("the loop has ended", || servo_loop.snapshot().ended);
     let (mut arm, result) = servo_loop.finish();
@@ -95,7 +95,7 @@ fn an_entry_that_fails_says_why() {
     let emulator = patient_emulator();
     let arm = host(&emulator);
     emulator.inject(Injection::EmergencyStop(true));
-    let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: PATIENCE };
+    let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: TEST_TIMEOUT };
     let error = ServoLoop::start(arm, limits(), pacing).expect_err("pressed");
     assert_eq!(error.reason(), Some(kinova_kortex::refusal::Reason::EmergencyStop), "{error}");
 }

@@ -125,7 +125,7 @@ fn a_deaf_arm_is_a_timeout_and_then_silence() {
         keep_alive: Duration::from_millis(20),
         ..Timeouts::default()
     };
-    let link = TcpLink::connect(emulator.address().tcp, PATIENCE).expect("connects");
+    let link = TcpLink::connect(emulator.address().tcp, TEST_TIMEOUT).expect("connects");
     let mut session = Session::create(link, &credentials(), timeouts, call::GET_ARM_STATE).expect("logs in");
     emulator.inject(Injection::Deaf(true));
     let state = kinova_kortex::call::GET_ARM_STATE;
@@ -192,7 +192,7 @@ fn bad_speeds_are_not_sent() {
 #[test]
 fn speeds_end_with_their_session() {
     let emulator = emulator();
-    let timeouts = Timeouts { call: PATIENCE, ..Timeouts::default() };
+    let timeouts = Timeouts { call: TEST_TIMEOUT, ..Timeouts::default() };
     let mut base = Arm::connect(emulator.address(), &credentials(), timeouts, home_posture()).expect("connects").base;
     base.send_joint_speeds(&only(1, 0.2), &TOP_SPEED).expect("accepted");
     // The connection stays open and silent, as that of a frozen host.

@@ -14,7 +14,7 @@ pub const LAG: f64 = 0.02;
 pub const TOP_SPEED: [f64; JOINTS] = [1.2; JOINTS];
 
 /// Time limit that only a hung test reaches: no condition below depends on the speed of the machine.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+pub const TEST_TIMEOUT: Duration = Duration::from_secs(120);
 
 pub fn credentials() -> Credentials {
     Credentials { user: "admin".to_owned(), password: "admin".to_owned() }
@@ -24,7 +24,7 @@ pub fn credentials() -> Credentials {
 /// host.
 pub fn timeouts() -> Timeouts {
     let hour = Duration::from_secs(3600);
-    Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
+    Timeouts { call: TEST_TIMEOUT, session: hour, connection: hour, ..Timeouts::default() }
 }
 
 /// The published home posture, rad.
@@ -38,7 +38,7 @@ pub fn emulator_at(posture: [f64; JOINTS], pace: Pace) -> Emulator {
 
 /// An arm in real time whose watchdog tolerates the delays of a busy machine.
 pub fn patient_emulator() -> Emulator {
-    emulator_with(home_posture(), Pace::RealTime, PATIENCE.as_millis() as u64)
+    emulator_with(home_posture(), Pace::RealTime, TEST_TIMEOUT.as_millis() as u64)
 }
 
 /// An arm whose watchdog trips after `cyclic_deadline` ms of its own time.
@@ -69,7 +69,7 @@ pub fn patient_limits() -> ServoingLimits {
 
 /// A deadline before which any answer on loopback comes.
 pub fn soon() -> Instant {
-    Instant::now() + PATIENCE
+    Instant::now() + TEST_TIMEOUT
 }
 
 /// Returns the time of the last such event, ms of the arm's time.
@@ -79,7 +79,7 @@ pub fn time_of(emulator: &Emulator, what: EventKind) -> Option<u64> {
 
 /// Waits until `condition` holds.
 pub fn until(what: &str, mut condition: impl FnMut() -> bool) {
-    let give_up = Instant::now() + PATIENCE;
+    let give_up = Instant::now() + TEST_TIMEOUT;
     while !condition() {
         assert!(Instant::now() < give_up, "waited in vain until {what}");
         std::thread::sleep(Duration::from_millis(1));

@@ -1,7 +1,8 @@
 //! A wrong servo: of another model, or with the id of another servo.
 
+use dynamixel_bus::xc330;
+
 use super::EmulatedServo;
-use crate::xc330;
 
 /// XL330-M288-T: the same plug and control table, a plastic gear and half the torque.
 const XL330_MODEL: i64 = 1200;

@@ -1,8 +1,10 @@
 //! Indirect addressing: a data area whose bytes are aliases of bytes elsewhere in the control table.
 
+use dynamixel_bus::protocol2::ServoError;
+use dynamixel_bus::register::Register;
+use dynamixel_bus::xc330::{self, Indirect};
+
 use super::EmulatedServo;
-use crate::protocol2::ServoError;
-use crate::xc330::{self, Indirect, Register};
 
 /// First address that may be pointed at: the first in RAM.
 const MIN_TARGET_ADDRESS: u16 = xc330::TORQUE_ENABLE.address;
@@ -50,7 +52,7 @@ impl EmulatedServo {
     }
 
     /// Returns the changes that a write would make, or the error with which it is refused. Only whole registers can be
-    /// written, also by way of the data area (our reading).
+    /// written, also by way of the data area (interpretation).
     pub(super) fn decode_write(&self, address: u16, data: &[u8]) -> Result<Vec<MemoryWrite>, ServoError> {
         let area = self.indirect();
         let (mut place, mut rest, mut changes) = (address, data, Vec::new());

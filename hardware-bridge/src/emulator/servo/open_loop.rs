@@ -1,7 +1,10 @@
 //! Velocity control, and direct control of the duty cycle. Profiles are not emulated: goals are approached at once.
 
+use dynamixel_bus::register::Unit;
+use dynamixel_bus::x_series::mode;
+use dynamixel_bus::xc330;
+
 use super::EmulatedServo;
-use crate::xc330::{self, mode};
 
 /// Maximum lead of the velocity-control goal ahead of the shaft, counts: a blocked shaft does not run after its goal
 /// once free.
@@ -17,16 +20,16 @@ impl EmulatedServo {
         if !self.torque() || self.get(&xc330::OPERATING_MODE) != mode::VELOCITY {
             return;
         }
-        let speed = self.get(&xc330::GOAL_VELOCITY) as f64 * xc330::Unit::Velocity.per_count();
+        let speed = self.get(&xc330::GOAL_VELOCITY) as f64 * Unit::Velocity.per_count();
         let position = self.position() as f64;
-        let wanted = self.velocity_goal + speed * dt / xc330::Unit::Angle.per_count();
+        let wanted = self.velocity_goal + speed * dt / Unit::Angle.per_count();
         self.velocity_goal = wanted.clamp(position - MAX_GOAL_LEAD, position + MAX_GOAL_LEAD);
     }
 
     /// Computes the current of a DC motor under the goal duty cycle, A, signed as the shaft's angle: the supply drives
     /// it against the back-EMF.
     pub(super) fn open_loop_current(&self) -> f64 {
-        let duty = self.sign() * self.get(&xc330::GOAL_PWM) as f64 * xc330::Unit::DutyCycle.per_count();
+        let duty = self.sign() * self.get(&xc330::GOAL_PWM) as f64 * Unit::DutyCycle.per_count();
         STALL_CURRENT * (duty * self.voltage / NOMINAL_VOLTAGE - self.shaft.velocity / NO_LOAD_SPEED)
     }
 }
@@ -36,9 +39,10 @@ mod tests {
     use hand_model::robot::{ServoGoal, ServoState};
 
     use super::*;
-    use crate::protocol2::ServoError;
+    use dynamixel_bus::protocol2::ServoError;
+    use dynamixel_bus::register::Register;
 
-    fn write(servo: &mut EmulatedServo, register: &xc330::Register, counts: i64) -> Result<(), ServoError> {
+    fn write(servo: &mut EmulatedServo, register: &Register, counts: i64) -> Result<(), ServoError> {
         servo.write(register.address, &counts.to_le_bytes()[..usize::from(register.size)])
     }
 
@@ -58,7 +62,7 @@ mod tests {
     fn velocity_control() {
         let mut servo = on(mode::VELOCITY);
         write(&mut servo, &xc330::GOAL_VELOCITY, 100).expect("below the limit");
-        let speed = 100.0 * xc330::Unit::Velocity.per_count();
+        let speed = 100.0 * Unit::Velocity.per_count();
         let mut position = 0.0;
         for step in 1..=100 {
             servo.advance(0.01 * f64::from(step), 0.01, shaft(position, speed));

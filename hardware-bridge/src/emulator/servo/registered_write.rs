@@ -1,12 +1,13 @@
 //! Registered writes, which wait for an action instruction.
 
+use dynamixel_bus::protocol2::ServoError;
+use dynamixel_bus::xc330;
+
 use super::EmulatedServo;
-use crate::protocol2::ServoError;
-use crate::xc330;
 
 impl EmulatedServo {
-    /// Registers a write for [`EmulatedServo::execute_registered`], in place of an earlier one. A write that would be refused is
-    /// refused at once (our reading).
+    /// Registers a write for [`EmulatedServo::execute_registered`], in place of an earlier one. A write that would be
+    /// refused is refused at once (interpretation).
     pub fn register_write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
         self.decode_write(address, data)?;
         self.registered = Some((address, data.to_vec()));
@@ -14,7 +15,7 @@ impl EmulatedServo {
         Ok(())
     }
 
-    /// Executes the registered write. Without one, returns an instruction error, as the e-Manual has it.
+    /// Executes the registered write. Without one, returns an instruction error, as the e-Manual states.
     pub fn execute_registered(&mut self) -> Result<(), ServoError> {
         let (address, data) = self.registered.clone().ok_or(ServoError::Instruction)?;
         self.clear_registered();

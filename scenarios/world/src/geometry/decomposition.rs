@@ -1,7 +1,7 @@
 //! Convex decomposition of a mesh whose parts follow its concavities.
 //!
-//! VHACD cuts a mesh at a given resolution and concavity, relative to the mesh's size. Here it is called with finer and finer
-//! settings until no part stands out of the surface by more than a tolerance.
+//! VHACD cuts a mesh at a given resolution and concavity, relative to the mesh's size. Here it is called with finer and
+//! finer settings until no part stands out of the surface by more than a tolerance.
 
 use nalgebra::Point3;
 use parry3d_f64::math::Vector;
@@ -48,7 +48,8 @@ pub(super) fn run_vhacd(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Poi
         .collect()
 }
 
-/// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SAMPLE_SPACING`] apart on their faces.
+/// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SAMPLE_SPACING`] apart on their
+/// faces.
 pub(super) fn protrusion(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
     let mut most = 0.0f64;
     for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {

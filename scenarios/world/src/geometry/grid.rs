@@ -1,8 +1,8 @@
-//! Signed distance grid: answers in tens of nanoseconds what a mesh answers in microseconds.
+//! Signed distance grid: a query takes tens of nanoseconds instead of microseconds for a mesh.
 //!
 //! Distances are sampled on a regular grid around the shape and interpolated trilinearly; the gradient is that of the
-//! interpolant. A point outside the grid is measured from the surface point nearest to the grid's border, which slightly
-//! overestimates the distance at most.
+//! interpolant. A point outside the grid is measured from the surface point nearest to the grid's border, which
+//! slightly overestimates the distance at most.
 
 use nalgebra::{Point3, Vector3};
 

@@ -74,7 +74,7 @@ pub enum GeometryError {
     },
     /// The mesh is implausibly large.
     #[error(
-        "mesh extent: found {found:.3} m, expected at most {MAX_EXTENT} m: the file is probably in millimetres, scale it by 0.001"
+        "mesh extent: found {found:.3} m, expected at most {MAX_EXTENT} m: the file is probably in millimetres; scale it by 0.001"
     )]
     ImplausibleSize {
         /// Extent found, m.

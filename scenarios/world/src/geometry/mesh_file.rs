@@ -1,7 +1,8 @@
 //! Reader of triangles from mesh files: OBJ, STL, PLY, COLLADA, and glTF with its buffers in the file or beside it.
 //!
-//! STL repeats a corner for each triangle, and glTF a vertex for each texture seam. Vertices in the same place are therefore
-//! merged, so that a closed surface is recognised as closed. In glTF, y points up; here, as in the other formats, z does.
+//! STL repeats a corner for each triangle, and glTF a vertex for each texture seam. Vertices in the same place are
+//! therefore merged, so that a closed surface is recognised as closed. In glTF, y points up; here, as in the other
+//! formats, z does.
 
 use std::collections::HashMap;
 use std::path::Path;

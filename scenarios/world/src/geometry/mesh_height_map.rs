@@ -1,8 +1,8 @@
 //! Height map of a mesh seen by parallel rays: the height at which each ray first meets the solid.
 //!
-//! A bounding-volume hierarchy answers rays of any direction one by one. If thousands of them run along the same axis, as under
-//! the pixels of a pad, it is cheaper to project the triangles once onto the plane across the axis and to sort them into the
-//! cells of a grid. A ray then tests only the few triangles of its cell.
+//! A bounding-volume hierarchy answers rays of any direction one by one. If thousands of them run along the same axis,
+//! as under the pixels of a pad, it is cheaper to project the triangles once onto the plane across the axis and to sort
+//! them into the cells of a grid. A ray then tests only the few triangles of its cell.
 
 use nalgebra::{Isometry3, Point3};
 

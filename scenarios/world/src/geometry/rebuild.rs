@@ -1,8 +1,8 @@
-//! Rebuilding of any set of triangles as a watertight mesh: the sign of the distance comes from the winding number, the surface
-//! from marching tetrahedra over a regular grid.
+//! Rebuilding of any set of triangles as a watertight mesh: the sign of the distance comes from the winding number, the
+//! surface from marching tetrahedra over a regular grid.
 //!
-//! Every grid cube is cut into the same six tetrahedra along its diagonal, so that neighbours agree on their common faces and
-//! the surface is closed by construction.
+//! Every grid cube is cut into the same six tetrahedra along its diagonal, so that neighbours agree on their common
+//! faces and the surface is closed by construction.
 
 use std::collections::HashMap;
 

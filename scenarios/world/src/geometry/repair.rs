@@ -1,8 +1,9 @@
 //! Repair of a file's triangles into a closed mesh, with the least change: sound parts stay as they are, to the bit.
 //!
-//! The steps are, in order: merge vertices in one place; drop triangles without an area, duplicates and flaps; close seams; orient
-//! neighbours consistently; drop loose scraps and close small holes. Only pieces that are still open are rebuilt on a grid. The
-//! result is compared with the file's triangles and refused if they do not imply its surface or volume.
+//! The steps are, in order: merge vertices in one place; drop triangles without an area, duplicates and flaps; close
+//! seams; orient neighbours consistently; drop loose scraps and close small holes. Only pieces that are still open are
+//! rebuilt on a grid. The result is compared with the file's triangles and refused if they do not imply its surface or
+//! volume.
 
 mod checks;
 mod holes;
@@ -42,7 +43,7 @@ impl Mesh {
         let usable =
             |index: &u32| vertices.get(*index as usize).is_some_and(|at| at.iter().all(|part| part.is_finite()));
         if !triangles.iter().flatten().all(usable) {
-            return Err(repair_error(&fault, "a triangle's corner is nowhere"));
+            return Err(repair_error(&fault, "a triangle's corner is not finite"));
         }
         let mut repair = RepairReport::default();
         let mut soup = TriangleSoup { vertices: vertices.to_vec(), triangles: triangles.to_vec() };
@@ -57,10 +58,7 @@ impl Mesh {
         seams::close_seams(&mut soup, &mut repair);
         soup.drop_flaps(&mut repair);
         if orientation::orient_consistently(&mut soup, &mut repair).is_none() {
-            return Err(repair_error(
-                &fault,
-                "its triangles have no sense that neighbours agree on, as on a Moebius strip",
-            ));
+            return Err(repair_error(&fault, "its triangles have no consistent orientation, as on a Moebius strip"));
         }
         drop_scraps(&mut soup, &mut repair);
         let kept = soup.clone();

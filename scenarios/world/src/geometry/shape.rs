@@ -139,7 +139,7 @@ impl ObjectShape {
         -self.support(&down).coords.dot(&down)
     }
 
-    /// Returns a tessellation for drawing: points (m), triangles (counter-clockwise from outside), one unit normal per
+    /// Returns a tessellation for display: points (m), triangles (counter-clockwise from outside), one unit normal per
     /// point.
     pub fn triangles(&self) -> Tessellation {
         match self {
@@ -150,7 +150,7 @@ impl ObjectShape {
         }
     }
 
-    /// Returns `n` points spread evenly over the surface, the same ones at every call, m.
+    /// Returns `n` points evenly distributed over the surface, the same at every call, m.
     pub fn surface_samples(&self, n: usize) -> Vec<Point3<f64>> {
         let (points, triangles, _) = self.triangles();
         let mut samples = tessellation::sample(&points, &triangles, n);
@@ -164,7 +164,7 @@ impl ObjectShape {
     }
 
     /// Returns convex point sets that together fill the shape, for dynamics. Primitives return the points of their
-    /// tessellation; physics engines have better primitives of their own.
+    /// tessellation; physics engines have better primitives.
     pub fn convex_parts(&self) -> Vec<Vec<Point3<f64>>> {
         match self {
             Self::Mesh(mesh) => mesh.convex_parts().to_vec(),

@@ -1,7 +1,8 @@
-//! Simplification of a closed surface: edges are collapsed in the order of their quadric error (Garland & Heckbert 1997).
+//! Simplification of a closed surface: edges are collapsed in the order of their quadric error (Garland & Heckbert
+//! 1997).
 //!
-//! The surface stays closed and keeps its topology. An edge is collapsed only if its two ends share exactly two neighbours, and
-//! if no triangle is flipped by it.
+//! The surface stays closed and keeps its topology. An edge is collapsed only if its two ends share exactly two
+//! neighbours, and if no triangle is flipped by it.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

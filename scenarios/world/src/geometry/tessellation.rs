@@ -1,4 +1,4 @@
-//! Tessellations for drawing, and points spread over them.
+//! Tessellations for display, and points distributed over them.
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -122,7 +122,7 @@ pub fn mesh(mesh: &Mesh) -> Tessellation {
     out
 }
 
-/// Spreads points by area: equal steps along the triangles' cumulative area, golden-ratio steps within them.
+/// Distributes points by area: equal steps along the triangles' cumulative area, golden-ratio steps within them.
 pub fn sample(points: &[Point3<f64>], triangles: &[[u32; 3]], n: usize) -> Vec<Point3<f64>> {
     let mut cumulated = Vec::with_capacity(triangles.len());
     let mut total = 0.0;

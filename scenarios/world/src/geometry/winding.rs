@@ -1,8 +1,8 @@
 //! Inside-outside test for any set of triangles: the generalized winding number (Jacobson et al. 2013).
 //!
-//! For a closed surface, it is 1 inside and 0 outside. With holes, overlaps and loose ends it varies smoothly instead of
-//! failing. Distant triangles are combined into one dipole (Barill et al. 2018), so that a query costs a walk down a tree
-//! instead of a pass over all triangles.
+//! For a closed surface, it is 1 inside and 0 outside. With holes, overlaps and loose ends it varies smoothly instead
+//! of failing. Distant triangles are combined into one dipole (Barill et al. 2018), so that a query costs a walk down a
+//! tree instead of a pass over all triangles.
 
 use nalgebra::{Point3, Vector3};
 
@@ -73,8 +73,8 @@ impl WindingTree {
     fn node(&self, range: std::ops::Range<usize>) -> Node {
         let own = &self.triangles[range.clone()];
         let total: f64 = own.iter().map(|triangle| area(triangle).norm()).sum();
-        let weighed: Vector3<f64> = own.iter().map(|triangle| middle(triangle) * area(triangle).norm()).sum();
-        let center = Point3::from(weighed / total.max(f64::MIN_POSITIVE));
+        let weighted: Vector3<f64> = own.iter().map(|triangle| middle(triangle) * area(triangle).norm()).sum();
+        let center = Point3::from(weighted / total.max(f64::MIN_POSITIVE));
         let radius = own.iter().flatten().map(|corner| (corner - center).norm()).fold(0.0, f64::max);
         Node { center, radius, dipole: own.iter().map(area).sum(), range, children: None }
     }

@@ -1,4 +1,4 @@
-//! The objects that come with the program.
+//! The built-in objects.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ const COMPACT_OBJECTS: &[(&str, &str)] = files![
     "gem",
 ];
 
-/// Larger or flatter objects. They include those that the paper's multi-object landscape names (vase, multimeter, board
+/// Larger or flatter objects. They include those of the paper's multi-object landscape (vase, multimeter, board
 /// eraser, coffee bottle, Coke can), except its pawn, which is among the compact ones.
 const LARGE_OBJECTS: &[(&str, &str)] =
     files!["ball", "coke_can", "board_eraser", "multimeter", "vase", "coffee_bottle"];
@@ -49,7 +49,7 @@ const LONG_OBJECTS: &[(&str, &str)] =
 const OMITTED_OBJECT: &str = "ball_45";
 
 impl ObjectSet {
-    /// Returns all objects that come with the program.
+    /// Returns all built-in objects.
     ///
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
@@ -57,7 +57,7 @@ impl ObjectSet {
         Self::builtin(&[COMPACT_OBJECTS, LARGE_OBJECTS, LONG_OBJECTS])
     }
 
-    /// Returns the 23 objects of the synthesized repertoire: as many as in the paper, but a set of our own.
+    /// Returns the 23 objects of the synthesized repertoire: as many as in the paper, but a different set.
     ///
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.

@@ -1,5 +1,5 @@
 //! Other stable resting poses of an object on a table. They are the directions, in the object's frame, in which the
-//! support height under its centre of mass has a local minimum. Each pose is treated as an object of its own for
+//! support height under its centre of mass has a local minimum. Each pose is treated as a separate object for
 //! grasping.
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -8,7 +8,7 @@ use super::model::ObjectModel;
 use super::set::ObjectSet;
 use super::symmetry::Symmetry;
 
-/// Number of evenly spread directions in the coarse search.
+/// Number of evenly distributed directions in the coarse search.
 const DIRECTION_COUNT: usize = 1500;
 /// Half angle of the neighbourhood in which a resting pose must be the lowest, rad.
 const POSE_NEIGHBOURHOOD: f64 = 0.15;
@@ -61,14 +61,14 @@ impl ObjectSet {
         self
     }
 
-    /// Returns the resting poses of `object` other than its default one, as far as this set contains them.
+    /// Returns the resting poses of `object` other than its default one that this set contains.
     pub fn fallen_of<'a>(&'a self, object: &'a ObjectModel) -> impl Iterator<Item = &'a ObjectModel> {
         let prefix = format!("{}_fallen", object.name);
         self.iter().filter(move |other| other.name.starts_with(&prefix)).map(|other| &**other)
     }
 }
 
-/// Returns `count` evenly spread unit vectors (Fibonacci sphere).
+/// Returns `count` evenly distributed unit vectors (Fibonacci sphere).
 fn fibonacci_sphere(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |n| {

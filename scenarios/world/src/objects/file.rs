@@ -5,21 +5,22 @@
 //! mass = 0.31                # kg
 //! friction = 0.6             # Coulomb coefficient against the hand's elastomer
 //! color = [200, 60, 60]      # RGB; grey if left out
-//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad. If left out: upright if it is stable,
-//!                            # otherwise the pose that is hardest to tip over
-//! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
+//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad. Default: upright if
+//!                            # that is stable, otherwise the pose that is hardest to tip over
+//! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }
 //! [shape.mesh]
-//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, z up as the object stands; faults are mended
-//! unit = 0.001               # m, the mesh's unit; 1 if left out
-//! tolerance = 0.001          # m, by how much the convex parts used in physics may stand out of the mesh; 1 mm if left out
+//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, z up; faults are mended
+//! unit = 0.001               # m, the mesh's unit; default 1
+//! tolerance = 0.001          # m, protrusion of the convex parts used in physics; default 1 mm
 //! ```
 //!
 //! Other shapes, lengths in m:
 //! - `[shape.sphere]` with `diameter`;
 //! - `[shape.cylinder]` with `diameter` and `height`, along z;
 //! - `[shape.box]` with `size = [x, y, z]` and `rounding`, the radius of its edges;
-//! - `[shape.lathe]`, a surface of revolution about z, with `outline = [[radius, z], ...]` from bottom to top. With `spline = n`,
-//!   a smooth curve goes through the points in n steps between two. `unit` is the outline's unit in m, 1 if left out;
+//! - `[shape.lathe]`, a surface of revolution about z, with `outline = [[radius, z], ...]` from bottom to top. With
+//!   `spline = n`, a smooth curve goes through the points in n steps between two. `unit` is the outline's unit in m,
+//!   default 1;
 //! - `[shape.hull]`, the convex hull of `corners = [[x, y, z], ...]`.
 
 use std::path::{Path, PathBuf};
@@ -211,15 +212,14 @@ impl ObjectFile {
             _ => None,
         };
         let found = self.rest.is_none() && model.rest != UnitQuaternion::identity();
-        let rest =
-            found.then(|| format!("it would fall over as it is given and rests as with rest = {}", model.rest_text()));
+        let rest = found.then(|| format!("it would fall over as given and rests as with rest = {}", model.rest_text()));
         mended.into_iter().chain(rest).map(|note| format!("{}: {note}", self.name)).collect()
     }
 
     fn check(&self, path: &Path) -> Result<(), DataError> {
         let plain = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_';
         if self.name.is_empty() || !self.name.chars().all(plain) || self.name.contains("_fallen") {
-            let expected = "small letters, digits and _, without \"_fallen\", which is another way to lie";
+            let expected = "small letters, digits and _, without \"_fallen\", which marks other resting poses";
             return Err(DataError::field(path, "name", format!("{:?}", self.name), expected));
         }
         if !(self.mass >= MIN_MASS && self.mass <= MAX_MASS) {

@@ -1,4 +1,4 @@
-//! Surfaces of revolution from an outline, and the pose of such a body on its side.
+//! Surfaces of revolution from an outline, and the pose of such an object on its side.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -42,7 +42,7 @@ impl ObjectModel {
     }
 
     /// True if the object, in the orientation `world_from_object`, is rotationally symmetric about the vertical: a
-    /// ball, or a body that stands on its axis.
+    /// ball, or an object that stands on its axis.
     pub fn round_about_vertical(&self, rotation: &UnitQuaternion<f64>) -> bool {
         match self.symmetry {
             Symmetry::Full => true,
@@ -93,8 +93,8 @@ impl ObjectModel {
         -self.shape.lowest_height(&self.rest)
     }
 
-    /// True if the resting pose is stable: tipped slightly to any side, the centre does not drop. A body that can roll
-    /// counts as stable.
+    /// True if the resting pose is stable: tipped slightly to any side, the centre does not drop. An object that can
+    /// roll counts as stable.
     pub fn rests_stably(&self) -> bool {
         let (height, size) = (self.rest_height(), self.shape.bounding_radius());
         (0..TIP_DIRECTION_COUNT).all(|k| {

@@ -35,22 +35,22 @@ pub struct BenchArgs {
     /// Trials per combination.
     #[arg(long, default_value_t = 10)]
     pub trials: usize,
-    /// Conditions (policies) to play.
+    /// Conditions (policies) to run.
     #[arg(long, value_delimiter = ',', default_value = "ideal,blind,reflex,touch", value_name = "CONDITIONS")]
     pub conditions: Vec<String>,
-    /// Your own policy, played as the condition `external_policy` beside the others: a Python class, as FILE.py:CLASS. See
+    /// External policy, run as the condition `external` beside the others: a Python class, as FILE.py:CLASS. See
     /// twin/python/README.md.
     #[arg(long, value_name = "FILE:CLASS")]
     pub policy: Option<String>,
-    /// Argument for the constructor of your policy's class (repeatable). A value that parses as JSON is passed as such
+    /// Argument for the constructor of the policy's class (repeatable). A value that parses as JSON is passed as such
     /// (0.5, true, [1, 2]), any other as text.
     #[arg(long, value_name = "KEY=VALUE", requires = "policy")]
     pub policy_arg: Vec<String>,
-    /// Time limit for each answer of your policy, s; default: 60. If it takes longer, the trial fails and its process
-    /// is ended.
+    /// Time limit for each answer of the policy, s; default: 60. If it is exceeded, the trial fails and the policy's
+    /// process is killed.
     #[arg(long, value_name = "SECONDS", requires = "policy", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     pub policy_timeout: Option<u32>,
-    /// Simulated time that passes while your policy computes: none (`stand`), or as much as on the wall clock.
+    /// Simulated time that passes while the policy computes: none (`paused`), or as much as on the wall clock (`wall`).
     #[arg(long, value_enum, default_value_t = PolicyTime::Paused, requires = "policy")]
     pub policy_time: PolicyTime,
     /// Robot backend.
@@ -77,14 +77,14 @@ pub struct BenchArgs {
     /// Trials to record; default: sample, or the setting of the run that is resumed.
     #[arg(long, value_enum)]
     pub record: Option<RecordArg>,
-    /// Scale factor of the random errors of arm and vision, for a curve of success over noise. Effects stay on: pads,
-    /// gel, cables, objects that differ from their models, vision latency and looks that mistake one pose for another;
-    /// see --without and --no-errors.
+    /// Scale factor of the random errors of arm and object detector, for a curve of success over noise. Effects stay
+    /// on: pads, gel, cables, objects that differ from their models, detection latency and detections that mistake one
+    /// pose for another; see --without and --no-errors.
     #[arg(long, default_value_t = 1.0)]
     pub noise_scale: f64,
-    /// Effort of the search for grasps of pairs that have no plan, and of their proof under random circumstances, 0 to
-    /// 9; overrides the scenario's. At 1 it takes about 3 to 12 minutes of a core per pair; results are kept for later
-    /// runs.
+    /// Effort of the search for grasps of pairs that are not in the grasp pair table, and of their verification under
+    /// random errors, 0 to 9; overrides the scenario's. At 1 it takes about 3 to 12 core minutes per pair; results are
+    /// kept for later runs.
     #[arg(long, value_parser = clap::value_parser!(u32).range(..=9), conflicts_with = "resume")]
     pub effort: Option<u32>,
     /// Switch off all errors and effects, as --noise-scale 0 --without all; the controller expects none either.
@@ -96,22 +96,22 @@ pub struct BenchArgs {
     /// Errors that the controller expects: a file like twin/control/data/uncertainty.toml, which is the default.
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
-    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
-    /// nominal robot.
+    /// Robot instance for both the backend and the control stack: a file of `ftac sysid identify`; default: the nominal
+    /// model.
     #[arg(long, value_name = "FILE")]
     pub instance: Option<PathBuf>,
     /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
     /// nominal pads.
     #[arg(long, value_name = "FILE")]
     pub pads: Option<PathBuf>,
-    /// Let touch and reflex simulate candidates for the second grasp (rollouts from the state as felt) before they
+    /// Let touch and reflex simulate candidates for the second grasp (rollouts from the estimated state) before they
     /// choose one.
     #[arg(long)]
     pub look_ahead: bool,
-    /// Run a twin in parallel with the robot and write the divergences that it names to faults.csv.
+    /// Run fault detection: a reference model in parallel with the robot. Detected faults are written to faults.csv.
     #[arg(long)]
     pub detect_faults: bool,
-    /// Number of the individual that a simulated or emulated robot is, unknown to the control stack; default: the robot
+    /// Number of the instance that a simulated or emulated robot is, unknown to the control stack; default: the robot
     /// that the control stack assumes.
     #[arg(long, value_name = "N")]
     pub plant: Option<u64>,
@@ -137,7 +137,7 @@ pub struct BenchArgs {
     pub resume: Option<PathBuf>,
 }
 
-/// Simulated time that passes while a user's own policy computes.
+/// Simulated time that passes while an external policy computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PolicyTime {
     /// No simulated time.
@@ -153,7 +153,7 @@ pub enum RecordArg {
     None,
     /// The first trial of every tenth combination.
     Sample,
-    /// For each condition, the first trial of every cause of failure, played again after the run.
+    /// For each condition, the first trial of every cause of failure, run again after the benchmark.
     Causes,
     /// Every trial.
     All,
@@ -238,24 +238,21 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
 pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (mut request, folder) = request(terminal, args)?;
     let robot = <BackendKind as clap::ValueEnum>::from_str(&request.robot, false)
-        .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
+        .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a backend", folder.display(), request.robot))?;
     if request.places.detector != args.places.detector.is_some() {
-        let (found, expected) = if request.places.detector { ("none", "them") } else { ("them", "none") };
-        bail!("--detector: found {found}, expected {expected}, as the run in {} was begun", folder.display());
+        let (found, expected) = if request.places.detector { ("none", "one") } else { ("one", "none") };
+        bail!("--detector: found {found}, expected {expected}, as at the start of the run in {}", folder.display());
     }
     check_backend(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
     if robot != BackendKind::Sim && !scenario.disturbance.is_none() {
-        bail!(
-            "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",
-            robot.name()
-        );
+        bail!("--robot: found {}, expected the simulated robot (sim) for a scenario with [disturbance]", robot.name());
     }
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
-        bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
+        bail!("--ablations: found a scenario with disabled_digits, expected one without");
     }
     if robot == BackendKind::Hardware && request.plant_instance.is_some() {
-        bail!("--plant: --robot is hardware, which is the individual that it is");
+        bail!("--plant: found --robot hardware, expected a simulated or emulated robot");
     }
     let quiet = terminal.quiet || terminal.json;
     let jobs = if args.live || robot == BackendKind::Hardware {
@@ -307,7 +304,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
 fn parse_ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     let Some(names) = &args.ablations else { return Ok(Vec::new()) };
     if args.robot != BackendKind::Sim {
-        bail!("--ablations: found --robot {}, expected the simulated robot, which can go back", args.robot.name());
+        bail!("--ablations: found --robot {}, expected sim, whose state can be restored", args.robot.name());
     }
     if names.is_empty() {
         return Ok(Ablation::ALL.to_vec());
@@ -316,12 +313,12 @@ fn parse_ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// Parses `--conditions`, in the order of `trials.csv`. With a user's policy (`own`), that condition is added.
+/// Parses `--conditions`, in the order of `trials.csv`. If an external policy is given (`own`), its condition is added.
 fn parse_conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
     let mut wanted: BTreeSet<Condition> =
         names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
     if wanted.contains(&Condition::External) && !own {
-        bail!("--conditions: found own, expected --policy FILE.py:CLASS with it");
+        bail!("--conditions: found external, expected --policy FILE.py:CLASS with it");
     }
     wanted.extend(own.then_some(Condition::External));
     Ok(wanted.into_iter().collect())
@@ -337,15 +334,15 @@ fn parse_policy(args: &BenchArgs) -> Result<Option<PolicySource>> {
     Ok(Some(PolicySource { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))
 }
 
-/// Refuses a policy other than that named on the command line. The folder may come from someone else: its files must
-/// not choose which program runs.
+/// Refuses a policy other than that named on the command line. The folder may be of unknown origin: its files must not
+/// choose the program that runs.
 fn check_policy(kept: Option<&PolicySource>, named: Option<&str>, folder: &Path) -> Result<()> {
     let of = |source: &PolicySource| format!("{}:{}", source.file.display(), source.class);
     match (kept, named) {
         (None, None) => Ok(()),
         (Some(kept), Some(named)) if of(kept) == named => Ok(()),
         (None, Some(named)) => {
-            bail!("--policy: found {named}, expected none, as the run in {} was begun", folder.display())
+            bail!("--policy: found {named}, expected none, as at the start of the run in {}", folder.display())
         }
         (Some(kept), found) => bail!(
             "--resume {}: found {}, expected --policy {}, which the run was begun with: a folder does not choose what runs",

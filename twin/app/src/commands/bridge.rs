@@ -26,7 +26,7 @@ use crate::terminal::{Outcome, Terminal};
 /// `bridge` commands.
 #[derive(Debug, Subcommand)]
 pub enum BridgeCommand {
-    /// Set up this computer: device name and permissions of the servo adapter, real-time scheduling, a stop at shutdown.
+    /// Set up this computer: name and permissions of the servo adapter, real-time scheduling, a stop at shutdown.
     Install(install::InstallArgs),
     /// Scan a port for servos at every baud rate.
     Scan {
@@ -58,11 +58,12 @@ pub enum BridgeCommand {
     Exercise(exercise::ExerciseArgs),
     /// Register the pose of the arm's base by touching balls on three marks. Moves arm and hand.
     Register(register::RegisterArgs),
-    /// Draw the places of a combination's objects as an A3 sheet in full size.
+    /// Draw the positions of a combination's objects on an A3 sheet in full size.
     Sheet(sheet::SheetArgs),
     /// Stop the robots that run in other terminals: they hold their position and grip.
     Stop(stop::StopArgs),
-    /// Restart servos that have shut down (overload, low voltage, overheating) and check them. The grip is lost: asks first.
+    /// Restart servos that have shut down (overload, low voltage, overheating) and check them. The grip is lost: asks
+    /// first.
     Reboot(reboot::RebootArgs),
     /// Clear the arm's faults once their cause is gone; afterwards the arm can move again. Asks first.
     ClearFaults(clear_faults::ClearArgs),

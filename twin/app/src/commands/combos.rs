@@ -16,7 +16,7 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `combos`.
 #[derive(Debug, Args)]
 pub struct CombosArgs {
-    /// Combinations of your own scenario that have no plan yet are planned first, as `bench` does.
+    /// Combinations of another scenario that have no grasp pairs yet are planned first, as by `bench`.
     #[command(flatten)]
     pub scenario: ScenarioArgs,
     /// Number of combinations; default: 60, or all of a scenario that has fewer.

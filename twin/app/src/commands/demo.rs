@@ -51,7 +51,7 @@ pub struct DemoOutput<'a> {
     trials: &'a [TrialRecord],
 }
 
-/// Plays one trial blind and with touch, under the same errors, and shows both.
+/// Runs one trial under blind and touch with the same errors, and shows both.
 pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let robot = args.robot.model()?;
@@ -114,16 +114,16 @@ fn write_page(
     let about = html! {
         p {
             "The hand takes the " (first) " with ring and little finger, keeps it, and takes the " (second) " with thumb, index and middle finger. \
-            Arm and detector err by some millimetres, alike in both films. " b { "Blind" } " carries out the plan. " b { "Touch" } " comes down on each \
-            object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses the grasp and the aim \
-            whose probabilities are best."
+            Arm and detector err by some millimetres, equally in both films. " b { "Blind" } " executes the planned grasps. " b { "Touch" } " lowers the hand onto each \
+            object until a pad detects contact, estimates the pose of the first one in the hand from the tactile images, and chooses the grasp and \
+            the aim with the best outcome probabilities."
         }
         p {
             "The hand and the task are those of Zhao et al., "
             i { "Embedding high-resolution touch across robotic hands enables adaptive human-like grasping" }
             ", Nature Machine Intelligence, 2025 ("
             a href="https://doi.org/10.1038/s42256-025-01053-3" { "doi:10.1038/s42256-025-01053-3" }
-            "). This is a simulation; one trial says nothing about rates, " code { "ftac bench" } " does."
+            "). This is a simulation, and one trial gives no success rates: " code { "ftac bench" } " does."
         }
         p {
             "Made by " code { "ftac demo " (args.combination) " --trial " (args.trial) " --seed " (seed) }

@@ -26,7 +26,7 @@ use crate::terminal::{Outcome, Terminal};
 #[derive(Debug, Subcommand)]
 pub enum ExportCommand {
     /// Export a session (MCAP) as a recording for the Rerun viewer: the control stack runs on it again, and its
-    /// perception, beliefs and decisions are drawn.
+    /// perception, estimates and decisions are drawn.
     Rrd {
         /// Session file.
         session: PathBuf,
@@ -72,7 +72,7 @@ pub struct RrdOutput {
     recording: PathBuf,
     /// Control ticks.
     ticks: u64,
-    /// First divergence of this program from the session, which ends the recording; null if there is none.
+    /// First difference of this program from the session, which ends the recording; null if there is none.
     left: Option<String>,
 }
 
@@ -110,7 +110,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
         ExportCommand::Ros2 { session, out } => {
             let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG_SUFFIX[1..]));
             let messages = export_bag(session, &out)?;
-            let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
+            let text = format!("{messages} messages in {0}; play them with `ros2 bag play {0}`\n", out.display());
             terminal.print(&BagOutput { bag: out, messages }, &text)?;
             return Ok((messages == 0).then(|| nothing_measured(session)));
         }
@@ -128,7 +128,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
 }
 
 fn nothing_measured(session: &Path) -> String {
-    format!("{}: found nothing measured, expected a session that began", session.display())
+    format!("{}: found no measurements, expected a session that began", session.display())
 }
 
 /// Returns the robot of a session, or the built-in one if the session belongs to no trial.
@@ -234,20 +234,20 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     recording.finish()?;
     let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let played = played.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
-        // The trial cannot go on if the recording was cut short or the controller diverged from it.
+        // The trial cannot continue if the recording was cut short or the controller diverged from it.
         Some(_) => Ok(()),
         None => Err(error),
     });
     if progress.ticks == 0 {
-        // There is nothing to show, whatever the cause.
+        // The recording would be empty, whatever the cause.
         std::fs::remove_file(&partial).with_context(|| partial.display().to_string())?;
         played?;
-        anyhow::bail!("{}: found no whole tick, expected a session that began", session.display());
+        anyhow::bail!("{}: found no complete tick, expected a session that began", session.display());
     }
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
     played?;
     let left = fault.map(|fault| {
-        format!("the recording ends where this program ({}) leaves the session: {fault}", env!("CARGO_PKG_VERSION"))
+        format!("the recording ends where this program ({}) diverges from it: {fault}", env!("CARGO_PKG_VERSION"))
     });
     Ok((progress.ticks, left))
 }

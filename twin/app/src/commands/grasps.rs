@@ -1,4 +1,4 @@
-//! `ftac grasps`: grasp synthesis, and the benchmark's pick-ups and plans.
+//! `ftac grasps`: grasp synthesis, and the benchmark's repertoire and grasp pairs.
 
 pub mod collection;
 pub mod export;
@@ -22,7 +22,8 @@ use crate::terminal::{Outcome, Terminal};
 pub enum GraspsCommand {
     /// Synthesize grasps for an object by sampling; each is closed by its cables, verified and held in physics.
     Generate(GenerateArgs),
-    /// Evaluate synthesis: success rates, negative controls, predictors of holding; or check the grasps of a file again.
+    /// Evaluate synthesis: success rates, negative controls, predictors of holding; or check the grasps of a file
+    /// again.
     Eval(EvalArgs),
     /// Synthesize the collection of grasps of all objects; resumes if interrupted.
     Collection(CollectionArgs),
@@ -32,9 +33,9 @@ pub enum GraspsCommand {
     Export(ExportArgs),
     #[command(flatten)]
     Lab(GraspsLabCommand),
-    /// Make the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics (rollouts).
+    /// Make the benchmark's repertoire for the scenario's objects: grasps that hold in physics rollouts.
     Repertoire(RepertoireArgs),
-    /// Draw object combinations by the benchmark's rule and rehearse them without noise.
+    /// Draw object combinations by the benchmark's rule and verify their grasp pairs in rollouts without noise.
     Pairs(PairsArgs),
 }
 

@@ -9,7 +9,7 @@ use crate::lab::arguments::hand::HandLabCommand;
 use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
 
-/// `apply_to_hand` commands.
+/// `hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
     #[command(flatten)]
@@ -18,7 +18,7 @@ pub enum HandCommand {
     Picture(PictureArgs),
 }
 
-/// Runs a `apply_to_hand` command; those of `ftac-lab` are handed over to the `lab`.
+/// Runs a `hand` command; those of `ftac-lab` are handed over to the `lab`.
 pub fn run(terminal: &Terminal, command: &HandCommand, lab: &LabProgram<'_>) -> Outcome {
     match command {
         HandCommand::Picture(args) => picture::run(terminal, args),

@@ -64,7 +64,7 @@ fn overview(program: &Command) -> String {
     text + &options::list(program.get_arguments().filter(|argument| argument.is_global_set()))
 }
 
-/// True for a command of the program's own that its help shows.
+/// True for a command that the program's help shows.
 fn is_shown(command: &Command) -> bool {
     !command.is_hide_set() && command.get_name() != "help"
 }
@@ -145,7 +145,7 @@ fn tables() -> String {
         "# Columns of the tables\n\nTables are CSV files with a header. A value that does not exist is empty.\n"
             .to_owned();
     text += &format!(
-        "\n## trials.csv\n\nOne row per trial and condition. The first column, `ablation`, names what was taken from `touch`; it is empty where nothing was.\n\n{}",
+        "\n## trials.csv\n\nOne row per trial and condition. The first column, `ablation`, names the ablation of `touch`; it is empty for a row without one.\n\n{}",
         columns::<TrialRecord>()
     );
     text += &format!("\n## tries.csv\n\nOne row per try at an object.\n\n{}", columns::<TryRecord>());

@@ -42,7 +42,7 @@ pub struct ReplayOutput {
     difference: Option<String>,
     /// True if replay and session made the same decisions; null if one of them has none.
     same_decisions: Option<bool>,
-    /// Reason for the failed look (vision) in which both session and replay end, or null.
+    /// Reason for the failed detection in which both session and replay end, or null.
     failed_detection: Option<String>,
 }
 
@@ -145,12 +145,12 @@ fn replay_session(terminal: &Terminal, recording: &Path) -> Result<(ReplayOutput
 pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, recording: &Path) -> Result<Bench> {
     if task.condition == Condition::External {
         bail!(
-            "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
+            "{}: condition: found external, expected a built-in one: a session lacks the answers of an external policy",
             recording.display()
         );
     }
     let quiet = terminal.quiet || terminal.json;
-    // A shorter draw of combinations is the beginning of a longer one.
+    // A smaller set of combinations is the beginning of a larger one.
     let combos = task.combination + 1;
     let robot = robot_from_sources(task.robot_model.as_ref(), task.instance.as_deref(), recording)?;
     let mut bench = make_bench(&robot, scenario, combos, task.seed, quiet)?;
@@ -209,7 +209,7 @@ fn replay_trial(
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let (played, failed) = match played {
         Ok(outcome) => (Some(outcome.record), None),
-        // The trial cannot go on if the recording was cut short or the controller diverged from it.
+        // The trial cannot continue if the recording was cut short or the controller diverged from it.
         Err(error) if error.chain().any(|cause| cause.is::<TrialStopped>()) => (None, None),
         Err(error) => match error.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>()) {
             Some(DetectionFailed(why)) => (None, Some(why.clone())),
@@ -243,7 +243,7 @@ fn replay_trial(
             }
             (Some(_), Some(true)) => println!("the same decisions"),
             (None, _) if failed.is_some() => {
-                println!("it ends in the same failed look: {}", failed.as_deref().unwrap_or_default())
+                println!("it ends in the same failed detection: {}", failed.as_deref().unwrap_or_default())
             }
             (None, _) => {
                 println!("the recording ends before the trial does{}", if whole { "" } else { ", in mid-write" })

@@ -29,7 +29,8 @@ pub enum SweepCommand {
         /// Sweep file (TOML).
         file: PathBuf,
     },
-    /// Run a sweep on this machine; the same command resumes after an interruption, and joins other processes that run it.
+    /// Run a sweep on this machine; the same command resumes after an interruption, and joins other processes that run
+    /// it.
     Run(RunArgs),
     /// Submit a sweep to Slurm: an array of workers, and a job that merges their results.
     Submit(SubmitArgs),
@@ -43,7 +44,8 @@ pub enum SweepCommand {
         /// Result folder.
         folder: PathBuf,
     },
-    /// Simulate the makespan of a sweep on 1 to 1,000 cores from the recorded times of its units, and write it as a page.
+    /// Simulate the makespan of a sweep on 1 to 1,000 cores from the recorded times of its units, and write it as a
+    /// page.
     Makespan {
         /// Result folder of a sweep with finished units.
         folder: PathBuf,
@@ -64,10 +66,10 @@ pub struct RunArgs {
     /// Result folder; required with a file.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Number of threads, each of which plays a unit; default: all cores.
+    /// Number of threads, each of which runs a unit; default: all cores.
     #[arg(long)]
     pub jobs: Option<usize>,
-    /// Act as worker i of n, as `i/n`: do not wait for units that others play, and do not merge.
+    /// Act as worker i of n, as `i/n`: do not wait for units that others run, and do not merge.
     #[arg(long)]
     pub worker: Option<String>,
 }
@@ -86,7 +88,7 @@ pub struct SubmitArgs {
     /// Maximum number of workers.
     #[arg(long, default_value_t = 100)]
     pub max_jobs: usize,
-    /// Cores per worker, which is also the number of units that it plays at once.
+    /// Cores per worker, which is also the number of units that it runs at once.
     #[arg(long, default_value_t = 1)]
     pub cpus: usize,
     /// Memory per worker, such as 2G; default: that of the cluster.
@@ -185,7 +187,7 @@ fn run_sweep(terminal: &Terminal, args: &RunArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let done = work::work(&folder, WorkerOptions { jobs, quiet, worker })?;
     let mut text = format!(
-        "{} of {} units are finished, {} of them played by this worker in {}\n",
+        "{} of {} units are finished, {} of them run by this worker in {}\n",
         done.finished,
         done.total_units,
         done.played,
@@ -269,7 +271,7 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
     let (what, jobs, text) = match &submitted {
         Submission::New(jobs) => {
             let text = format!(
-                "{} workers are job {1}, job {2} joins their results; see `ftac sweep status {3}`; `scancel {2} {1}` ends it\n",
+                "{} workers are job {1}, job {2} merges their results; see `ftac sweep status {3}`; `scancel {2} {1}` ends it\n",
                 jobs.workers,
                 jobs.array,
                 jobs.merge,
@@ -284,7 +286,7 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
         ),
         Submission::Finished => {
             let path = folder.path.display();
-            ("finished", None, format!("all units are finished; join them with `ftac sweep merge {path}`\n"))
+            ("finished", None, format!("all units are finished; merge them with `ftac sweep merge {path}`\n"))
         }
     };
     let handed = SubmitOutput {
@@ -328,7 +330,7 @@ fn print_status(terminal: &Terminal, path: &Path) -> Outcome {
         }
         Err(error) => {
             unheard = Some(format!("{error:#}"));
-            let _ = writeln!(text, "Slurm does not say how its jobs are: {error:#}");
+            let _ = writeln!(text, "Slurm does not report the state of its jobs: {error:#}");
         }
     }
     let failed = |(unit, Failure { reason, by })| FailedAttempt { unit, reason, by };

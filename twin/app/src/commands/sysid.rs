@@ -1,4 +1,4 @@
-//! `ftac sysid`: identification of an individual robot, one of many built from the same drawing.
+//! `ftac sysid`: system identification of a robot instance.
 
 pub mod evaluate;
 pub mod excite;
@@ -44,7 +44,7 @@ pub fn run(terminal: &Terminal, command: &SysidCommand) -> Outcome {
     }
 }
 
-/// Writes the true parameters of individual `number`, for evaluation only.
+/// Writes the true parameters of instance `number`, for evaluation only.
 pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()> {
     let truth = RobotInstance::sample(nominal, number);
     let text = serde_json::json!({
@@ -55,7 +55,7 @@ pub fn write_truth(path: &Path, nominal: &RobotModel, number: u64) -> Result<()>
     Ok(ftac_platform::data::write_atomically(path, serde_json::to_string_pretty(&text)?.as_bytes())?)
 }
 
-/// The nominal robot, the friction losses of its cables and gears, and the calibration of its pads.
+/// The nominal model of the robot, the friction losses of its cables and gears, and the calibration of its pads.
 pub struct NominalModel {
     pub robot: RobotModel,
     pub losses: CableLosses,
@@ -65,7 +65,7 @@ pub struct NominalModel {
 }
 
 impl NominalModel {
-    /// Builds the drawing of `robot` with the losses and gel of the benchmark.
+    /// Builds the nominal model of `robot` with the losses and gel of the benchmark.
     pub fn new(robot: RobotModel) -> Result<Self> {
         let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
@@ -105,13 +105,13 @@ impl NominalModel {
         ExcitationSetup { robot, pads, script, grasps, friction: losses.friction, ready: robot.arm.home }
     }
 
-    /// Returns the known grasps of the object that a script weighs, best first; empty if it weighs none.
+    /// Returns the known grasps of the object for a script's payload calibration, best first; empty if it has none.
     pub fn grasps(&self, script: &ExcitationScript) -> &[Grasp] {
         let known = |name: &String| self.repertoire.grasps.get(name).map(Vec::as_slice);
         script.payload.as_ref().and_then(|weight| known(&weight.object)).unwrap_or_default()
     }
 
-    /// Builds the simulated robot of individual `number`, with the surroundings that an excitation by `script` needs;
+    /// Builds the simulated robot of instance `number`, with the surroundings that an excitation by `script` needs;
     /// `seed` draws the noise of its cameras.
     pub fn simulated_robot(&self, number: u64, seed: u64, script: &ExcitationScript) -> Result<SimulatedRobot> {
         let Self { robot, losses, gel, .. } = self;

@@ -25,7 +25,7 @@ pub enum TouchCommand {
         /// Calibration file to write.
         #[arg(long)]
         out: PathBuf,
-        /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these
+        /// Robot instance (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these
         /// keep the nominal values unless a session identifies them.
         #[arg(long)]
         instance: Option<PathBuf>,

@@ -1,4 +1,5 @@
-//! `ftac transport`: carries balls to one place, as many per trip as the hand holds, compared with one by one.
+//! `ftac transport`: carries balls to one place, as many per trip as the hand holds, and compares with one ball per
+//! trip.
 
 use std::path::{Path, PathBuf};
 
@@ -137,8 +138,8 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     }
     if args.robot != BackendKind::Sim {
         bail!(
-            "--robot {}: found a body that does not see where the balls lie after each trip, expected sim: a transport looks at all of them before \
-             it goes on, which only the simulated detector do",
+            "--robot: found {}, expected sim: a transport detects all balls after each trip, which is possible only with the \
+             simulated object detector",
             args.robot.name()
         );
     }
@@ -155,7 +156,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
 
 fn build_site(transport: TransportTask, more: Option<&Path>, seed: u64) -> Result<TransportSite> {
     let mut scenario = Scenario::benchmark();
-    // The skills of transports were rehearsed without effects.
+    // The skills of transports were verified in rollouts without effects.
     scenario.effects = Effects::default();
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), scenario)?;
     let repertoire = grasp_verification::builtin::repertoire()?;

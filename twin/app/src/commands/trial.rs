@@ -1,4 +1,4 @@
-//! `ftac trial`: plays and records one trial.
+//! `ftac trial`: runs and records one trial.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
-/// Arguments of `play_conditions`.
+/// Arguments of `trial`.
 #[derive(Debug, Args)]
 pub struct TrialArgs {
     /// Number of the combination, from 0.
@@ -30,7 +30,7 @@ pub struct TrialArgs {
     /// Number of the trial, from 0.
     #[arg(long, default_value_t = 0)]
     pub trial: usize,
-    /// Policy; `play_ideal` runs without noise.
+    /// Policy; `ideal` runs without noise.
     #[arg(long, value_enum, default_value_t = TrialPolicy::Touch)]
     pub policy: TrialPolicy,
     #[command(flatten)]
@@ -40,18 +40,19 @@ pub struct TrialArgs {
     /// Robot backend.
     #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
     pub robot: BackendKind,
-    /// Individual robot for both the backend and the control stack: a file of `ftac sysid identify`; default: the
-    /// nominal robot.
+    /// Robot instance for both the backend and the control stack: a file of `ftac sysid identify`; default: the nominal
+    /// model.
     #[arg(long, value_name = "FILE")]
     pub instance: Option<PathBuf>,
     /// Calibration of the tactile pads: a file of `ftac touch train`, or of the hand's own pads; default: that of the
     /// nominal pads.
     #[arg(long, value_name = "FILE")]
     pub pads: Option<PathBuf>,
-    /// Simulate candidates for the second grasp (rollouts from the state as felt) before one is chosen.
+    /// Simulate candidates for the second grasp (rollouts from the estimated state) before one is chosen.
     #[arg(long)]
     pub look_ahead: bool,
-    /// Run a twin in parallel with the robot, show it as a ghost, and name the divergences.
+    /// Run fault detection: a reference model in parallel with the robot, shown as a ghost. Detected faults are
+    /// printed.
     #[arg(long)]
     pub detect_faults: bool,
     /// Configuration file of the hardware bridge, for --robot hardware.
@@ -59,7 +60,8 @@ pub struct TrialArgs {
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub places: PoseSourceArgs,
-    /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by default.
+    /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by
+    /// default.
     #[arg(long)]
     pub session: Option<PathBuf>,
     /// Stream to a Rerun viewer.
@@ -68,11 +70,11 @@ pub struct TrialArgs {
     /// Renderer of the tactile images.
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
-    /// Also record the true scene of an emulated robot; otherwise its recording shows only measurements and beliefs.
+    /// Also record the true scene of an emulated robot; otherwise its recording shows only measurements and estimates.
     #[arg(long)]
     pub truth: bool,
     /// Recording file for the viewer; default: recordings/combination_N_trial_K_POLICY.rrd. For hardware it shows
-    /// measurements and beliefs.
+    /// measurements and estimates.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
@@ -84,14 +86,14 @@ pub enum TrialPolicy {
     Ideal,
     /// As planned.
     Blind,
-    /// Looks and retries by encoders and currents, without tactile images.
+    /// Explores and retries by encoders and currents, without tactile images.
     Reflex,
     /// Adapts to the tactile images.
     Touch,
 }
 
 impl TrialPolicy {
-    /// Returns the condition of the benchmark that this policy plays.
+    /// Returns the benchmark condition of this policy.
     pub fn condition(self) -> Condition {
         match self {
             Self::Ideal => Condition::Ideal,
@@ -102,17 +104,17 @@ impl TrialPolicy {
     }
 }
 
-/// JSON output of `play_conditions`: the record, and the divergences that a mirror (parallel twin) named.
+/// JSON output of `trial`: the record, and the detected faults.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct TrialOutput<'a> {
     #[serde(flatten)]
     record: &'a TrialRecord,
-    /// With --detect-faults: divergences between robot and twin.
+    /// With --detect-faults: detected faults.
     #[serde(skip_serializing_if = "Option::is_none")]
     faults: Option<&'a [DetectedFault]>,
 }
 
-/// Runs `ftac trial`: plays one trial and records it.
+/// Runs `ftac trial`: runs one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     check_backend(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
     let places = args.places.pose_sources(args.robot)?;
@@ -205,15 +207,15 @@ fn failure(record: &TrialRecord) -> Option<String> {
     (!record.success).then(|| format!("the trial failed: {cause}"))
 }
 
-/// Prints the divergences that a mirror named, one per line.
+/// Prints the detected faults, one per line.
 fn print_detected_faults(named: &[DetectedFault]) {
     match named {
-        [] => println!("mirror: nothing differs between robot and twin that it can name"),
-        named => named.iter().for_each(|divergence| println!("mirror: {divergence}")),
+        [] => println!("fault detection: no fault detected"),
+        named => named.iter().for_each(|fault| println!("fault detection: {fault}")),
     }
 }
 
-/// Prints the record, with the divergences `named` by a mirror, if there was one.
+/// Prints the record, with the detected faults `named`, if fault detection ran.
 fn print_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[DetectedFault]>) -> Result<()> {
     let mut text = format!(
         "{}, {}: success {}, unwanted contact {}\n",

@@ -1,4 +1,4 @@
-//! Options for the body (robot backend) of trials.
+//! Options for the robot backend of trials.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use robot_backends::wire_emulation::{SimulationFactory, WireEmulationFactory};
 use robot_backends::{BackendFactory, PoseSources, pose_numbers};
 use scenarios::record::Condition;
 
-/// Body (robot backend) that runs the trials.
+/// Robot backend that runs the trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BackendKind {
     /// The simulated robot.
@@ -28,7 +28,7 @@ pub enum BackendKind {
     Hardware,
     /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
-    /// The simulated robot with the same processing of commands, measurements and images as `wire_emulation`, but without its
+    /// The simulated robot with the same processing of commands, measurements and images as `emulated`, but without its
     /// wires: to isolate effects of the devices.
     Direct,
 }
@@ -65,13 +65,13 @@ impl BackendKind {
 #[derive(Debug, Clone, Default, Args)]
 pub struct PoseSourceArgs {
     /// Vision system that measures object poses, HOST:PORT or unix:PATH, for --robot hardware or emulated: one JSON
-    /// line per measurement with pose, covariance and time. With `wire_emulation`, a camera of the emulated robot.
+    /// line per measurement with pose, covariance and time. With `emulated`, a camera of the emulated robot.
     #[arg(long, value_name = "ADDRESS")]
     pub detector: Option<VisionSource>,
     /// Registration of the arm's base, a file of `ftac bridge register`.
     #[arg(long, value_name = "FILE")]
     pub registration: Option<PathBuf>,
-    /// Seed that draws a hidden pose of an emulated robot's base, away from the pose that the controller assumes.
+    /// Seed for a hidden pose of an emulated robot's base, away from the pose that the controller assumes.
     #[arg(long, value_name = "N")]
     pub mount: Option<u64>,
 }

@@ -43,7 +43,7 @@ fn read_identified_robot(path: Option<&Path>, nominal: &RobotModel) -> Result<Op
     Ok(Some((text, own)))
 }
 
-/// Returns the robot that `--instance` names, an individual of `nominal`; `nominal` itself if it names none.
+/// Returns the robot that `--instance` names, an instance of `nominal`; `nominal` itself if it names none.
 pub fn instance_model(path: Option<&Path>, nominal: &RobotModel) -> Result<RobotModel> {
     Ok(read_identified_robot(path, nominal)?
         .map_or_else(|| nominal.clone(), |(_, own)| own.instance.apply_to_robot(nominal)))
@@ -65,7 +65,7 @@ pub fn warn_nominal_pads(robot: BackendKind, conditions: &[Condition], pads: Opt
     };
     if robot == BackendKind::Hardware && pads.is_none() && conditions.iter().any(sees) {
         eprintln!(
-            "warning: touch uses the designed pads' calibration, and takes objects to sink in as its scenario says: this hand's own pads have none (--pads)"
+            "warning: touch uses the calibration of the nominal pads and the scenario's indentation of the gel: this hand's pads have no calibration (--pads)"
         );
     }
 }

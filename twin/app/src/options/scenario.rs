@@ -1,4 +1,4 @@
-//! The option `--scenario FILE` of commands that play trials.
+//! The option `--scenario FILE` of commands that run trials.
 
 use std::path::PathBuf;
 

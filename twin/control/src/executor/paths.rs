@@ -15,32 +15,32 @@ use crate::trajectory::PosePath;
 const RISE_CANDIDATES: [f64; 3] = [0.0, 0.05, 0.1];
 
 impl Executor {
-    /// Via poses of the candidate ways from the present palm pose to the next approach pose: the direct way first, then
-    /// higher ones.
+    /// Via poses of the candidate paths from the present palm pose to the next approach pose: the direct path first,
+    /// then higher ones.
     pub fn approach_paths(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
         RISE_CANDIDATES.iter().map(|rise| self.motion.start_stops(self.rise() + rise))
     }
 
-    /// Path by way of `stops` that takes an object seen at `percept` with `grasp`, in two parts: to the approach pose,
-    /// and from there to the pose at which the digits close.
+    /// Path by way of `stops` that takes an object detected at `detected` with `grasp`, in two parts: to the approach
+    /// pose, and from there to the pose at which the digits close.
     pub fn path_to(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<[PosePath; 2], MotionError> {
-        Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, percept)?)
+        Ok(approach_in_parts((self.motion.hand(), &self.protocol.limits), stops, grasp, detected)?)
     }
 
-    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `percept`;
+    /// Path by way of `stops` that the arm can follow to the pose at which `grasp` closes on the object at `detected`;
     /// see [`crate::motion::MotionExecutor::feasible_approach`].
     pub fn feasible_approach(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Option<PosePath> {
-        self.motion.feasible_approach(&self.protocol.limits, grasp, percept, stops)
+        self.motion.feasible_approach(&self.protocol.limits, grasp, detected, stops)
     }
 
     /// Rise of the palm before any other motion, m: fingers that touch an object must leave it upwards.
@@ -48,7 +48,7 @@ impl Executor {
         if self.has_touched() { palpation::RETREAT_HEIGHT } else { 0.0 }
     }
 
-    /// Ways in which the arm can touch `object` of this `shape` at its percept, the preferred one first.
+    /// Paths by which the arm can touch `object` of this `shape` at its detected pose, the preferred one first.
     pub fn feasible_palpations(&self, object: usize, shape: &ObjectShape) -> impl Iterator<Item = PalpationPaths> {
         let (motion, limits, GraspTarget { grasp, detected: percept }) =
             (&self.motion, &self.protocol.limits, self.target(object));

@@ -18,7 +18,7 @@ const MAX_ITERATIONS: usize = 80;
 /// of 566 reachable palm poses over the table are still found, some from other seeds. Unreachable poses take a third of
 /// the steps.
 const STALL_CRITERION: (f64, usize) = (0.9, 10);
-/// Number of spread seeds that are tried after the given ones.
+/// Number of evenly distributed seeds that are tried after the given ones.
 const EXTRA_SEED_COUNT: u32 = 40;
 /// Weight of a radian relative to a metre.
 const ROTATION_WEIGHT: f64 = 0.25;

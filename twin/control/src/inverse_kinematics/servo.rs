@@ -25,7 +25,7 @@ pub struct IkStep {
     pub method: QpMethod,
 }
 
-/// Tracking errors over a whole path, from a rehearsal.
+/// Tracking errors over a whole path, from a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PathRollout {
     /// Largest distance from the path, m.
@@ -122,7 +122,7 @@ impl ArmServo {
         })
     }
 
-    /// Rehearses `path` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
+    /// Follows `path` with a copy of this servo, in ticks of `dt` (s) and for `settle` (s) beyond its end, to predict
     /// the tracking errors of a motion before it is made. Takes about 4 us per tick.
     pub fn roll_out(&self, path: &PosePath, settle: f64, dt: f64) -> Result<PathRollout, IkError> {
         let mut servo = self.clone();
@@ -159,7 +159,7 @@ impl ArmServo {
         let s = &self.settings;
         let gain = s.gain.min(0.5 / dt);
         let (shift, turn) = displacement(palm, target);
-        // Error relative to the target's present pose, one tick before `aim_sigma`.
+        // Error relative to the target's present pose; `target` is its pose one tick later.
         let shift = shift - feedforward.fixed_rows::<3>(0) * dt;
         let turn = turn - feedforward.fixed_rows::<3>(3) * dt;
         let toward = |error: Vector3<f64>, deceleration: f64| {

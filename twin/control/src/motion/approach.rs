@@ -35,7 +35,7 @@ pub fn approach(
     PosePath::new(waypoints)
 }
 
-/// The path of [`approach_path`] in two parts: up to the approach pose, and from there.
+/// The path of [`approach`] in two parts: up to the approach pose, and from there.
 pub fn approach_in_parts(
     (hand, limits): (&Hand, &PathLimits),
     stops: &[Isometry3<f64>],

@@ -56,8 +56,8 @@ pub fn closing_tension(grasp: &Grasp, digit: usize, time: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The middle joint of a half-closed digit feels the desired tension; an open digit loses only what the wrap at the
-    /// palm takes.
+    /// The middle joint of a half-closed digit feels the desired tension. An open digit loses only the friction of the
+    /// wrap at the palm.
     #[test]
     fn the_middle_joint_feels_what_is_wanted() {
         let hand = Hand::ftac();

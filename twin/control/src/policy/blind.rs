@@ -45,9 +45,9 @@ impl TrialPolicy for BlindPolicy {
         if executor.take_with(object, next.clone()).is_err() {
             return Ok(PolicyStep::GiveUp);
         }
-        let (grasp, why) = (next.id, "as planned, unseen".to_owned());
+        let (grasp, why) = (next.id, "as planned, without feedback".to_owned());
         self.trace.attempts.push(Attempt { object, grasp, why, ..Attempt::default() });
-        self.trace.announcements.push("the plan is carried out unseen".to_owned());
+        self.trace.announcements.push("the plan is carried out without feedback".to_owned());
         Ok(PolicyStep::Continue)
     }
 

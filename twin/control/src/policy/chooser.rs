@@ -1,9 +1,10 @@
 //! A policy that delegates to a chooser: the grasp of the second object, its aim, and whether to try again.
 //!
 //! The [`Chooser`] receives the knowledge of this crate's own policies, measurements and estimates, and answers with
-//! one of the candidates. Everything else is as in [`super::touch`]: the look is interpreted, the eyes look again
-//! before a choice, paths are rehearsed, and no try begins too late for the trial. The first object is taken as
-//! planned. A chooser that fails, or gives an invalid answer, ends its trial with the reason in the record.
+//! one of the candidates. Everything else is as in [`super::touch`]: the tactile snapshot is interpreted, the objects
+//! are detected again before a choice, the arm servo predicts each path, and no try begins too late for the trial. The
+//! first object is taken as planned. A chooser that fails, or gives an invalid answer, ends its trial with the reason
+//! in the record.
 
 use dexterous_grasping::Grasp;
 use hand_model::robot::{ArmState, ServoState, TactileFrame};
@@ -20,12 +21,12 @@ use crate::sensing::TouchPerception;
 
 /// Time that a trial needs from the start of a try to its end, s. No choice is requested if less time is left.
 const MIN_TRY_TIME: f64 = 10.0;
-/// Largest offset of an aim from the seen pose along an axis, m, and in yaw, rad.
+/// Largest offset of an aim from the detected pose along an axis, m, and in yaw, rad.
 const MAX_AIM_OFFSET: (f64, f64) = (0.1, std::f64::consts::PI);
 
 /// Information for a chooser.
 pub struct ChooserSituation<'a> {
-    /// The decision: after a look at the first object, which should be in the hand, or at the second one, which has
+    /// The decision: after a snapshot of the first object, which should be in the hand, or of the second one, which has
     /// been tried and lifted.
     pub phase: Phase,
     /// The robot's clock, s.
@@ -38,13 +39,13 @@ pub struct ChooserSituation<'a> {
     pub arm: &'a ArmState,
     /// Commanded `world_from_palm`.
     pub palm: Isometry3<f64>,
-    /// Tactile images of the last look, one per camera that has sent one.
+    /// Tactile images of the last snapshot, one per camera that has sent one.
     pub images: &'a [TactileFrame],
     /// Names of the first and the second object.
     pub objects: Vec<&'a str>,
-    /// Their latest percepts.
+    /// Their latest detected poses.
     pub detected: Vec<DetectedObject>,
-    /// True if the second object was seen just now; otherwise it is hidden.
+    /// True if the second object was detected just now; otherwise it is hidden.
     pub second_is_visible: bool,
     /// The grasp that took the first object.
     pub first: &'a Grasp,
@@ -56,7 +57,7 @@ pub struct ChooserSituation<'a> {
     pub hold_state: HoldState,
 }
 
-/// Offset of an aim from the seen pose of an object.
+/// Offset of an aim from the detected pose of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct AimOffset {
     /// Offset along x, m, world.
@@ -149,7 +150,7 @@ impl<'a> ChooserPolicy<'a> {
         Ok(answer)
     }
 
-    /// Takes the second object with a candidate, aimed at an offset from its seen pose.
+    /// Takes the second object with a candidate, aimed at an offset from its detected pose.
     fn take(&mut self, executor: &mut Executor, candidate: usize, aim: AimOffset) -> Result<PolicyStep, PolicyError> {
         let grasp = self.knowledge.second_candidates[candidate].grasp.clone();
         let seen = executor.target(1).detected;

@@ -91,7 +91,7 @@ pub struct PickTask<'a> {
     pub max_picks: usize,
 }
 
-/// An object that is believed to be in the hand.
+/// An object that is estimated to be in the hand.
 #[derive(Debug, Clone)]
 struct PickedObject {
     object: usize,
@@ -103,7 +103,7 @@ pub struct PickSequence<'a> {
     task: PickTask<'a>,
     mode: PickMode,
     senses: TouchPerception<'a>,
-    /// Objects that are believed to be still on the table.
+    /// Objects that are assumed to be still on the table.
     remaining: Vec<usize>,
     picked: Vec<PickedObject>,
     /// Remaining picks of the plan.
@@ -152,8 +152,8 @@ impl<'a> PickSequence<'a> {
         detector: &mut dyn ObjectDetector,
     ) -> Result<PolicyStep, PolicyError> {
         let next = if self.picks < self.task.max_picks { self.next_pick(detector)? } else { None };
-        if let Some((pick, percept)) = next {
-            self.take(executor, pick, &percept)?;
+        if let Some((pick, detected)) = next {
+            self.take(executor, pick, &detected)?;
             return Ok(PolicyStep::Continue);
         }
         if self.picked.is_empty() {
@@ -166,7 +166,7 @@ impl<'a> PickSequence<'a> {
         Ok(PolicyStep::Continue)
     }
 
-    /// Next pick and the percept of its object; `None` if there is nothing to take.
+    /// Next pick and the detected pose of its object; `None` if there is nothing to take.
     fn next_pick(&mut self, detector: &mut dyn ObjectDetector) -> Result<Option<(Pick, DetectedObject)>, PolicyError> {
         let most = match self.mode {
             PickMode::OneByOne => 1_usize.saturating_sub(self.picked.len()),
@@ -181,11 +181,11 @@ impl<'a> PickSequence<'a> {
                 .extend(detector.detect(object)?.map(|seen| (object, DetectedObject::from_ball_pose(&seen.pose))));
         }
         let of =
-            |object: usize| detected_objects.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
+            |object: usize| detected_objects.iter().find(|(other, _)| *other == object).map(|(_, detected)| *detected);
         if self.mode != PickMode::Blind || self.picked.is_empty() {
             let holding = self.holding_digits();
             let ready: Vec<ReachableObject> =
-                detected_objects.iter().map(|(object, percept)| self.ready(*object, percept)).collect();
+                detected_objects.iter().map(|(object, detected)| self.ready(*object, detected)).collect();
             let now = plan_picks(self.task.skills, &ready, &holding, most);
             self.record_plan(&now, &holding);
             self.planned = now.picks;
@@ -194,18 +194,18 @@ impl<'a> PickSequence<'a> {
             return Ok(None);
         }
         let pick = self.planned.remove(0);
-        Ok(of(pick.object).map(|percept| (pick, percept)))
+        Ok(of(pick.object).map(|detected| (pick, detected)))
     }
 
     fn holding_digits(&self) -> Vec<Digit> {
         self.picked.iter().flat_map(|had| had.digits.iter().copied()).collect()
     }
 
-    /// Pickups for `object` at its percept that a rotation about the vertical brings within the arm's reach.
-    fn ready(&self, object: usize, percept: &DetectedObject) -> ReachableObject {
+    /// Pickups for `object` at its detected pose that a rotation about the vertical brings within the arm's reach.
+    fn ready(&self, object: usize, detected: &DetectedObject) -> ReachableObject {
         let failed = |pickup: usize| self.failures.iter().filter(|failed| **failed == (object, pickup)).count() as i32;
         let item = &self.task.items[object];
-        let pickups = item.skills.iter().filter(|pickup| self.yaw_within_reach(**pickup, percept).is_some());
+        let pickups = item.skills.iter().filter(|pickup| self.yaw_within_reach(**pickup, detected).is_some());
         ReachableObject {
             object,
             volume: item.volume,
@@ -214,11 +214,11 @@ impl<'a> PickSequence<'a> {
     }
 
     /// Smallest yaw (rad) that brings the grasp of a pickup within the arm's reach.
-    fn yaw_within_reach(&self, pickup: usize, percept: &DetectedObject) -> Option<f64> {
+    fn yaw_within_reach(&self, pickup: usize, detected: &DetectedObject) -> Option<f64> {
         let grasp = &self.task.skills[pickup].grasp;
         YAW_CANDIDATES
             .into_iter()
-            .find(|turn| self.task.cell.reaches(&grasp.palm_pose(&percept.position, percept.yaw + turn)))
+            .find(|turn| self.task.cell.reaches(&grasp.palm_pose(&detected.position, detected.yaw + turn)))
     }
 
     fn names(&self) -> Vec<String> {
@@ -253,7 +253,7 @@ impl<'a> PickSequence<'a> {
         Ok(executor.take(self.picks_since_delivery - 1, GraspTarget { grasp, detected: *percept })?)
     }
 
-    /// Determines the contents of the hand after a pick was played.
+    /// Determines the contents of the hand after a pick was carried out.
     pub fn perceive(&mut self, executor: &mut Executor) -> Result<(), PolicyError> {
         let Some(pick) = self.current_pick.take() else { return Ok(()) };
         let pickup = &self.task.skills[pick.skill];

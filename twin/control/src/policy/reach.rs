@@ -1,4 +1,5 @@
-//! Grasps that the arm can carry out at an object's percept, turned about the vertical where the object allows it.
+//! Grasps that the arm can carry out at an object's detected pose, turned about the vertical where the object allows
+//! it.
 
 use dexterous_grasping::Grasp;
 use hand_model::Digit;

@@ -1,10 +1,11 @@
 //! The policy for a trial of more than two objects: takes one after the other, each with its own digits, and relies on
 //! touch.
 //!
-//! Before each grasp the eyes look again, and looks that agree are averaged. After each grasp, the digits of every
-//! object that should be in the hand are checked ([`holding_digits`]). If the last object is missing, it is taken again with
-//! the grasp that is worth most at that time. If an earlier object is missing, everything is laid down and the list
-//! begins anew. The pose of each object in the hand is estimated from the pads of its digits and the palm.
+//! Before each grasp the objects are detected again, and detections that agree are averaged. After each grasp, the
+//! digits of every object that should be in the hand are checked ([`holding_digits`]). If the last object is missing,
+//! it is taken again with the grasp that has the highest score at that time. If an earlier object is missing,
+//! everything is laid down and the list begins anew. The pose of each object in the hand is estimated from the pads of
+//! its digits and the palm.
 
 use dexterous_grasping::Grasp;
 use dexterous_grasping::digit_sets::describe_digits;
@@ -33,7 +34,7 @@ pub struct SequentialPolicy<'a> {
     candidates: Vec<Vec<GraspCandidate>>,
     objects: Vec<TrackedObject>,
     hold_state: HoldState,
-    /// Pose estimate of each object in the hand at the last look.
+    /// Pose estimate of each object in the hand at the last tactile snapshot.
     felt: Vec<ObjectEstimate>,
     trace: DecisionTrace,
 }
@@ -65,7 +66,7 @@ impl<'a> SequentialPolicy<'a> {
         }
     }
 
-    /// Looks at an object again. Returns false if it is hidden.
+    /// Detects an object again. Returns false if it is hidden.
     fn detect(
         &mut self,
         object: usize,
@@ -79,7 +80,7 @@ impl<'a> SequentialPolicy<'a> {
         let tracked = &mut self.objects[object];
         let Some(seen) = tracked.detect(&self.knowledge, detector)? else { return Ok(false) };
         if again {
-            // A touched object may have moved: only the new look counts.
+            // A touched object may have moved: only the new detection counts.
             tracked.replace_detection(Some(seen), executor);
         } else {
             tracked.add_detection(seen, &self.knowledge, executor);
@@ -87,7 +88,7 @@ impl<'a> SequentialPolicy<'a> {
         Ok(true)
     }
 
-    /// Takes an object with the most valuable grasp that the arm can reach now.
+    /// Takes an object with the grasp of the highest score that the arm can reach now.
     fn take(&mut self, object: usize, why: String, executor: &mut Executor) -> Result<PolicyStep, PolicyError> {
         let (candidates, tracked) = (&self.candidates[object], &self.objects[object]);
         let mut order: Vec<(f64, &GraspCandidate)> = candidates
@@ -118,7 +119,7 @@ impl<'a> SequentialPolicy<'a> {
         Ok(PolicyStep::Continue)
     }
 
-    /// Looks at an object and takes it.
+    /// Detects an object and takes it.
     fn detect_and_take(
         &mut self,
         object: usize,
@@ -130,7 +131,7 @@ impl<'a> SequentialPolicy<'a> {
         if self.detect(object, again, executor, detector)? {
             return self.take(object, why.to_owned(), executor);
         }
-        self.trace.record(format!("{} is nowhere to be seen", self.knowledge.objects[object].name));
+        self.trace.record(format!("{} is not detected", self.knowledge.objects[object].name));
         Ok(PolicyStep::NotDetected)
     }
 

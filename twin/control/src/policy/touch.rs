@@ -1,15 +1,17 @@
 //! The policy `touch`: decides on tactile perception, and retries a grasp that has failed according to touch.
 //!
-//! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] determines the next step, and
-//! [`crate::strategy`] chooses the grasp of the second object given the felt pose of the first. A failed grasp is tried
-//! again at the object's new percept. If a required object is not visible, the hand steps aside and the eyes look
-//! again. An object that comes later is assumed to be where it was last seen, and is looked for when its turn comes. An
-//! object is palpated before it is taken (`palpation`), because the pose of the first one in the hand determines how
-//! well the second one can be taken. `empty_hand` takes the first object, and `beside` an object beside held ones.
+//! At each decision the tactile snapshot is interpreted ([`crate::perception`]), [`crate::recovery`] determines the
+//! next step, and [`crate::strategy`] chooses the grasp of the second object given the felt pose of the first. A failed
+//! grasp is tried again at the object's new detected pose. If a required object is not visible, the hand steps aside
+//! and the detector tries again. An object that comes later is assumed to be at its last detected pose, and is detected
+//! again when its turn comes. An object is palpated before it is taken (`palpation`), because the pose of the first one
+//! in the hand determines how well the second one can be taken. `empty_hand` takes the first object, and `beside` an
+//! object beside held ones.
 //!
-//! Each decision leads from one `ExecutorActivity` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) -> Takes(1) ->
-//! Carries` if all goes well, and from `Takes(0)` to `Carries` in a trial of one object. A lost object leads back to a
-//! palpation or to `LaysDown`, a hidden one to `StepsAside`. A decision that begins nothing ends the trial.
+//! Each decision leads from one `ExecutorActivity` to another: `Start -> Palpates(0) -> Takes(0) -> Palpates(1) ->
+//! Takes(1) -> Carries` if all goes well, and from `Takes(0)` to `Carries` in a trial of one object. A lost object
+//! leads back to a palpation or to `LaysDown`, a hidden one to `StepsAside`. A decision that begins nothing ends the
+//! trial.
 
 mod beside;
 pub(super) mod empty_hand;
@@ -34,7 +36,7 @@ use crate::strategy::object_solids;
 
 /// Time that a trial needs from the start of a new try at the first object to its end, s; no try begins later.
 const MIN_TRY_TIME: f64 = 14.0;
-/// Height above the table, as a share of the lift, above which a seen object must be in the hand.
+/// Height above the table, as a share of the lift, above which a detected object must be in the hand.
 const IN_HAND_HEIGHT_SHARE: f64 = 0.5;
 /// Upper limit on the standard deviation that is assumed for the felt pose, m.
 const MAX_POSE_SIGMA: f64 = 0.01;
@@ -43,15 +45,15 @@ const MAX_POSE_SIGMA: f64 = 0.01;
 enum ExecutorActivity {
     /// Waiting to begin, or taking the first object as planned.
     Start,
-    /// Palpating an object; `detection_from_touch` is its pose in the hand, if it was felt.
+    /// Palpating an object; `found` is its pose in the hand, if it was felt.
     Palpates { object: usize, found: Option<Box<PoseEstimate>> },
     /// Taking an object; `aimed` is the aim, if only the detector located the object.
     Takes { object: usize, aimed: Option<AimedGrasp> },
     /// Carrying the held objects.
     Carries,
-    /// Laying everything down. The first object comes next, without a look at the hand.
+    /// Laying everything down. The first object comes next, without a snapshot of the hand.
     LaysDown,
-    /// Moving out of the detector's view, in order to look for an object.
+    /// Moving out of the detector's view, so that an object can be detected.
     StepsAside { sought: usize },
 }
 
@@ -61,7 +63,7 @@ pub struct TouchPolicy<'a> {
     senses: TouchPerception<'a>,
     /// Solids of each object, in its own frame.
     solids: Vec<Vec<Solid>>,
-    /// Grasps of the first object, the planned one first; their worth includes the second grasps that can follow.
+    /// Grasps of the first object, the planned one first; their scores include the second grasps that can follow.
     first: Vec<GraspCandidate>,
     trace: DecisionTrace,
     activity: ExecutorActivity,
@@ -70,11 +72,11 @@ pub struct TouchPolicy<'a> {
     objects: Vec<TrackedObject>,
     /// Number of consecutive failed grasps.
     consecutive_failures: usize,
-    /// First percepts of the objects.
+    /// First detected poses of the objects.
     first_detections: Option<Vec<DetectedObject>>,
-    /// Offset of the aim from the seen position, m, where no rehearsal suggests a better one. Kept while it works.
+    /// Offset of the aim from the detected position, m, if no rollout suggests a better one. Kept while it works.
     aim: Vector3<f64>,
-    /// Belief about the error of the aim at the second object, if only the detector has located it.
+    /// Posterior of the error of the aim at the second object, if only the detector has located it.
     aim_posterior: AimPosterior,
     felt: Option<ObjectEstimate>,
     hold_state: HoldState,
@@ -86,7 +88,7 @@ impl<'a> TouchPolicy<'a> {
         let mut story = DecisionTrace::default();
         if let Some(OrderComparison { planned, other }) = knowledge.reordered {
             let name = &knowledge.objects[0].name;
-            story.record(format!("{name} is taken first: that promises {other:.2}, the planned order {planned:.2}"));
+            story.record(format!("{name} is taken first: that order scores {other:.2}, the planned one {planned:.2}"));
         }
         Self {
             solids: knowledge.objects.iter().map(|object| object_solids(object)).collect(),
@@ -119,7 +121,7 @@ impl<'a> TouchPolicy<'a> {
         std::iter::once(first).chain(second).collect()
     }
 
-    /// Lowers the worth of a failed grasp for the rest of the trial, and changes the aim of the next one.
+    /// Lowers the score of a failed grasp for the rest of the trial, and changes the aim of the next one.
     fn penalize_grasp(&mut self, next: NextAction, executor: &Executor) {
         let (object, failed) = match next {
             NextAction::Continue => return,
@@ -135,7 +137,7 @@ impl<'a> TouchPolicy<'a> {
         }
     }
 
-    /// Looks at an object again; `None` if it is hidden.
+    /// Detects an object again; `None` if it is hidden.
     fn detect(
         &mut self,
         index: usize,
@@ -147,8 +149,8 @@ impl<'a> TouchPolicy<'a> {
         }
     }
 
-    /// Looks at an object and all later ones, which a try may have moved, and takes it. With `aside`, the hand is out
-    /// of the way already.
+    /// Detects an object and all later ones, which a try may have moved, and takes it. With `aside`, the hand is out of
+    /// the way already.
     fn retry(
         &mut self,
         object: usize,
@@ -160,7 +162,7 @@ impl<'a> TouchPolicy<'a> {
         self.retry_at(object, seen, executor, detector, aside)
     }
 
-    /// Like [`Self::retry`], for an object that was `seen` just now.
+    /// Like [`Self::retry`], for an object that was detected just now at `seen`.
     fn retry_at(
         &mut self,
         object: usize,
@@ -181,7 +183,7 @@ impl<'a> TouchPolicy<'a> {
         }
     }
 
-    /// Takes an object at its seen or felt position.
+    /// Takes an object at its detected or felt position.
     fn take(&mut self, object: usize, executor: &mut Executor) -> Result<PolicyStep, PolicyError> {
         if object == 0 { self.take_with_empty_hand(executor) } else { self.take_beside(object, executor) }
     }
@@ -190,10 +192,10 @@ impl<'a> TouchPolicy<'a> {
     fn handle_hidden(&mut self, index: usize, executor: &mut Executor, aside: bool) -> Result<PolicyStep, PolicyError> {
         let name = &self.knowledge.objects[index].name;
         if aside {
-            self.trace.reasons.push(format!("{name} is nowhere to be seen"));
+            self.trace.reasons.push(format!("{name} is not detected"));
             return Ok(PolicyStep::NotDetected);
         }
-        self.trace.record(format!("{name} is hidden: the hand steps aside to look again"));
+        self.trace.record(format!("{name} is hidden: the hand steps aside for a new detection"));
         executor.step_aside(index)?;
         self.activity = ExecutorActivity::StepsAside { sought: index };
         Ok(PolicyStep::Continue)
@@ -207,7 +209,7 @@ impl<'a> TouchPolicy<'a> {
         reachable_candidates(&self.knowledge, &ReachQuery { object, digits, candidates, tracked }, seen)
     }
 
-    /// Decides from the look at the hand after the activity of the state `looked`.
+    /// Decides from the snapshot of the hand after the activity of the state `looked`.
     fn decide_after_snapshot(
         &mut self,
         executor: &mut Executor,
@@ -223,7 +225,7 @@ impl<'a> TouchPolicy<'a> {
             seen = self.detect(missing, detector)?;
             if seen.is_some_and(|there| self.is_above_table(missing, &there, executor)) {
                 let name = &self.knowledge.objects[missing].name;
-                self.trace.record(format!("{name} is not felt, but seen above the table: it is held"));
+                self.trace.record(format!("{name} is not felt, but detected above the table: it is held"));
                 next = NextAction::Continue;
             }
         }
@@ -268,7 +270,7 @@ impl<'a> TouchPolicy<'a> {
         }
     }
 
-    /// True if an object seen at `there` is so far above the table that only the hand can hold it.
+    /// True if an object detected at `there` is so far above the table that only the hand can hold it.
     fn is_above_table(&self, object: usize, there: &DetectedObject, executor: &Executor) -> bool {
         let pose = there.pose();
         let down = pose.inverse_transform_vector(&-Vector3::z());

@@ -1,4 +1,4 @@
-//! An object as a policy has seen and tried it so far.
+//! An object with its detections and failed tries so far.
 
 use std::collections::BTreeMap;
 
@@ -9,24 +9,24 @@ use crate::outcome_model::AimPosterior;
 use crate::score;
 use crate::uncertainty::Uncertainty;
 
-/// Looks at an object and failed tries.
+/// Detections of an object and failed tries.
 pub struct TrackedObject {
     /// Number of the object in the trial.
     object: usize,
-    /// Number of looks over which its position is averaged.
+    /// Number of detections over which its position is averaged.
     pub detections: u32,
-    /// Standard deviation stated by the latest look, m.
+    /// Standard deviation reported for the latest detection, m.
     detection_sigma: Option<f64>,
-    /// Belief about the error of its position since it was touched; `None` if it was only seen.
+    /// Posterior of the error of its position since it was touched; `None` if it was only detected.
     pub touch_posterior: Option<AimPosterior>,
-    /// True if it was hidden when it was last looked for.
+    /// True if it was hidden at the last attempt to detect it.
     pub hidden: bool,
     /// Number of failures of each grasp, by the grasp's number.
     failures: BTreeMap<u32, i32>,
 }
 
 impl TrackedObject {
-    /// Records for all objects of a trial, each of which was looked at once.
+    /// Records for all objects of a trial, each of which was detected once.
     pub fn for_trial(knowledge: &Knowledge) -> Vec<Self> {
         let one = |object| Self {
             object,
@@ -39,12 +39,12 @@ impl TrackedObject {
         (0..knowledge.objects.len()).map(one).collect()
     }
 
-    /// Expected errors of its seen position and of the arm.
+    /// Expected errors of its detected position and of the arm.
     pub fn uncertainty(&self, knowledge: &Knowledge) -> Uncertainty {
         knowledge.uncertainty.with_detector_sigma(self.detection_sigma)
     }
 
-    /// Looks at the object again; `None` if it is hidden.
+    /// Detects the object again; `None` if it is hidden.
     pub fn detect(
         &mut self,
         knowledge: &Knowledge,
@@ -55,8 +55,8 @@ impl TrackedObject {
         Ok(Some(DetectedObject::from_pose(&knowledge.objects[self.object], &sighted.pose)))
     }
 
-    /// Replaces the percept by `seen`, because something may have moved the object since the previous looks; `None` if
-    /// it is hidden.
+    /// Replaces the detected pose by `seen`, because something may have moved the object since the previous detections;
+    /// `None` if it is hidden.
     pub fn replace_detection(&mut self, seen: Option<DetectedObject>, executor: &mut Executor) {
         self.hidden = seen.is_none();
         if let Some(seen) = seen {
@@ -65,7 +65,8 @@ impl TrackedObject {
         }
     }
 
-    /// Adds the look `seen` of an object that nothing has moved: its position is the mean of all looks that agree.
+    /// Adds the detection `seen` of an object that nothing has moved: its position is the mean of all detections that
+    /// agree.
     pub fn add_detection(&mut self, seen: DetectedObject, knowledge: &Knowledge, executor: &mut Executor) {
         let known = AveragedDetection { mean: executor.target(self.object).detected, detections: self.detections };
         let AveragedDetection { mean, detections: looks } =
@@ -79,7 +80,7 @@ impl TrackedObject {
         *self.failures.entry(grasp).or_default() += 1;
     }
 
-    /// Factor on a grasp's worth after its failures.
+    /// Factor on a grasp's score after its failures.
     pub fn failure_factor(&self, grasp: u32) -> f64 {
         score::FAILURE_FACTOR.powi(self.failures.get(&grasp).copied().unwrap_or(0))
     }

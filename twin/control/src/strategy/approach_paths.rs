@@ -1,4 +1,4 @@
-//! Collision-free ways of the hand: the first way that stays clear of given solids.
+//! Collision-free approach paths: the first path that stays clear of given solids.
 
 use hand_model::Hand;
 use nalgebra::Isometry3;
@@ -46,7 +46,7 @@ pub(super) fn first_clear_option<T>(
     Ok(best)
 }
 
-/// Via poses of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the way with the
+/// Via poses of the first path that keeps the hand, `moving` with the palm, clear of `fixed`, else of the path with the
 /// largest clearance. Returned with the smallest distance, m. `path` leads by way of stops to the approach pose.
 pub fn clear_via_poses(
     moving: &[Solid],
@@ -58,8 +58,8 @@ pub fn clear_via_poses(
     Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
 }
 
-/// First way that keeps the held object clear enough of the table and of `target` at `detected`, else the way with the
-/// largest clearance. `None` if every way makes them collide.
+/// First path that keeps the held object clear enough of the table and of `target` at `detected`, else the path with
+/// the largest clearance. `None` if every path makes them collide.
 pub fn clearest_palpation(
     hand: &Hand,
     held: &HeldObject,

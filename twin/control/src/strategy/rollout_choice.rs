@@ -1,5 +1,5 @@
-//! Choice by foresight: the options that are best by odds and geometry are played in the twin, one after another, until
-//! one is good.
+//! Choice by look-ahead: the options that are best by outcome probabilities and geometry are rolled out, one after
+//! another, until one is good.
 
 use std::sync::Arc;
 
@@ -16,14 +16,14 @@ use crate::look_ahead::{self, ANTITHETIC_PAIRS, LookAheadSettings, RolloutCounts
 use crate::outcome_model::OutcomeProbabilities;
 use crate::score::SWITCH_GAIN;
 
-/// Utility from which on no further option is played. Set by hand on seed 1.
+/// Score from which on no further option is rolled out. Set by hand on seed 1.
 const GOOD_SCORE: f64 = 0.9;
 
 /// Number of rounds in which the aim of the best option is shifted if none is good, and the size of the shift (m).
 const AIM_SEARCH_ROUNDS: usize = 2;
 const AIM_SHIFT: f64 = 0.005;
 
-/// Inputs for playing candidates in the twin.
+/// Inputs for rollouts of candidates.
 #[derive(Clone, Copy)]
 pub struct LookAhead<'a> {
     pub settings: LookAheadSettings<'a>,
@@ -34,8 +34,8 @@ pub struct LookAhead<'a> {
 }
 
 impl LookAhead<'_> {
-    /// Best of `options`, ranked by their odds, if it is clearly better than the `plan`. They are played in turn until
-    /// one is good.
+    /// Best of `options`, ranked by their outcome probabilities, if it is clearly better than the `plan`. They are
+    /// rolled out in turn until one is good.
     pub(super) fn best<'a>(
         &self,
         situation: &DecisionContext,
@@ -132,13 +132,13 @@ impl LookAhead<'_> {
     }
 }
 
-/// Utility of an option; negative infinity if there is none.
+/// Score of an option; negative infinity if there is none.
 fn score_of(one: Option<&CheckedCandidate>) -> f64 {
     one.map_or(f64::NEG_INFINITY, |one| one.assessment.score)
 }
 
-/// Plays `one` under half of the samples, and under the others if its utility can still exceed `least`. If the arm
-/// finds no way, the odds stay.
+/// Rolls out `one` under half of the samples, and under the others if its score can still exceed `least`. If the arm
+/// finds no path, the outcome probabilities stay.
 fn roll_out(
     executor: &Executor,
     twin: &dyn SampledScene,
@@ -146,18 +146,23 @@ fn roll_out(
     least: f64,
 ) -> Result<(), StrategyError> {
     let Some(going) = approaching_executor(executor, one)? else { return Ok(()) };
-    let odds = OutcomeProbabilities { held: one.assessment.held, contact: one.assessment.risk };
+    let probabilities = OutcomeProbabilities { held: one.assessment.held, contact: one.assessment.risk };
     let mut foreseen = RolloutCounts::default();
     for (draws, left) in
         [(0..ANTITHETIC_PAIRS, 2 * ANTITHETIC_PAIRS), (ANTITHETIC_PAIRS..2 * ANTITHETIC_PAIRS, ANTITHETIC_PAIRS)]
     {
-        if outcome_score(&foreseen.if_all_held(left as u32).posterior(&odds)) <= least {
+        if outcome_score(&foreseen.if_all_held(left as u32).posterior(&probabilities)) <= least {
             break;
         }
         foreseen.add_outcomes(&twin.roll_out(&going, draws)?);
     }
-    let odds = foreseen.posterior(&odds);
-    one.assessment = Assessment { held: odds.held, risk: odds.contact, score: outcome_score(&odds), ..one.assessment };
+    let probabilities = foreseen.posterior(&probabilities);
+    one.assessment = Assessment {
+        held: probabilities.held,
+        risk: probabilities.contact,
+        score: outcome_score(&probabilities),
+        ..one.assessment
+    };
     one.rollout_counts = (foreseen.rollouts > 0).then_some(foreseen);
     Ok(())
 }

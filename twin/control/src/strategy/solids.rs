@@ -56,7 +56,8 @@ pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
     }
 }
 
-/// Extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
+/// Extreme points of a convex part in evenly distributed directions: within half a millimetre of the part at these
+/// sizes.
 fn extreme_points(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let mut kept: Vec<usize> = (0..HULL_POINTS)

@@ -1,4 +1,4 @@
-//! Geometry of a decision: clearance between the held object and the target on the way there and while the digits
+//! Geometry of a decision: clearance between the held object and the target during the approach and while the digits
 //! close.
 
 use dexterous_grasping::Grasp;
@@ -13,31 +13,31 @@ use crate::executor::Executor;
 use crate::score::GraspCandidate;
 use crate::trajectory::PosePath;
 
-/// Number of checked stages of the target's way into the hand.
+/// Number of checked stages of the target's path into the hand.
 const CLOSING_STAGES: usize = 4;
 /// Number of intervals between the sampled poses of each of the two parts of a course.
 const COURSE_INTERVALS: usize = 16;
 /// Threshold in standard deviations: with a larger clearance no contact is expected.
 const NO_CONTACT_SIGMAS: f64 = 2.0;
 
-/// Motion of the held object along a weighed path.
+/// Motion of the held object along a candidate path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct HeldObjectPath {
-    /// `world_from_object` of the held object along the way.
+    /// `world_from_object` of the held object along the path.
     pub poses: Vec<Isometry3<f64>>,
     /// Pose of its closest approach to the target, and the distance there, m; negative for a collision. `None` if that
     /// is before the last part of the approach.
     pub nearest: Option<(Isometry3<f64>, f64)>,
 }
 
-/// Geometry of a decision: the solids that move with the palm (palm frame), as felt and as rehearsed, and the target
-/// (its own frame).
+/// Geometry of a decision: the solids that move with the palm (palm frame), as felt and as planned, and the target (its
+/// own frame).
 pub(super) struct ClearanceScene<'a> {
     /// The held object alone.
     object: Vec<Solid>,
     /// The held object with the digits that hold it.
     moving: Vec<Solid>,
-    /// These and the rest of the hand, which must stay clear on the way to the approach pose.
+    /// These and the rest of the hand, which must stay clear on the path to the approach pose.
     whole_hand: Vec<Solid>,
     rollout_solids: Option<Vec<Solid>>,
     target: &'a [Solid],
@@ -47,28 +47,28 @@ pub(super) struct ClearanceScene<'a> {
 impl<'a> ClearanceScene<'a> {
     pub(super) fn new(situation: &DecisionContext<'a>) -> Self {
         let (hand, held) = (situation.hand, situation.held);
-        let rehearsed = situation.rollout_hold.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
+        let rollouts = situation.rollout_hold.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
         let moving = held_solids(hand, held, (&held.pose, &held.joints));
         let whole = [&moving[..], &free_solids(hand, held)].concat();
         Self {
             object: transformed(held.solids, &held.pose),
             moving,
             whole_hand: whole,
-            rollout_solids: rehearsed,
+            rollout_solids: rollouts,
             target: situation.target,
             sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
 
-    /// Way to the approach pose of `grasp` that keeps the whole hand clear of the target at `percept`: the first one
+    /// Path to the approach pose of `grasp` that keeps the whole hand clear of the target at `detected`: the first one
     /// that does so, else the one with the largest clearance. Returned with its smallest distance, m.
     fn clear_via_poses(
         &self,
         executor: &Executor,
         grasp: &Grasp,
-        (percept, beside): (&DetectedObject, &DetectedObject),
+        (detected, beside): (&DetectedObject, &DetectedObject),
     ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
-        let fixed = transformed(self.target, &percept.pose());
+        let fixed = transformed(self.target, &detected.pose());
         let best = first_clear_option(executor.approach_paths(), NO_CONTACT_SIGMAS * self.sigma, |stops| {
             clearance_after(stops, &self.whole_hand, &fixed, |stops| {
                 let [way, _] = executor.path_to(stops, grasp, beside)?;
@@ -78,20 +78,20 @@ impl<'a> ClearanceScene<'a> {
         Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
     }
 
-    /// Smallest distance (m) of `moving` from the target at `percept` while `path` is followed and `grasp` closes, and
+    /// Smallest distance (m) of `moving` from the target at `detected` while `path` is followed and `grasp` closes, and
     /// the palm pose there.
     fn clearance(
         &self,
         moving: &[Solid],
         path: &PosePath,
         grasp: &Grasp,
-        percept: &DetectedObject,
+        detected: &DetectedObject,
     ) -> Result<(f64, Isometry3<f64>), StrategyError> {
-        let fixed = transformed(self.target, &percept.pose());
+        let fixed = transformed(self.target, &detected.pose());
         let along = clearance_along(path, moving, &fixed, 2000)?;
         let (mut clearance, mut palm) =
             along.map_or((f64::INFINITY, path.end()), |found| (found.min_distance, path.sample(found.time).0));
-        let before = path.end().inverse() * percept.pose();
+        let before = path.end().inverse() * detected.pose();
         if let Some(after) = grasp.held {
             for stage in 1..=CLOSING_STAGES {
                 let part = stage as f64 / CLOSING_STAGES as f64;
@@ -108,14 +108,15 @@ impl<'a> ClearanceScene<'a> {
         Ok((clearance, palm))
     }
 
-    /// Distance (m) of the held object alone from the target at `percept` when the palm has arrived at the end of
+    /// Distance (m) of the held object alone from the target at `detected` when the palm has arrived at the end of
     /// `path`.
-    fn separation(&self, path: &PosePath, percept: &DetectedObject) -> Result<f64, StrategyError> {
-        let found = clearance_at(&path.end(), &self.object, &transformed(self.target, &percept.pose()))?;
+    fn separation(&self, path: &PosePath, detected: &DetectedObject) -> Result<f64, StrategyError> {
+        let found = clearance_at(&path.end(), &self.object, &transformed(self.target, &detected.pose()))?;
         Ok(found.map_or(f64::INFINITY, |found| found.min_distance))
     }
 
-    /// Passage of the felt hold to the target and its grasp with `candidate`, at the offset `aim` (m) of the aim.
+    /// Swept clearance of the felt hold on its path to the target and during the grasp of `candidate`, at the offset
+    /// `aim` (m) of the aim.
     pub(super) fn swept_clearance(
         &self,
         executor: &Executor,
@@ -128,14 +129,14 @@ impl<'a> ClearanceScene<'a> {
         let (there, stops) = self.clear_via_poses(executor, grasp, (&percept, &beside))?;
         let [first, last] = executor.path_to(&stops, grasp, &beside)?;
         let (taking, palm) = self.clearance(&self.moving, &last, grasp, &percept)?;
-        // Rehearsals after many holds have met the obstacles of each of them.
-        let verified = candidate.rollouts.iter().any(|rehearsed| rehearsed.hold.is_some());
+        // Rollouts after many holds include the obstacles of each of them.
+        let verified = candidate.rollouts.iter().any(|rollout| rollout.hold.is_some());
         let contact = if verified || taking > NO_CONTACT_SIGMAS * self.sigma {
             0.0
         } else {
             let known = match &self.rollout_solids {
-                Some(rehearsed) if !candidate.rollouts.is_empty() => {
-                    risk(self.clearance(rehearsed, &last, grasp, &percept)?.0)
+                Some(rollout) if !candidate.rollouts.is_empty() => {
+                    risk(self.clearance(rollout, &last, grasp, &percept)?.0)
                 }
                 _ => 0.0,
             };
@@ -149,18 +150,18 @@ impl<'a> ClearanceScene<'a> {
     }
 }
 
-/// Passage of the held object by the target.
+/// Swept clearance of the held object at the target.
 pub(super) struct SweptClearance {
     /// Smallest distance, m.
     pub clearance: f64,
     /// See [`super::Assessment::separation`].
     pub separation: f64,
-    /// Probability of a contact that the rehearsals did not include. They began at the planned pose of the trial, with
+    /// Probability of a contact that the rollouts did not include. They began at the planned pose of the trial, with
     /// the same last part of the approach.
     pub contact: f64,
-    /// Via poses of the way to the approach pose.
+    /// Via poses of the path to the approach pose.
     pub stops: Vec<Isometry3<f64>>,
-    /// The way to the approach pose, and the last part of the approach.
+    /// The path to the approach pose, and the last part of the approach.
     path: [PosePath; 2],
     /// Palm pose at the smallest clearance, if that is on the last part of the approach.
     nearest: Option<Isometry3<f64>>,

@@ -54,8 +54,8 @@ fn bar() -> ObjectModel {
     ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
 }
 
-/// A held bar at the place where the plan closes on the next object makes the choice switch to the grasp that closes
-/// below it.
+/// If a held bar is at the place where the planned grasp closes on the next object, the grasp that closes below it is
+/// chosen.
 #[test]
 fn a_bar_in_the_way_switches_the_grasp() {
     let (switched, plan) = with_bar_at(0.02);
@@ -80,12 +80,12 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
     assert!(!switched);
 }
 
-/// Decision with given rehearsals (plan, other grasp) and a held object that is out of the way.
-fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
-    with_twin(rehearsals, None)
+/// Decision with given rollouts (plan, other grasp) and a held object that is out of the way.
+fn with_rollouts(outcomes: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
+    with_twin(outcomes, None)
 }
 
-/// A twin in which the grasp of this number makes contact and every other one holds.
+/// A rollout model in which the grasp of this number makes contact and every other one holds.
 struct OneContactModel(u32);
 
 impl RolloutModel for OneContactModel {
@@ -101,8 +101,8 @@ impl SampledScene for OneContactModel {
     }
 }
 
-/// Like [`with_rehearsals`], with a twin in which the candidates are played first.
-fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn RolloutModel>) -> Decision {
+/// Like [`with_rollouts`], with a rollout model in which the candidates are rolled out first.
+fn with_twin(outcomes: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn RolloutModel>) -> Decision {
     let table = Table::new();
     let mut executor = table.executor();
     run_until(&mut executor, DECIDE);
@@ -137,14 +137,14 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
     };
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
-    let rehearsed = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
+    let rollouts = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
         errors.iter().map(|error| Rollout::new(*error, outcome(error))).collect()
     };
     let candidates: Vec<_> = table
         .second()
         .into_iter()
-        .zip(rehearsals)
-        .map(|(candidate, how)| GraspCandidate { rollouts: rehearsed(how), ..candidate })
+        .zip(outcomes)
+        .map(|(candidate, how)| GraspCandidate { rollouts: rollouts(how), ..candidate })
         .collect();
     choose(&situation, &candidates).expect("geometry").expect("a plan")
 }
@@ -153,7 +153,7 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn
 #[test]
 fn a_miss_is_better_than_a_contact() {
     use TryOutcome::{Contact, Held, Missed};
-    let decision = with_rehearsals([
+    let decision = with_rollouts([
         |error| if error.x.abs() < 0.006 { Held } else { Contact },
         |error| if error.x.abs() < 0.006 { Held } else { Missed },
     ]);
@@ -164,20 +164,20 @@ fn a_miss_is_better_than_a_contact() {
 #[test]
 fn the_aim_leaves_the_side_that_touches() {
     use TryOutcome::{Contact, Held};
-    let decision = with_rehearsals([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
+    let decision = with_rollouts([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
     assert!(!decision.switched && decision.aim.x > 0.0, "{}", decision.reason);
     assert!(decision.chosen.risk < decision.planned.risk - 0.1, "{}", decision.reason);
 }
 
-/// A plan that is good in rehearsals is given up when it makes contact in the twin, and the reason says so.
+/// A plan that is good in its rollouts is given up when it makes contact in the look-ahead, and the reason states this.
 #[test]
 fn what_touches_in_the_twin_is_left() {
     let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
     let [plan, other] = [0, 1].map(|n| Table::new().second()[n].grasp.id);
-    assert!(!with_rehearsals(held).switched);
+    assert!(!with_rollouts(held).switched);
     let decision = with_twin(held, Some(&OneContactModel(plan)));
     assert!(decision.switched && decision.planned.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
-    assert!(decision.reason.contains("of 8 tries in the twin 8 hold and 0 touch"), "{}", decision.reason);
+    assert!(decision.reason.contains("of 8 rollouts 8 hold and 0 make contact"), "{}", decision.reason);
     let decision = with_twin(held, Some(&OneContactModel(other)));
     assert!(!decision.switched && decision.planned.risk < 0.1, "{}", decision.reason);
 }

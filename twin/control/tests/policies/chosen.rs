@@ -33,7 +33,7 @@ fn take(candidate: usize) -> Result<ChooserDecision, &'static str> {
     Ok(ChooserDecision::Take { candidate, aim: AimOffset::default() })
 }
 
-/// Plays a trial whose decisions come at `time` until it ends; returns the tries and the story too.
+/// Runs a trial whose decisions come at `time` until it ends; returns the tries and the decision trace too.
 fn played(told: &mut ScriptedChooser, time: f64) -> (PolicyStep, Vec<u32>, Vec<String>) {
     let table = Table::new();
     let (mut executor, mut detector) = (table.executor(), CountingDetector::new(&table));

@@ -11,7 +11,7 @@ use world::Sensing;
 use crate::lists::{DIGIT_SETS, target};
 use crate::table::*;
 
-/// Sees every object at the pose of the table's second object.
+/// Detects every object at the pose of the table's second object.
 struct FixedDetector<'a>(&'a Table);
 
 impl ObjectDetector for FixedDetector<'_> {
@@ -20,7 +20,7 @@ impl ObjectDetector for FixedDetector<'_> {
     }
 }
 
-/// Plays a trial in which the first two objects are felt as `felt` says in each phase, the third never is, and
+/// Runs a trial in which the first two objects are felt as `felt` returns for each phase, the third never is, and
 /// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
 fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();
@@ -50,7 +50,7 @@ fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<P
     (attempts, policy.trace().retries, phases)
 }
 
-/// Phase of the look after an object has been taken.
+/// Phase of the snapshot after an object has been taken.
 fn after(object: usize) -> Phase {
     Phase::decide(Skill::Snapshot, object)
 }

@@ -59,7 +59,7 @@ fn a_list_of_any_length_is_carried_out() {
     }
 }
 
-/// Delivered objects are released over the goal, and the list begins anew. Digits that hold nothing open when told to.
+/// Delivered objects are released over the goal, and the list begins anew. Digits that hold nothing open on command.
 #[test]
 fn a_delivery_empties_the_hand() {
     let table = Table::new();

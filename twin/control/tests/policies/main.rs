@@ -30,9 +30,9 @@ fn blind_carries_out_the_plan_and_never_looks() {
     assert!(blind.trace().is_as_planned() && blind.trace().reasons.is_empty());
 }
 
-/// A percept returns the pose from which it was made.
+/// A detected pose returns the pose from which it was made.
 #[test]
-fn a_percept_keeps_the_pose() {
+fn a_detection_keeps_the_pose() {
     let table = Table::new();
     let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4);
     let pose = Isometry3::from_parts(Translation3::new(0.5, 0.1, 0.02), turned * table.objects[0].rest);

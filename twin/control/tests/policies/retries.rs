@@ -1,4 +1,4 @@
-//! Behaviour of the policy `touch` as objects are held, lost, seen and hidden.
+//! Behaviour of the policy `touch` as objects are held, lost, detected and hidden.
 
 use control::detection::DetectedObject;
 use control::executor::{Executor, Phase, Skill};
@@ -10,7 +10,7 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// With the first object felt in the hand, the second is looked at again and approached. With both, they are carried,
+/// With the first object felt in the hand, the second is detected again and approached. With both, they are carried,
 /// and the trial ends.
 #[test]
 fn touch_goes_on_while_everything_is_in_the_hand() {
@@ -32,8 +32,8 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
 
-/// If permitted, it palpates the second object before it takes it. An object that it does not feel is taken at its seen
-/// position.
+/// If permitted, it palpates the second object before it takes it. An object that it does not feel is taken at its
+/// detected position.
 #[test]
 fn touch_feels_for_the_second_object_first() {
     let table = Table::new();
@@ -99,8 +99,8 @@ fn touch_feels_for_the_first_object_too() {
     }
 }
 
-/// With an empty hand, it looks at both objects and tries the first one again. A grasp that failed gives way to the
-/// other.
+/// With an empty hand, it detects both objects again and tries the first one again. A grasp that failed gives way to
+/// the other.
 #[test]
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
@@ -116,7 +116,7 @@ fn touch_tries_again_what_is_missing() {
     assert!(!touch.trace().is_as_planned() && touch.trace().take_announcements().len() == 1);
 }
 
-/// If only the second object is in the hand, it is put down. The first one comes next, without another look at the
+/// If only the second object is in the hand, it is put down. The first one comes next, without another snapshot of the
 /// hand.
 #[test]
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
@@ -139,8 +139,8 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     assert_eq!((executor.phase(), detector.detections), (APPROACH_FIRST, [2, 2]));
 }
 
-/// A second object that the pads do not feel is kept if the eyes see it hang, and taken again if it is on the table or
-/// hardly above it.
+/// A second object that the pads do not feel is kept if it is detected well above the table, and taken again if it is
+/// on the table or hardly above it.
 #[test]
 fn touch_keeps_what_is_seen_in_the_hand() {
     for (raised, kept) in [(0.0, false), (0.02, false), (0.12, true)] {
@@ -158,7 +158,7 @@ fn touch_keeps_what_is_seen_in_the_hand() {
     }
 }
 
-/// Plays the motion aside up to the decision after it.
+/// Runs the motion aside up to the decision after it.
 fn aside(executor: &mut Executor) {
     assert_eq!(executor.phase(), STEP_ASIDE);
     while executor.phase() == STEP_ASIDE {
@@ -167,7 +167,8 @@ fn aside(executor: &mut Executor) {
     assert_eq!(executor.phase(), Phase::decide(Skill::StepAside, 0));
 }
 
-/// The hand steps aside to look for a required object that is hidden. A later object is looked for when its turn comes.
+/// The hand steps aside so that a required object that is hidden can be detected. A later object is detected when its
+/// turn comes.
 #[test]
 fn touch_steps_aside_to_see_what_it_needs() {
     let table = Table::new();
@@ -214,7 +215,7 @@ fn touch_gives_up_what_is_nowhere_to_be_seen() {
         touch.perceive(&executor, None).expect("perceived");
         assert_eq!(touch.decide(&mut executor, &mut detector, 0.0).expect("decided"), PolicyStep::NotDetected);
         let reason = touch.trace().reasons.last().expect("a reason").clone();
-        assert_eq!(reason, format!("{missing} is nowhere to be seen"));
+        assert_eq!(reason, format!("{missing} is not detected"));
     }
 }
 
@@ -238,7 +239,7 @@ fn touch_gives_up_what_is_out_of_reach() {
     let mut executor = table.executor();
     let far = DetectedObject { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
     executor.update_detection(1, far);
-    // The next look does not find it either.
+    // The next detection does not find it either.
     let mut detector = CountingDetector { hidden: [0, 1], ..CountingDetector::new(&table) };
     let mut touch = table.touch();
     run_until(&mut executor, DECIDE);

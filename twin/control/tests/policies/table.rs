@@ -1,4 +1,4 @@
-//! A constructed table, with a robot above it and its eyes.
+//! A constructed table, with a robot above it and its object detector.
 
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ pub fn grasp(id: u32, object: &str, digits: &[Digit], center: [f64; 3], score: f
     }
 }
 
-/// A robot above a table with two objects in front of it, and the knowledge about them.
+/// A robot above a table with two objects in front of it, and the controller's knowledge of them.
 pub struct Table {
     pub cell: Workcell,
     pub library: ObjectSet,
@@ -113,7 +113,7 @@ impl Table {
         Isometry3::from_parts(at, object.rest)
     }
 
-    pub fn percept(&self, index: usize) -> DetectedObject {
+    pub fn detected(&self, index: usize) -> DetectedObject {
         DetectedObject::from_pose(&self.objects[index], &self.place(index))
     }
 
@@ -137,7 +137,7 @@ impl Table {
     pub fn waiting(&self) -> Executor {
         let first = self.repertoire.for_digits(FIRST, SIDE).next().expect("a first grasp").clone();
         let grasps = [first, self.second()[0].grasp.clone()].into_iter().enumerate();
-        self.with_list(grasps.map(|(n, grasp)| GraspTarget { grasp, detected: self.percept(n) }).collect())
+        self.with_list(grasps.map(|(n, grasp)| GraspTarget { grasp, detected: self.detected(n) }).collect())
     }
 
     /// An executor with any list of objects.
@@ -176,11 +176,11 @@ impl Table {
     }
 }
 
-/// Sees the objects at their poses and counts the looks.
+/// Detects the objects at their poses and counts the detections.
 pub struct CountingDetector<'a> {
     pub table: &'a Table,
     pub detections: [usize; 2],
-    /// Number of further looks for which each object is hidden.
+    /// Number of further detections for which each object is hidden.
     pub hidden: [usize; 2],
     /// Height of each object above the table, m.
     pub raised: [f64; 2],
@@ -204,7 +204,7 @@ impl ObjectDetector for CountingDetector<'_> {
     }
 }
 
-/// Runs ticks until `phase`, without any image: looks end by their time limit.
+/// Runs ticks until `phase`, without any image: snapshots end by their time limit.
 pub fn run_until(executor: &mut Executor, phase: Phase) {
     for _ in 0..100_000 {
         if executor.phase() == phase {

@@ -13,16 +13,16 @@ use world::Sensing;
 
 use crate::table::*;
 
-/// Second grasps with the given outcome in all rehearsals, whatever the error of the aim.
-fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
+/// Second grasps with the given outcome in all rollouts, whatever the error of the aim.
+fn with_outcome(table: &Table, outcome: TryOutcome) -> Vec<GraspCandidate> {
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
-    let rehearsed: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome)).collect();
-    table.second().into_iter().map(|candidate| GraspCandidate { rollouts: rehearsed.clone(), ..candidate }).collect()
+    let with_outcome: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome)).collect();
+    table.second().into_iter().map(|candidate| GraspCandidate { rollouts: with_outcome.clone(), ..candidate }).collect()
 }
 
 /// Decision with the first object in the hand, second grasps that make contact after the planned first grasp, and
-/// rehearsals after the other first grasp as given by `others`.
+/// rollouts after the other first grasp as given by `others`.
 fn with_contacts_after_the_plan(
     others: Option<TryOutcome>,
     recovery: Recovery,
@@ -34,9 +34,9 @@ fn with_contacts_after_the_plan(
     let mut grasps = table.repertoire.for_digits(FIRST, SIDE);
     let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
     let others =
-        others.map(|outcome| GraspSequence { first: other.clone(), second_candidates: rehearsed(&table, outcome) });
+        others.map(|outcome| GraspSequence { first: other.clone(), second_candidates: with_outcome(&table, outcome) });
     let knowledge = Knowledge {
-        second_candidates: rehearsed(&table, TryOutcome::Contact),
+        second_candidates: with_outcome(&table, TryOutcome::Contact),
         alternative_firsts: others.into_iter().collect(),
         recovery,
         ..table.knowledge()
@@ -58,8 +58,8 @@ fn with_contacts_after_the_plan(
     (step, executor.phase(), told)
 }
 
-/// If another first grasp was rehearsed and the second object can be taken after it, the first one is put down and
-/// taken that way.
+/// If another first grasp has rollouts and the second object can be taken after it, the first one is put down and taken
+/// that way.
 #[test]
 fn the_first_object_is_put_down_and_taken_otherwise() {
     let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);

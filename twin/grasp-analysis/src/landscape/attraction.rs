@@ -17,7 +17,8 @@ pub struct AttractionSettings {
     /// Distance within which a chain has arrived.
     pub near: f64,
     /// Number of steps without a new least distance after which a chain is abandoned.
-    pub patience: usize,
+    #[serde(alias = "patience")]
+    pub max_idle_steps: usize,
     /// Number of chains in each direction.
     pub chains: usize,
 }
@@ -43,7 +44,7 @@ pub fn attract<L: Landscape>(
             waited = 0;
         } else {
             waited += 1;
-            if waited == settings.patience {
+            if waited == settings.max_idle_steps {
                 return None;
             }
         }
@@ -89,7 +90,7 @@ mod tests {
     use super::*;
 
     const SETTINGS: AttractionSettings =
-        AttractionSettings { pull: 2.0, temperature: 0.05, near: 0.1, patience: 200, chains: 4 };
+        AttractionSettings { pull: 2.0, temperature: 0.05, near: 0.1, max_idle_steps: 200, chains: 4 };
 
     /// With a strong pull a chain crosses, and its barrier is at or slightly above the saddle's energy. With a weak
     /// pull it does not cross.

@@ -129,8 +129,8 @@ mod tests {
     }
 
     proptest! {
-        /// The tree's merges are the minimax energies of the graph, compared with Floyd-Warshall with max in place of the
-        /// sum.
+        /// The tree's merges are the minimax energies of the graph, compared with Floyd-Warshall with max in place of
+        /// the sum.
         #[test]
         fn joins_are_minimax(
             edges in proptest::collection::vec((0usize..7, 0usize..7, 1.0..9.0_f64), 0..20),

@@ -56,10 +56,16 @@ pub struct GraspMinimum {
 
 /// Returns the settings of the chains that explore at `temperature`.
 pub fn attraction(pull: f64, temperature: f64) -> AttractionSettings {
-    AttractionSettings { pull, temperature, near: ARRIVAL_DISTANCE, patience: MAX_IDLE_STEPS, chains: CHAIN_COUNT }
+    AttractionSettings {
+        pull,
+        temperature,
+        near: ARRIVAL_DISTANCE,
+        max_idle_steps: MAX_IDLE_STEPS,
+        chains: CHAIN_COUNT,
+    }
 }
 
-/// Returns the plan by which chains of `attraction` sort minima and measure barriers. `subject` describes the
+/// Returns the parameters with which chains of `attraction` sort minima and measure barriers. `subject` describes the
 /// landscape.
 pub fn mapping_parameters(attraction: AttractionSettings, seed: u64, subject: String) -> MappingParameters {
     MappingParameters { attraction, doublings: MAX_PULL_DOUBLINGS, neighbors: NEIGHBOR_COUNT, seed, subject }

@@ -3,7 +3,7 @@
 //! A state is a hand on one of the objects with its contact points. Two grasps are the same strategy if the hand holds
 //! in the same way, whatever the object. The distance therefore compares joint angles and the position of the object's
 //! centre in the palm, and grasps of different objects can be close. A chain stays on its object. If it is drawn
-//! towards a grasp of another object, it tests if its own object can be held in that way, and over which energy.
+//! towards a grasp of another object, it tests whether its own object can be held in that way, and over which energy.
 
 use dexterous_grasping::synthesis::chain::{max_noise, replace_contact};
 use dexterous_grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};
@@ -339,7 +339,7 @@ mod tests {
         assert!(landscape.energy(&a) < landscape.energy(&start));
         assert!((landscape.distance(&a, &b) - landscape.distance(&b, &a)).abs() < 1e-9);
         assert_eq!(landscape.distance(&a, &a), 0.0);
-        let settings = AttractionSettings { pull: 20.0, temperature: 0.1, near: 0.8, patience: 300, chains: 2 };
+        let settings = AttractionSettings { pull: 20.0, temperature: 0.1, near: 0.8, max_idle_steps: 300, chains: 2 };
         let found = lowest_barrier(&landscape, &a, &b, &settings, 3, [0, 0]);
         let barrier = found.expect("a hard pull arrives");
         assert!(barrier >= landscape.energy(&a).max(landscape.energy(&b)));

@@ -70,9 +70,9 @@ pub enum JournalError {
     #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
     OtherRun {
         path: PathBuf,
-        /// Plan of the journal.
+        /// Parameters of the journal.
         found: String,
-        /// Plan of this run.
+        /// Parameters of this run.
         expected: String,
     },
 }
@@ -251,7 +251,7 @@ mod tests {
 
     fn plan(pull: f64) -> MappingParameters {
         MappingParameters {
-            attraction: AttractionSettings { pull, temperature: 0.03, near: 0.1, patience: 150, chains: 4 },
+            attraction: AttractionSettings { pull, temperature: 0.03, near: 0.1, max_idle_steps: 150, chains: 4 },
             doublings: 4,
             neighbors: 3,
             seed: 7,

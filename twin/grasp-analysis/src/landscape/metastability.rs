@@ -1,8 +1,8 @@
 //! The metastability threshold: the pull below which chains between two minima no longer arrive.
 //!
 //! The pull is lowered from a value that certainly suffices until none of a number of trials arrives: first in coarse
-//! steps, then in 3 % steps from the last sufficient value. The threshold of a landscape is the median over pairs of its
-//! minima.
+//! steps, then in 3 % steps from the last sufficient value. The threshold of a landscape is the median over pairs of
+//! its minima.
 
 use rayon::prelude::*;
 
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn threshold_is_near_the_steepest_slope() {
         let wells = MultiWell::uneven();
-        let settings = AttractionSettings { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
+        let settings = AttractionSettings { pull: 8.0, temperature: 0.005, near: 0.1, max_idle_steps: 300, chains: 1 };
         let found = threshold(&wells, [&[-1.0, -1.0], &[1.0, -1.0]], &settings, 20, 1, 0).expect("8 suffices");
         let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
         let (up, down) = (-100..=100)

@@ -1,4 +1,4 @@
-//! Holds of planned grasps: each grasp is played once without errors, up to the end of the trial.
+//! Holds of planned grasps: each grasp is rolled out once without errors, up to the end of the trial.
 
 use anyhow::Result;
 use control::outcome_model::TryOutcome;
@@ -12,7 +12,7 @@ use super::{GraspPair, GraspPairTable};
 use crate::rollout::{FirstGraspRollout, HoldOutcome, roll_out_first, roll_out_last};
 use crate::simulated_world::SimulatedWorld;
 
-/// Grasp of a plan that holds its object.
+/// Grasp of a grasp pair that holds its object.
 #[derive(Debug, Clone)]
 pub struct PlannedHold {
     /// Names of the objects of the combination.
@@ -27,8 +27,9 @@ pub struct PlannedHold {
     pub contacts: Vec<HeldContact>,
 }
 
-/// Plays, for each combination, the planned first grasp and those of its proofs, each with the second grasp that holds
-/// most often after it. Grasps that do not hold without errors are left out. Shows a progress bar unless `quiet`.
+/// Rolls out, for each combination, the planned first grasp and those of its verifications, each with the second grasp
+/// that holds most often after it. Grasps that do not hold without errors are left out. Shows a progress bar unless
+/// `quiet`.
 pub fn holds_of_pairs(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -36,7 +37,7 @@ pub fn holds_of_pairs(
     quiet: bool,
 ) -> Result<Vec<PlannedHold>> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let progress = progress::bar(plans.pairs.len() as u64, "combinations played", quiet);
+    let progress = progress::bar(plans.pairs.len() as u64, "combinations run", quiet);
     let held = plans.pairs.par_iter().map(|plan| {
         let held = holds_of_pair(world, repertoire, plan, &board)?;
         progress.inc(1);

@@ -1,4 +1,4 @@
-//! Rehearsals of one plan for the odds of its second grasps.
+//! Rollouts of one grasp pair for the outcome model of its second grasps.
 
 use anyhow::Result;
 use dexterous_grasping::Repertoire;
@@ -8,8 +8,8 @@ use super::outcomes::RolloutContext;
 use super::{GraspPair, variations};
 use crate::simulated_world::SimulatedWorld;
 
-/// Runs one step of a plan's rehearsals: 0 tries its second grasps, 1 those after other first grasps, 2 variations of
-/// them.
+/// Runs one step of a grasp pair's rollouts: 0 tries its second grasps, 1 those after other first grasps, 2 variations
+/// of them.
 pub(super) fn rollout_step(
     number: usize,
     world: &SimulatedWorld,
@@ -17,16 +17,16 @@ pub(super) fn rollout_step(
     board: &TactileBoard,
     plan: &mut GraspPair,
 ) -> Result<()> {
-    let rehearsals = RolloutContext::new(world, board);
+    let context = RolloutContext::new(world, board);
     match number {
-        0 => rehearsals.roll_out_pair(repertoire, plan)?,
-        1 => plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?,
+        0 => context.roll_out_pair(repertoire, plan)?,
+        1 => plan.alternative_firsts = context.alternatives(repertoire, plan)?,
         _ => variations::search_pair_variations(world, repertoire, board, plan)?,
     }
     Ok(())
 }
 
-/// Runs all steps for one plan.
+/// Runs all steps for one grasp pair.
 pub(super) fn roll_out_steps(
     world: &SimulatedWorld,
     repertoire: &Repertoire,

@@ -1,6 +1,6 @@
-//! Outcomes: second grasps of a plan tried under drawn aim errors, for the odds that a policy uses. Some draws are as
-//! wide as the error expected for an object that was only seen. The others are as wide as the error that remains once
-//! the object was touched where it stands.
+//! Outcomes: second grasps of a grasp pair tried under drawn aim errors, for the outcome model of a policy. Some draws
+//! are as wide as the error expected for an object that was only detected. The others are as wide as the error that
+//! remains after the object was touched in place.
 //!
 //! All grasps meet the same draws. A file therefore keeps one letter per draw, with the wide and the near draws apart:
 //! `h` held, `m` missed, `c` contact.
@@ -22,8 +22,8 @@ use crate::rollout::{
 };
 use crate::simulated_world::SimulatedWorld;
 
-/// Threshold: other first grasps are tried until some second grasp after one of them is worth this much near its
-/// rehearsed pose.
+/// Threshold: other first grasps are tried until some second grasp after one of them scores this much near its planned
+/// pose.
 pub(super) const GOOD_SCORE: f64 = 0.85;
 /// Number of wide draws under which a grasp is tried.
 const WIDE_DRAWS: usize = 12;
@@ -31,7 +31,7 @@ const WIDE_DRAWS: usize = 12;
 pub(super) const NARROW_DRAWS: usize = 10;
 /// Number of draws of either kind in the first heat. Every grasp that works without errors is tried under them.
 const FIRST_HEAT_DRAWS: usize = 3;
-/// Number of a plan's best grasps in the first heat that are tried under all draws.
+/// Number of a pair's best grasps in the first heat that are tried under all draws.
 const FINALISTS: usize = 4;
 /// Number of working grasps that are tried for each resting pose of the fallen second object.
 const FALLEN_CANDIDATES: usize = 4;
@@ -56,18 +56,18 @@ impl GraspOutcomes {
         Self { grasp, outcomes: letters(wide), near: letters(narrow) }
     }
 
-    /// Returns the worth of all tries together. A miss counts as much as to a policy that may try again.
+    /// Returns the score of all tries together. A miss counts as much as to a policy that may try again.
     fn score(&self) -> f64 {
         total_score(self.outcomes.chars().chain(self.near.chars()))
     }
 
-    /// Returns the worth of a try under narrow errors, or 0 if too few were drawn.
+    /// Returns the score of a try under narrow errors, or 0 if too few were drawn.
     pub(super) fn score_once_touched(&self) -> f64 {
         if self.near.len() < NARROW_DRAWS { 0.0 } else { total_score(self.near.chars()) / self.near.len() as f64 }
     }
 
-    /// Returns the rehearsals, with the errors in axes that turn with `grasp`'s heading. The first one is without
-    /// errors and held.
+    /// Returns the rollouts, with the errors in axes that turn with `grasp`'s heading. The first one is without errors
+    /// and held.
     pub fn rollouts(&self, grasp: &Grasp) -> Result<Vec<Rollout>> {
         let with = |(error, letter): (TrialNoise, char)| {
             Ok(Rollout::new(aim_error(&error, grasp.yaw), parse_outcome(self.grasp, letter)?))
@@ -98,7 +98,7 @@ pub(super) fn parse_outcome(grasp: u32, letter: char) -> Result<TryOutcome> {
     })
 }
 
-/// Returns the summed worth of tries with these letters.
+/// Returns the summed score of tries with these letters.
 pub(super) fn total_score(letters: impl Iterator<Item = char>) -> f64 {
     letters.map(|letter| if letter == 'h' { 1.0 } else { MISS_SCORE * f64::from(letter == 'm') }).sum()
 }
@@ -109,8 +109,8 @@ pub(super) fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading) * world
 }
 
-/// Tries the second grasps of all `plans` under errors and replaces their earlier outcomes. Shows a progress bar unless
-/// `quiet`. Takes a minute of one core per plan.
+/// Tries the second grasps of all pairs `plans` under errors and replaces their earlier outcomes. Shows a progress bar
+/// unless `quiet`. Takes a minute of one core per pair.
 pub fn roll_out_pairs(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -118,11 +118,12 @@ pub fn roll_out_pairs(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let rehearsals = RolloutContext::new(world, &board);
-    plans.for_each_pair("plans tried", quiet, |plan| rehearsals.roll_out_pair(repertoire, plan))
+    let context = RolloutContext::new(world, &board);
+    plans.for_each_pair("pairs tried", quiet, |plan| context.roll_out_pair(repertoire, plan))
 }
 
-/// Tries second grasps after other first grasps, for those of the `plans` none of whose second grasps goes well.
+/// Tries second grasps after other first grasps, for those of the pairs `plans` without a second grasp that scores
+/// high.
 pub fn roll_out_alternatives(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -130,14 +131,14 @@ pub fn roll_out_alternatives(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    let rehearsals = RolloutContext::new(world, &board);
-    plans.for_each_pair("plans tried", quiet, |plan| {
-        plan.alternative_firsts = rehearsals.alternatives(repertoire, plan)?;
+    let context = RolloutContext::new(world, &board);
+    plans.for_each_pair("pairs tried", quiet, |plan| {
+        plan.alternative_firsts = context.alternatives(repertoire, plan)?;
         Ok(())
     })
 }
 
-/// Data that all rehearsals share.
+/// Data that all rollouts share.
 pub(super) struct RolloutContext<'a> {
     world: &'a SimulatedWorld,
     board: &'a TactileBoard,
@@ -182,7 +183,7 @@ impl<'a> RolloutContext<'a> {
         Ok(())
     }
 
-    /// Tries other first grasps in the repertoire's order, until a second grasp goes well after one.
+    /// Tries other first grasps in the repertoire's order, until a second grasp after one scores high.
     pub(super) fn alternatives(&self, repertoire: &Repertoire, plan: &GraspPair) -> Result<Vec<AlternativeFirstGrasp>> {
         let best =
             |outcomes: &[GraspOutcomes]| outcomes.iter().map(GraspOutcomes::score_once_touched).fold(0.0, f64::max);
@@ -214,8 +215,8 @@ impl<'a> RolloutContext<'a> {
     pub(super) fn hold_first(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<RolloutSnapshot>> {
         let Some(any) = any else { return Ok(None) };
         let grasps = [first, any];
-        let rehearsal = FirstGraspRollout::ideal(self.world, &grasps);
-        Ok(roll_out_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
+        let rollout = FirstGraspRollout::ideal(self.world, &grasps);
+        Ok(roll_out_first(self.world, &rollout, self.board)?.map(|(hold, _)| hold))
     }
 
     /// Tries `grasps` under the first errors of either kind, and the `best` of them under all.
@@ -248,7 +249,7 @@ impl<'a> RolloutContext<'a> {
 mod tests {
     use super::*;
 
-    /// A plan's letters come back as the errors they were drawn for, turned with the grasp. Another letter is refused.
+    /// A pair's letters come back as the errors they were drawn for, turned with the grasp. Another letter is refused.
     #[test]
     fn letters_stand_for_draws() {
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");

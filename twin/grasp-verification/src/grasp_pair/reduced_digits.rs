@@ -1,4 +1,4 @@
-//! Plans without some digits: the grasps of the repertoire with those digits slack, as far as they still hold in
+//! Grasp pairs without some digits: the grasps of the repertoire with those digits slack, as far as they still hold in
 //! physics.
 //!
 //! A grasp has to pass the same test as in the repertoire: it is closed in physics and has to hold. The remaining
@@ -24,20 +24,20 @@ const MAX_TENSION: f64 = 60.0;
 const FIRST_GRASPS_TESTED: usize = 2;
 /// Number of second grasps that are tried, the best ones.
 const SECOND_GRASPS_TESTED: usize = 16;
-/// Factor on the score of a grasp that has lost a digit, before it is proven.
+/// Factor on the score of a grasp that has lost a digit, before it is verified.
 const UNVERIFIED_SCORE_FACTOR: f64 = 0.7;
 
-/// Grasps and plans without some digits.
+/// Grasps and grasp pairs without some digits.
 pub struct ReducedGrasps {
     /// Remaining grasps.
     pub repertoire: Repertoire,
-    /// One plan per combination. A combination that cannot be done keeps its old plan.
+    /// One grasp pair per combination. A combination that cannot be done keeps its old one.
     pub pairs: GraspPairTable,
     /// Combinations that cannot be done, by number, with the reason.
     pub impossible: std::collections::BTreeMap<usize, String>,
 }
 
-/// Plans the combinations of `plans` anew without `digits`.
+/// Plans the combinations of `plans` again without `digits`.
 pub fn plan_without_digits(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -71,7 +71,7 @@ pub fn plan_without_digits(
     Ok(without)
 }
 
-/// Proven first grasps of a combination with its plan, or the reason why there is no plan.
+/// Verified first grasps of a combination with its grasp pair, or the reason why there is none.
 type PlannedPair = (Vec<Grasp>, Result<GraspPair, String>);
 
 fn plan_reduced_pair(
@@ -130,8 +130,8 @@ fn verify_firsts(
     let mut verified = Vec::new();
     for first in firsts {
         let grasps = [*first, bystander];
-        let rehearsal = FirstGraspRollout::ideal(world, &grasps);
-        if let Some((_, held)) = roll_out_first(world, &rehearsal, board)? {
+        let rollout = FirstGraspRollout::ideal(world, &grasps);
+        if let Some((_, held)) = roll_out_first(world, &rollout, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
             verified.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
         }
@@ -190,7 +190,7 @@ mod tests {
         crate::builtin::repertoire().unwrap()
     }
 
-    /// No grasp pulls a digit that has no power. Grasps that never used it are unchanged.
+    /// No grasp pulls a digit that has no power. Grasps that did not use it are unchanged.
     #[test]
     fn what_has_no_power_is_not_pulled() {
         let (whole, index) = (repertoire(), Digit::Index);

@@ -1,5 +1,5 @@
-//! Plan of one pair with its odds and proofs, in steps that are kept. A pair that was interrupted while it was planned
-//! resumes after its last finished step.
+//! One grasp pair with its outcomes and verifications, in steps that are kept. A pair that was interrupted while it was
+//! planned resumes after its last finished step.
 
 use anyhow::Result;
 use dexterous_grasping::Repertoire;
@@ -11,8 +11,8 @@ use super::{GraspPair, other_order, outcome_model, plan_combination};
 use crate::cache::SearchSteps;
 use crate::simulated_world::SimulatedWorld;
 
-/// Names of the steps, in this order: the choice of the grasps, then the rehearsals for the odds. The steps after
-/// "other order" are done for the reversed plan of the same two objects.
+/// Names of the steps, in this order: the choice of the grasps, then the rollouts for the outcome model. The steps
+/// after "other order" are done for the reversed pair of the same two objects.
 const STEP_NAMES: [&str; 8] = [
     "plan",
     "odds",
@@ -34,7 +34,7 @@ pub fn plan_stepwise(
 ) -> Result<Option<GraspPair>> {
     let mut made: Option<GraspPair> = None;
     let turned = world.with_places_swapped();
-    // Odds and orders exist for two objects only.
+    // Outcomes and orders exist for two objects only.
     let steps_of = if pair.objects.len() == 2 { &STEP_NAMES[..] } else { &STEP_NAMES[..1] };
     for (number, name) in steps_of.iter().enumerate() {
         if let Some(known) = steps.known(name) {
@@ -58,7 +58,7 @@ pub fn plan_stepwise(
     Ok(made)
 }
 
-/// Adds proofs to `plan` at a level of effort, in steps that are kept.
+/// Adds verifications to `plan` at a level of effort, in steps that are kept.
 pub fn verify_stepwise(
     world: &SimulatedWorld,
     repertoire: &Repertoire,

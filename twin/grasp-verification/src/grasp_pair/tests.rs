@@ -24,7 +24,7 @@ fn nothing_works() {
     assert!(ranked(&all, |_| Ok(false)).expect("ranked").is_empty());
 }
 
-/// A plan that names a grasp of other digits or another number is refused with both names.
+/// A grasp pair that names a grasp of other digits or another number is refused with both names.
 #[test]
 fn missing_grasps_are_named() {
     let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");

@@ -1,7 +1,7 @@
-//! Plans of three objects: the little finger takes one, the ring finger the next, and thumb, index and middle finger
-//! the last.
+//! Combinations of three objects: the little finger takes one, the ring finger the next, and thumb, index and middle
+//! finger the last.
 //!
-//! Each grasp is rehearsed without errors from the hold that the grasps before it give, in the repertoire's order.
+//! Each grasp is rolled out without errors from the hold of the grasps before it, in the repertoire's order.
 
 use anyhow::Result;
 use control::score::NO_ROLLOUT_FACTOR;
@@ -29,8 +29,8 @@ pub(super) fn plan_triple(
     let (Some(any_second), Some(any_third)) = (seconds.first(), thirds.first()) else { return Ok(None) };
     for first in firsts {
         let standing = [first, *any_second, *any_third];
-        let rehearsal = FirstGraspRollout::ideal(world, &standing);
-        let Some((one, _)) = roll_out_first(world, &rehearsal, board)? else { continue };
+        let rollout = FirstGraspRollout::ideal(world, &standing);
+        let Some((one, _)) = roll_out_first(world, &rollout, board)? else { continue };
         for second in &seconds {
             let Some(two) = roll_out_next(&one, 1, second)? else { continue };
             if let Some(worth) = ranked(&thirds, |third| {
@@ -48,7 +48,7 @@ pub(super) fn plan_triple(
     Ok(None)
 }
 
-/// Returns the first grasp that works, then those that were not tried, then those that failed, as (number, worth).
+/// Returns the first grasp that works, then those that were not tried, then those that failed, as (number, score).
 /// `None` if none works.
 fn ranked(grasps: &[&Grasp], works: impl Fn(&Grasp) -> Result<bool>) -> Result<Option<Vec<(u32, f64)>>> {
     for (n, grasp) in grasps.iter().enumerate() {

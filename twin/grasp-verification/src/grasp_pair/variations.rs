@@ -1,8 +1,8 @@
-//! Variations: if no second grasp of a combination goes well, the search continues around its best ones, in the
+//! Variations: if no second grasp of a combination scores high, the search continues around its best ones, in the
 //! combination itself.
 //!
-//! A variation is selected under narrow errors that do not count for any odds. It is then tried under the errors that
-//! all grasps meet, so that the selection does not bias its odds.
+//! A variation is selected under narrow errors that do not count for the outcome model. It is then tried under the
+//! errors that all grasps meet, so that the selection does not bias its outcomes.
 
 use anyhow::Result;
 use dexterous_grasping::sampler::vary;
@@ -30,8 +30,8 @@ const VARIATIONS_KEPT: usize = 2;
 /// First number of variations, beyond those of a repertoire, also of one without some digits.
 const FIRST_NUMBER: u32 = 1_000_000;
 
-/// Searches variations for those of the `plans` none of whose second grasps goes well. Shows a progress bar unless
-/// `quiet`.
+/// Searches variations for those of the pairs `plans` without a second grasp that scores high. Shows a progress bar
+/// unless `quiet`.
 pub fn search_variations(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -39,10 +39,10 @@ pub fn search_variations(
     quiet: bool,
 ) -> Result<()> {
     let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-    plans.for_each_pair("plans varied", quiet, |plan| search_pair_variations(world, repertoire, &board, plan))
+    plans.for_each_pair("pairs varied", quiet, |plan| search_pair_variations(world, repertoire, &board, plan))
 }
 
-/// Searches variations for one plan.
+/// Searches variations for one grasp pair.
 pub fn search_pair_variations(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -53,7 +53,7 @@ pub fn search_pair_variations(
     let sequences = std::iter::once((plan.first_grasp, &plan.outcomes))
         .chain(plan.alternative_firsts.iter().map(|other| (other.first_grasp, &other.outcomes)));
     let best = |outcomes: &[GraspOutcomes]| outcomes.iter().map(GraspOutcomes::score_once_touched).fold(0.0, f64::max);
-    // The first of sequences of equal worth, which is the plan's own.
+    // The first of sequences of equal score, which is the planned one.
     let Some((first, outcomes)) = sequences.reduce(|a, b| if best(b.1) > best(a.1) { b } else { a }) else {
         return Ok(());
     };
@@ -65,8 +65,8 @@ pub fn search_pair_variations(
     let Some(grasp) = repertoire.for_digits(&plan.first, &sets[0]).find(|grasp| grasp.id == first) else {
         return Ok(());
     };
-    let rehearsals = RolloutContext::new(world, board);
-    let Some(hold) = rehearsals.hold_first(grasp, seconds.first().copied())? else { return Ok(()) };
+    let context = RolloutContext::new(world, board);
+    let Some(hold) = context.hold_first(grasp, seconds.first().copied())? else { return Ok(()) };
     let tried = outcomes.iter().filter(|outcomes| outcomes.near.len() >= NARROW_DRAWS);
     let parents: Vec<(Grasp, f64)> = tried
         .filter_map(|outcomes| {
@@ -77,7 +77,7 @@ pub fn search_pair_variations(
     let kept =
         Climb { hold: &hold, errors: narrow_errors(2 * NARROW_DRAWS).split_off(NARROW_DRAWS) }.run(parents, plan)?;
     let grasps: Vec<&Grasp> = kept.iter().collect();
-    let found = rehearsals.outcomes(&hold, &grasps, grasps.len())?;
+    let found = context.outcomes(&hold, &grasps, grasps.len())?;
     match plan.alternative_firsts.iter_mut().find(|other| other.first_grasp == first && first != plan.first_grasp) {
         Some(other) => other.outcomes.extend(found),
         None => plan.outcomes.extend(found),
@@ -94,7 +94,7 @@ struct Climb<'a> {
 }
 
 impl Climb<'_> {
-    /// Returns the best variations of `parents`, (grasp, worth), that are better than the best parent.
+    /// Returns the best variations of `parents`, (grasp, score), that are better than the best parent.
     fn run(&self, mut parents: Vec<(Grasp, f64)>, plan: &GraspPair) -> Result<Vec<Grasp>> {
         let mut rng = ChaCha8Rng::from_seed(Sha256::digest(format!("{}, {}", plan.first, plan.second)).into());
         let rank =
@@ -110,11 +110,11 @@ impl Climb<'_> {
                 let Some((parent, _)) = from.get(n % from.len().max(1)) else { break };
                 let varied = vary(parent, number, &mut rng);
                 number += 1;
-                parents.extend(self.select(varied, worst)?.filter(|(_, worth)| *worth > worst));
+                parents.extend(self.select(varied, worst)?.filter(|(_, score)| *score > worst));
             }
             rank(&mut parents);
         }
-        let better = parents.into_iter().filter(|(grasp, worth)| grasp.id >= FIRST_NUMBER && *worth > standard);
+        let better = parents.into_iter().filter(|(grasp, score)| grasp.id >= FIRST_NUMBER && *score > standard);
         Ok(better.map(|(grasp, _)| grasp).take(VARIATIONS_KEPT).collect())
     }
 

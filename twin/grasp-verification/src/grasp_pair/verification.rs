@@ -1,11 +1,11 @@
-//! Proofs: second grasps of a plan that hold in realistic circumstances, found by a race of many grasps and a climb
-//! from the best.
+//! Grasp verification: second grasps of a grasp pair that hold in realistic circumstances, found by a race of many
+//! grasps and variations of the best.
 //!
-//! Each draw of the circumstances (`rehearsal::draw_circumstances`) has its own hold of the first object. Grasps are tried
-//! from it up to the end of the lift. Many grasps meet few draws and few grasps meet many (successive halving, Karnin,
-//! Koren and Somekh 2013). The entrants are the known grasps, proposals, and proposals that are rolled further, so that
+//! Each draw of the circumstances (`rollout::draw_circumstances`) has its own hold of the first object. Grasps are
+//! tried from it up to the end of the lift. Many grasps meet few draws and few grasps meet many (successive halving,
+//! Karnin, Koren and Somekh 2013). The entrants are the known grasps, proposals, and proposals with more roll, so that
 //! the ring and little fingers with the object they hold are lifted off the table. Variations of the best then race in
-//! turn. The grasps that are kept form a set in which one holds where another does not. Their outcome letters come from
+//! turn. The grasps that are kept form a set in which one holds if another does not. Their outcome letters come from
 //! draws that played no part in the selection.
 
 mod firsts;
@@ -29,7 +29,7 @@ use crate::rollout::circumstances::{ErrorMagnitude, draw_errors};
 use crate::rollout::wide_errors;
 use crate::simulated_world::SimulatedWorld;
 
-/// Search effort for a plan.
+/// Search effort for a grasp pair.
 #[derive(Debug, Clone, Copy)]
 pub struct VerificationEffort {
     /// Number of draws under which grasps are selected.
@@ -38,7 +38,7 @@ pub struct VerificationEffort {
     pub verification_draws: usize,
     /// Number of the first of those draws under which they are also tried with wide errors.
     pub wide_draws: usize,
-    /// Number of proposals from the hand's ranges, besides the known grasps. Half of them are rolled further.
+    /// Number of proposals from the hand's ranges, besides the known grasps. Half of them have more roll.
     pub drawn_proposals: u32,
     /// Number of proposals by synthesis.
     pub synthesized: u32,
@@ -46,12 +46,12 @@ pub struct VerificationEffort {
     pub rounds: usize,
     /// Number of variations per round.
     pub batch: usize,
-    /// Level of effort. A proof that is not sure is searched for again at a higher level.
+    /// Level of effort. A verification that is not sure is repeated at a higher level.
     pub level: u32,
 }
 
 impl VerificationEffort {
-    /// Returns the effort at a level from 1 on. Level 1 takes about 3 minutes of one core for a plan that is sure at
+    /// Returns the effort at a level from 1 on. Level 1 takes about 3 minutes of one core for a pair that is sure at
     /// once, and up to four times as much if other first grasps and the other order are tried. Levels 2 and 3 make two
     /// and three times the proposals.
     pub fn of_level(level: u32) -> Self {
@@ -69,12 +69,12 @@ impl VerificationEffort {
     }
 }
 
-/// Minimum number of holds for a mean and a spread.
+/// Minimum number of holds for a mean and standard deviations.
 const MIN_HOLDS: usize = 8;
 /// Iterations of the mean rotation.
 const MEAN_ITERATIONS: usize = 3;
-/// Threshold above which a plan is sure: the share of the draws in which its best second grasp holds. No other first
-/// grasp is searched for then.
+/// Threshold above which a grasp pair is sure: the share of the draws in which its best second grasp holds. No other
+/// first grasp is searched for then.
 const SURE_SHARE: f64 = 0.92;
 /// Threshold on the same share below which the other order is searched.
 const POOR_SHARE: f64 = 0.8;
@@ -90,7 +90,7 @@ pub struct Verification {
     /// Pose of the first object in the palm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<HoldStatistics>,
-    /// Proven grasps, the best first.
+    /// Verified grasps, the best first.
     pub grasps: Vec<VerifiedGrasp>,
 }
 
@@ -150,8 +150,8 @@ impl Verification {
         self.grasps.iter().map(held).max().unwrap_or(0) as f64 / self.holds.len().max(1) as f64
     }
 
-    /// Returns the rehearsals of `grasp`, with the errors in axes that turn with its heading. `None` if it is not among
-    /// the proven grasps.
+    /// Returns the rollouts of `grasp`, with the errors in axes that turn with its heading. `None` if it is not among
+    /// the verified grasps.
     pub fn rollouts(&self, grasp: &Grasp) -> Result<Option<Vec<Rollout>>> {
         let Some(verified) = self.grasps.iter().find(|verified| verified.grasp == grasp.id) else { return Ok(None) };
         let narrow = (0..self.holds.len()).map(|number| draw_errors(ErrorMagnitude::Residual, number));
@@ -171,8 +171,8 @@ impl Verification {
     }
 }
 
-/// Proves second grasps for those of the `plans` that have no proof, or an unsure one that took less than this effort.
-/// `done` is called after each step. Shows a progress bar unless `quiet`.
+/// Verifies second grasps for those of the pairs `plans` that have no verification, or an unsure one that took less
+/// than this effort. `done` is called after each step. Shows a progress bar unless `quiet`.
 pub fn verify_pairs(
     world: &SimulatedWorld,
     repertoire: &Repertoire,
@@ -182,7 +182,7 @@ pub fn verify_pairs(
     done: impl Fn(&GraspPair) -> Result<()> + Sync,
 ) -> Result<()> {
     let prover = GraspVerifier::new(world, repertoire, effort);
-    plans.for_each_pair("plans proven", quiet, |plan| {
+    plans.for_each_pair("pairs verified", quiet, |plan| {
         if prover.recompute_holds(plan)? {
             done(plan)?;
         }
@@ -204,14 +204,14 @@ impl GraspPair {
     }
 }
 
-/// Step of the search for a plan's proofs.
+/// Step of the verification of a grasp pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VerificationStep {
-    /// Proves second grasps after the planned first grasp.
+    /// Verifies second grasps after the planned first grasp.
     Planned,
-    /// Proves second grasps after another first grasp, if the plan is not sure.
+    /// Verifies second grasps after another first grasp, if the pair is not sure.
     Another,
-    /// Proves the reversed plan, if the plan is poor. The search is complete after this step.
+    /// Verifies the reversed pair, if the pair scores low. The search is complete after this step.
     OtherOrder,
 }
 
@@ -219,7 +219,7 @@ pub enum VerificationStep {
 pub const VERIFICATION_STEPS: [VerificationStep; 3] =
     [VerificationStep::Planned, VerificationStep::Another, VerificationStep::OtherOrder];
 
-/// Prover of plans in a world.
+/// Verifier of grasp pairs in a world.
 pub struct GraspVerifier<'a> {
     world: Cow<'a, SimulatedWorld>,
     repertoire: &'a Repertoire,
@@ -233,7 +233,7 @@ impl<'a> GraspVerifier<'a> {
         Self { world: Cow::Borrowed(world), repertoire, board, effort }
     }
 
-    /// Takes the first object once more if a proof lacks its pose in the hand. Returns true if a pose was added.
+    /// Takes the first object once more if a verification lacks its pose in the hand. Returns true if a pose was added.
     fn recompute_holds(&self, plan: &mut GraspPair) -> Result<bool> {
         let firsts = plan.grasps(&self.world.cell.robot.hand, self.repertoire)?;
         let race = Race::new(&self.world, self.repertoire, &self.board, plan, self.effort)?;
@@ -254,7 +254,7 @@ impl<'a> GraspVerifier<'a> {
         Ok(found)
     }
 
-    /// Runs one step for a plan.
+    /// Runs one step for a grasp pair.
     pub fn step(&self, step: VerificationStep, plan: &mut GraspPair) -> Result<()> {
         match step {
             VerificationStep::OtherOrder => {
@@ -274,7 +274,8 @@ impl<'a> GraspVerifier<'a> {
         if plan.verification.as_ref().is_none_or(|proof| proof.effort < self.effort.level)
             && let Some((proof, found)) = race.run(plan)?
         {
-            // A further race draws other proposals and may end with fewer holds: the better proof stays, as searched at this level.
+            // A further race draws other proposals and may end with fewer holds. The better verification stays, as
+            // searched at this level.
             match &mut plan.verification {
                 Some(known) if known.best_share() >= proof.best_share() => known.effort = proof.effort,
                 _ => {
@@ -286,7 +287,7 @@ impl<'a> GraspVerifier<'a> {
         Ok(())
     }
 
-    /// Proves the plan of the same two objects in the other order.
+    /// Verifies the grasp pair of the same two objects in the other order.
     fn verify_other_order(&self, plan: &mut GraspPair) -> Result<()> {
         let other =
             GraspVerifier { world: Cow::Owned(self.world.with_places_swapped()), board: self.board.clone(), ..*self };
@@ -299,8 +300,8 @@ impl<'a> GraspVerifier<'a> {
         other.step(VerificationStep::Another, reversed)
     }
 
-    /// Proves second grasps after another first grasp, known or newly found: of those that are neither planned nor
-    /// proven, the one after which the known second grasps go best.
+    /// Verifies second grasps after another first grasp, known or newly found. Among those that are neither planned nor
+    /// verified, it takes the one after which the known second grasps score highest.
     fn verify_another(&self, race: &Race, plan: &mut GraspPair) -> Result<()> {
         let sets = digit_sets(&self.world.cell.robot.hand, 2);
         let verified: Vec<u32> =
@@ -362,7 +363,7 @@ mod tests {
         Grasp { id, yaw: 0.0, ..any.clone() }
     }
 
-    /// Rotations of a symmetry add no spread. Visible rotations do, and so do positions.
+    /// Rotations of a symmetry add no variance. Visible rotations do, and so do positions.
     #[test]
     fn holds_have_a_mean_and_a_spread() {
         let about = |axis: usize, angle: f64| UnitQuaternion::new(Vector3::ith(axis, angle));
@@ -380,11 +381,11 @@ mod tests {
         assert_eq!(HoldStatistics::from_poses(&poses[1..], &Symmetry::Full), None);
     }
 
-    /// With little effort, a plan that is sure gets a proof: some grasps, among them the planned one, and a letter for
-    /// each draw that has a hold. Grasps that were found belong to the plan and have the pose in which they hold the
-    /// object.
+    /// With little effort, a pair that is sure gets a verification: some grasps, among them the planned one, and a
+    /// letter for each draw that has a hold. Grasps that were found belong to the pair and have the pose in which they
+    /// hold the object.
     #[test]
-    fn a_plan_is_proven() {
+    fn a_pair_is_verified() {
         let world = SimulatedWorld::new(&hand_model::RobotModel::ftac_gen3(), scenarios::Scenario::benchmark())
             .expect("the world");
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
@@ -401,9 +402,9 @@ mod tests {
             batch: 2,
             level: 1,
         };
-        verify_pairs(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a proof");
+        verify_pairs(&world, &repertoire, &mut plans, effort, true, |_| Ok(())).expect("a verification");
         let plan = &plans.pairs[0];
-        let proof = plan.verification.as_ref().expect("a proof");
+        let proof = plan.verification.as_ref().expect("a verification");
         let held = proof.holds.iter().flatten().count();
         assert!(proof.holds.len() == 3 && held > 0 && proof.best_share() > 0.5, "{proof:?}");
         assert!(
@@ -421,14 +422,14 @@ mod tests {
     #[test]
     fn letters_stand_for_circumstances() {
         let holds = vec![None, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some([0.0; 6])];
-        let proof = Verification {
+        let verification = Verification {
             effort: 1,
             holds,
             hold: None,
             grasps: vec![VerifiedGrasp { grasp: 7, near: "hc".into(), wide: "m".into() }],
         };
-        assert_eq!(proof.rollouts(&grasp(8)).expect("letters"), None);
-        let tried = proof.rollouts(&grasp(7)).expect("letters").expect("proven");
+        assert_eq!(verification.rollouts(&grasp(8)).expect("letters"), None);
+        let tried = verification.rollouts(&grasp(7)).expect("letters").expect("verified");
         let outcomes: Vec<TryOutcome> = tried.iter().map(|one| one.outcome).collect();
         assert_eq!(outcomes, [TryOutcome::Held, TryOutcome::Contact, TryOutcome::Missed]);
         let errors =
@@ -436,6 +437,9 @@ mod tests {
         let wide = aim_error(&wide_errors(2)[1], 0.0);
         assert_eq!(tried.iter().map(|one| one.error).collect::<Vec<_>>(), [errors[0], errors[1], errors[0] + wide]);
         assert_eq!(tried[0].hold.map(|hold| hold.0[2]), Some(0.003));
-        assert!((proof.first_holds() - 2.0 / 3.0).abs() < 1e-12 && (proof.best_share() - 1.0 / 3.0).abs() < 1e-12);
+        assert!(
+            (verification.first_holds() - 2.0 / 3.0).abs() < 1e-12
+                && (verification.best_share() - 1.0 / 3.0).abs() < 1e-12
+        );
     }
 }

@@ -3,16 +3,16 @@
 use super::SEARCH_EFFORT;
 use crate::grasp_pair::GraspPair;
 
-/// Maximum number of rehearsals of a pair that is planned and tried under errors in both orders, with four first and
-/// fourteen second grasps and three fallen poses of the second object. In each order: 60 to choose, 150 for the odds
-/// and 210 for the fallen poses, 490 after other first grasps, 400 for variations.
+/// Maximum number of rollouts of a pair that is planned and tried under errors in both orders, with four first and
+/// fourteen second grasps and three fallen poses of the second object. In each order: 60 to choose, 150 for the outcome
+/// model and 210 for the fallen poses, 490 after other first grasps, 400 for variations.
 const PAIR_ROLLOUTS: f64 = 2.0 * 1310.0;
-/// Maximum number of rehearsals of a pair that is proven at a level of effort: five races of some 600, for the planned
+/// Maximum number of rollouts of a pair that is verified at a level of effort: five races of some 600, for the planned
 /// and another first grasp in either order and for new first grasps.
 const VERIFICATION_ROLLOUTS: f64 = 5.0 * 600.0;
 
-/// Returns the forecast of a search in `place` (from 0) once a rehearsal is known to take `seconds` with all threads of
-/// this machine. `after` are the places of the searches that follow.
+/// Returns the forecast of a search in `place` (from 0) once the time of a rollout, `seconds`, with all threads of this
+/// machine is known. `after` are the places of the searches that follow.
 pub fn forecast_search(name: &str, place: usize, after: &[usize], seconds: f64) -> String {
     let most = |place: usize| seconds * SEARCH_EFFORT.max_rollouts(place) as f64;
     let one = most(place);
@@ -21,27 +21,25 @@ pub fn forecast_search(name: &str, place: usize, after: &[usize], seconds: f64) 
         0 => String::new(),
         n => format!(", with the {n} after it at most {}", format_time(all)),
     };
-    format!(
-        "a rehearsal of {name} takes {seconds:.2} s on this machine: this search at most {}{rest}",
-        format_time(one)
-    )
+    format!("a rollout of {name} takes {seconds:.2} s on this machine: this search at most {}{rest}", format_time(one))
 }
 
-/// Returns the forecast before `pairs` are planned, if a rehearsal takes `seconds` on one thread. Each thread plans one
+/// Returns the forecast before `pairs` are planned, if a rollout takes `seconds` on one thread. Each thread plans one
 /// pair.
 pub fn forecast_pairs(pairs: usize, seconds: Option<f64>, effort: u32) -> String {
     let planned = if pairs == 1 { "planning one pair".to_owned() } else { format!("planning {pairs} pairs") };
     let Some(seconds) = seconds else { return format!("{planned} in physics") };
     let rounds = pairs.div_ceil(rayon::current_num_threads().max(1)) as f64;
     // Level n makes n times the proposals of the first level.
-    let proofs: f64 = (1..=effort).map(|level| VERIFICATION_ROLLOUTS * f64::from(level)).sum();
+    let verification: f64 = (1..=effort).map(|level| VERIFICATION_ROLLOUTS * f64::from(level)).sum();
     format!(
-        "{planned} in physics, a rehearsal of which takes {seconds:.2} s on this machine: at most {}",
-        format_time(rounds * (PAIR_ROLLOUTS + proofs) * seconds)
+        "{planned} in physics, a rollout of which takes {seconds:.2} s on this machine: at most {}",
+        format_time(rounds * (PAIR_ROLLOUTS + verification) * seconds)
     )
 }
 
-/// Describes how reliable the pairs are that did not come with a plan: those with a proof by name, the others together.
+/// Describes the reliability of the pairs that did not come with the program: those with a verification by name, the
+/// others together.
 pub fn describe_verification<'a>(plans: impl Iterator<Item = &'a GraspPair>) -> Vec<String> {
     let (verified, others): (Vec<&GraspPair>, Vec<&GraspPair>) = plans.partition(|plan| plan.verification.is_some());
     let sure = verified.iter().map(|plan| {
@@ -55,7 +53,7 @@ pub fn describe_verification<'a>(plans: impl Iterator<Item = &'a GraspPair>) -> 
     });
     let unproven = others.iter().filter(|plan| plan.objects().len() == 2).count();
     let rest = (unproven > 0).then(|| {
-        format!("{unproven} pairs were tried under errors of their aim alone: --effort 1 looks for grasps that hold in trials as they are drawn")
+        format!("{unproven} pairs were tried under errors of their aim alone: --effort 1 searches for grasps that hold in drawn trials")
     });
     sure.chain(rest).collect()
 }

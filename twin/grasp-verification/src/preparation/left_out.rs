@@ -1,4 +1,4 @@
-//! Objects of a scenario that are not played, with the reasons. Another benchmark never takes their place silently.
+//! Objects of a scenario that are not used, with the reasons. Another benchmark never takes their place silently.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use world::objects::ObjectFile;
 use crate::grasp_pair::GraspPairTable;
 use crate::simulated_world::SimulatedWorld;
 
-/// Error: none of the scenario's own objects can be played. Holds the reasons.
+/// Error: none of the scenario's own objects can be used. Holds the reasons.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NotPlayable(pub String);
 
@@ -41,11 +41,11 @@ fn places(world: &SimulatedWorld, name: &str) -> Vec<(Vec<Digit>, &'static str)>
 fn unpickable(world: &SimulatedWorld, repertoire: &Repertoire, name: &str) -> Option<String> {
     let sets = places(world, name);
     if sets.is_empty() {
-        return Some(format!("{name} is not played: the scenario names it neither in first nor in second"));
+        return Some(format!("{name} is not used: the scenario names it neither in first nor in second"));
     }
     let places: Vec<&str> = sets.iter().map(|(_, list)| *list).collect();
     let none = sets.iter().all(|(digits, _)| repertoire.for_digits(name, digits).next().is_none());
-    none.then(|| format!("{name} is not played: no grasp was found that holds it as {} object", places.join(" or ")))
+    none.then(|| format!("{name} is not used: no grasp was found that holds it as {} object", places.join(" or ")))
 }
 
 /// Returns an error if none of the own objects can be picked up, before anything is planned.
@@ -55,7 +55,7 @@ pub fn refuse_unpickable(world: &SimulatedWorld, repertoire: &Repertoire) -> Res
     if own.is_empty() || reasons.len() < own.len() {
         return Ok(());
     }
-    bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", reasons.join("; "))))
+    bail!(NotPlayable(format!("none of the scenario's own objects can be used: {}", reasons.join("; "))))
 }
 
 /// Returns the own objects that cannot be in any combination, with the reasons. Adds the other requests that were not
@@ -82,12 +82,12 @@ pub fn left_out_objects(
                 notes.push(format!("{name} is in none of the combinations: only {count} were asked for"));
             }
             None => left_out.push(format!(
-                "{name} is not played: none of its {rejected} {combinations} can be done by this hand, even without errors"
+                "{name} is not used: none of its {rejected} {combinations} can be done by this hand, even without errors"
             )),
         }
     }
     if own > 0 && left_out.len() == own {
-        bail!(NotPlayable(format!("none of the scenario's own objects can be played: {}", left_out.join("; "))));
+        bail!(NotPlayable(format!("none of the scenario's own objects can be used: {}", left_out.join("; "))));
     }
     if plans.pairs.is_empty() {
         bail!(

@@ -41,11 +41,11 @@ fn own_objects_are_searched_in_their_places() {
         searches(&world, builtin).into_iter().map(|search| (search.object.name.as_str(), search.place)).collect()
     };
     assert_eq!(wanted(true), [("my_ball", 0), ("my_cube", 1)]);
-    // Nothing is known for a user's own robot.
+    // No grasps exist for a user's own robot.
     assert!(wanted(false).contains(&("golf_ball", 0)) && wanted(false).len() > 2, "{:?}", wanted(false));
 }
 
-/// A plan is found again for the same objects and grasps only.
+/// A grasp pair is found again for the same objects and grasps only.
 #[test]
 fn a_changed_object_or_grasp_is_another_key() {
     let pair = Combination { id: 0, objects: vec!["golf_ball".into(), "my_cube".into()] };
@@ -61,7 +61,7 @@ fn a_changed_object_or_grasp_is_another_key() {
     without.scenario.effects = without.scenario.effects.without(Effect::Gel);
     assert_ne!(first, key(&without, &repertoire), "soft pads");
     without.scenario.effects = world(0.1, 0.05).scenario.effects.without(Effect::Detector);
-    assert_eq!(first, key(&without, &repertoire), "errors have no part in a rehearsal");
+    assert_eq!(first, key(&without, &repertoire), "errors have no part in a rollout");
     repertoire
         .grasps
         .get_mut("golf_ball")
@@ -70,7 +70,8 @@ fn a_changed_object_or_grasp_is_another_key() {
     assert_ne!(first, key(&world(0.1, 0.05), &repertoire), "grasps");
 }
 
-/// Pairs of the benchmark keep its plans, also if a scenario adds objects. Places of its own need plans of their own.
+/// Combinations of the benchmark keep its grasp pairs, also if a scenario adds objects. Other places need other grasp
+/// pairs.
 #[test]
 fn plans_of_the_benchmark_are_used_where_they_fit() {
     let builtin = crate::builtin::grasp_pairs().expect("the built-in plans");
@@ -94,14 +95,14 @@ fn what_cannot_be_picked_is_named() {
     assert!(text.contains("my_cube") && text.contains("50 x 50 x 50 mm") && text.contains("128"), "{text}");
 }
 
-/// Returns a plan of a pair with placeholder grasp numbers.
+/// Returns a grasp pair with placeholder grasp numbers.
 fn plan_of(pair: &Combination) -> grasp_pair::GraspPair {
     let mut plan = crate::builtin::grasp_pairs().expect("the built-in plans").pairs.swap_remove(0);
     (plan.first, plan.second) = (pair.objects[0].clone(), pair.objects[1].clone());
     plan
 }
 
-/// Returns plans of the test world's four pairs. Only the pairs for which `works` is true can be done.
+/// Returns grasp pairs of the test world's four combinations. Only those for which `works` is true can be done.
 fn plans_of(world: &SimulatedWorld, count: usize, works: impl Fn(&Combination) -> bool + Sync) -> GraspPairTable {
     let made = grasp_pair::make_pairs(&world.scenario, count, 1, true, |pair| Ok(works(pair).then(|| plan_of(pair))));
     made.expect("plans")
@@ -129,11 +130,8 @@ fn an_own_object_is_played_instead_of_another_benchmark() {
     let cube = repertoire.for_digits("lemon", &digit_sets(&world)[1]).next().expect("a grasp").clone();
     repertoire.insert(Grasp { object: "my_ball".into(), ..any });
     repertoire.insert(Grasp { object: "my_cube".into(), ..cube });
-    let left_out = left_out::left_out_objects(&world, &repertoire, &all, 4, &mut notes).expect("the cube is played");
-    assert!(
-        left_out.len() == 1 && left_out[0].starts_with("my_ball is not played: none of its 2 pairs"),
-        "{left_out:?}"
-    );
+    let left_out = left_out::left_out_objects(&world, &repertoire, &all, 4, &mut notes).expect("the cube is used");
+    assert!(left_out.len() == 1 && left_out[0].starts_with("my_ball is not used: none of its 2 pairs"), "{left_out:?}");
     assert!(notes.len() == 1 && notes[0].contains("my_ball + my_cube"), "{notes:?}");
 }
 

@@ -35,7 +35,7 @@ fn yaw_matters_unless_the_object_is_a_ball() {
     assert!(object_extent(&turned).yaw_matters);
 }
 
-/// The centre of a resting object is as high as its extent says, for every object of the benchmark.
+/// The height of a resting object's centre is its vertical extent, for every object of the benchmark.
 #[test]
 fn the_vertical_extent_is_the_rest_height() {
     let world = SimulatedWorld::new(&RobotModel::ftac_gen3(), Scenario::benchmark()).expect("the world");

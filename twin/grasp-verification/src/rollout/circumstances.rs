@@ -1,9 +1,9 @@
-//! Circumstances: everything that differs from trial to trial when objects are taken, drawn for proofs.
+//! Circumstances: everything that differs from trial to trial when objects are taken, drawn for verification.
 //!
-//! A draw has the residual errors of an object's place after a touch, the errors of the arm, the places of the objects
-//! within the layout's spread, and the individual properties of the objects. The first object is taken under the draw,
-//! so that each draw has its own hold. Draws for a selection have wider errors ([`ErrorMagnitude::Wide`]), under which few
-//! draws tell good grasps from better ones.
+//! A draw has the residual position errors of an object after a touch, the errors of the arm, the places of the objects
+//! within the layout's variation, and the properties of the object instances. The first object is taken under the draw,
+//! so that each draw has its own hold. Draws for a selection have wider errors ([`ErrorMagnitude::Wide`]), under which
+//! few draws distinguish good grasps from better ones.
 
 use anyhow::Result;
 use control::executor::{Phase, Skill};
@@ -19,14 +19,14 @@ use sim::tactile::TactileBoard;
 use super::{RolloutSnapshot, TrialStart, VERIFICATION_SEED, in_hand, narrow_levels};
 use crate::simulated_world::{SimulatedWorld, drive};
 
-/// Factors on the position errors of [`ErrorMagnitude::Wide`] for an informative touch and for one that tells little.
-/// [`UNINFORMATIVE_SHARE`] is the share of the latter. Measured on 63 touches of second objects on seed 1: errors of 0.88,
-/// 0.44 and 0.79 mm in the median along x, y and z of the world, 2.0, 2.9 and 2.3 mm root mean square.
+/// Factors on the position errors of [`ErrorMagnitude::Residual`] for an informative touch and for an uninformative
+/// one. [`UNINFORMATIVE_SHARE`] is the share of the latter. Measured on 63 touches of second objects on seed 1: errors
+/// of 0.88, 0.44 and 0.79 mm in the median along x, y and z of the world, 2.0, 2.9 and 2.3 mm root mean square.
 const RESIDUAL_FACTORS: [f64; 2] = [0.4, 1.8];
-/// Share of the touches that tell little, see [`RESIDUAL_FACTORS`].
+/// Share of the uninformative touches, see [`RESIDUAL_FACTORS`].
 const UNINFORMATIVE_SHARE: f64 = 0.2;
 
-/// Magnitude of the errors of an object's place relative to the hand's aim.
+/// Magnitude of the position errors of an object relative to the hand's aim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorMagnitude {
     /// The residual errors after a touch.
@@ -63,13 +63,13 @@ fn draw_noise(errors: ErrorMagnitude, number: usize) -> (TrialNoise, ChaCha8Rng)
             let little = rng.random::<f64>() < UNINFORMATIVE_SHARE;
             object.offset = (object.offset + noise.position) * RESIDUAL_FACTORS[usize::from(little)];
         }
-        // A touch gives the object's place relative to the hand, whatever the arm's error is.
+        // A touch gives the object's position relative to the hand, whatever the arm's error is.
         noise.position = Vector3::zeros();
     }
     (noise, rng)
 }
 
-/// Takes the first object with the first of `grasps` in the circumstances of `noise`, and plays up to the decision on
+/// Takes the first object with the first of `grasps` in the circumstances of `noise`, and runs up to the decision on
 /// the second. Returns `None` if the grasp does not reach or hold the object.
 pub fn hold_first(
     world: &SimulatedWorld,

@@ -19,7 +19,7 @@ fn errors(scale: f64) -> TrialNoise {
 }
 
 /// Returns the true pose of the object in the hand for a level grasp that is aimed under `noise`, by composing poses.
-/// The planner sends the palm to the perceived object, and the arm goes there with its own error.
+/// The planner sends the palm to the detected object, and the arm goes there with its own error.
 fn by_composition(grasp: &Grasp, noise: &TrialNoise, center: &Point3<f64>) -> Isometry3<f64> {
     let seen = center + noise.objects[1].offset;
     let world_from_palm = noise.executed_pose(&grasp.palm_pose(&seen, noise.objects[1].yaw));
@@ -36,7 +36,7 @@ fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
-/// An error in the world is an error of the object's place in the hand, to first order: the residual falls with the
+/// An error in the world is an error of the object's position in the hand, to first order: the residual falls with the
 /// square of the error. The hand points ahead and is level, so that the world's axes are those of roll, pitch and yaw.
 /// It grasps the object at the palm's origin, about which the arm's error turns it.
 #[test]
@@ -69,9 +69,9 @@ fn shifts_are_exact() {
     }
 }
 
-/// The errors under which grasps are proven are the same in every run, whatever their number.
+/// The errors under which grasps are verified are the same in every run, whatever their number.
 #[test]
-fn proving_errors_are_fixed() {
+fn verification_errors_are_fixed() {
     let (few, many) = (verification_errors(3), verification_errors(9));
     assert_eq!(few[..], many[..3]);
     assert!(many.windows(2).all(|pair| pair[0] != pair[1]));

@@ -30,8 +30,8 @@ const MAX_PAYLOAD: f64 = 10.0;
 const PAYLOAD_RATIO: f64 = 1.1;
 
 /// (a) Least wrench margin, N, with [`TOTAL_FORCE`]: the weight of 0.1 kg in the holding test. It judges the contact
-/// positions, whatever the object weighs, because a heavier object may be pressed harder. The holding test (c) decides
-/// if it is held.
+/// positions whatever the weight of the object, because a heavier object may be pressed harder. The holding test (c)
+/// decides if it is held.
 pub const MIN_MARGIN: f64 = 1.0;
 
 /// Computes the wrench margin of a closed grasp, N.
@@ -206,9 +206,9 @@ fn candidate_masses(held: f64) -> Vec<f64> {
     masses
 }
 
-/// Returns the largest of [`candidate_masses`] that `holds` in every direction. The first is known to hold. A mass that holds in
-/// one direction mostly holds in the next, so one query per direction is usually enough, above all if the weakest comes
-/// first.
+/// Returns the largest of [`candidate_masses`] that `holds` in every direction. The first one holds. A mass that holds
+/// in one direction mostly holds in the next, so one query per direction is usually enough, above all if the weakest
+/// comes first.
 fn largest_held(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool) -> f64 {
     let masses = candidate_masses(held);
     let [weakest, others @ ..] = directions;
@@ -242,8 +242,8 @@ mod tests {
         assert!((at(0.02, 0.01, 0.01) - corner).abs() < 1e-12, "the corner is rounded off");
     }
 
-    /// The payload is found to a tenth, from below, whichever direction is weakest. It is never below the mass that is
-    /// known to hold, and never above the largest mass that is tried.
+    /// The payload is found to a tenth, from below, whichever direction is weakest. It is never below the mass that
+    /// holds, and never above the largest mass that is tried.
     #[test]
     fn the_largest_mass_is_found() {
         for most in [0.1, 0.137, 0.4, 2.9, 9.0] {
@@ -297,8 +297,8 @@ mod tests {
     #[test]
     fn a_joint_that_creeps_keeps_the_test_going() {
         let held = |turn| motion_along(&LateJump { steps: 0, turn, joint: [0.0] }, 0, 0.1).is_held();
-        assert!(!held(1e-7), "the object is seen to go");
-        assert!(held(0.0), "nothing moves, so nothing can come");
+        assert!(!held(1e-7), "the motion of the object is detected");
+        assert!(held(0.0), "nothing moves");
     }
 
     /// An object that nothing touches flies off. The test can fail, and it reports the direction of the motion.

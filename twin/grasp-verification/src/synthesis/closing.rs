@@ -4,9 +4,9 @@
 //! slowly closing hand would damp it. Once they have closed, the damping is removed and the grasp has to come to rest
 //! by itself.
 //!
-//! A sample does not say how hard each digit has to pull to keep the object between the digits. A closing costs a
-//! thirtieth of a chain, so several [`ClosingParameters`]s are tried: the plain one first, then others with different tensions,
-//! helping actuators and a small offset.
+//! A sample does not state how hard each digit has to pull to keep the object between the digits. A closing costs a
+//! thirtieth of a chain, so several [`ClosingParameters`] are tried: the plain one first, then others with different
+//! tensions, helping actuators and a small offset.
 
 use dexterous_grasping::synthesis::chain::GraspSample;
 use dexterous_grasping::synthesis::frames::{HandState, LinkFrames};
@@ -113,14 +113,14 @@ pub struct ClosingParameters {
 }
 
 impl ClosingParameters {
-    /// Creates the plain aim: every actuator that is `closing` pulls with the same tension, within the range `low` to
-    /// `high` (N), and the hand stays at the sample.
+    /// Creates the plain closing: every actuator that is `closing` pulls with the same tension, within the range `low`
+    /// to `high` (N), and the hand stays at the sample.
     pub fn plain(closing: &[bool], (low, high): (f64, f64)) -> Self {
         let tension = CLOSE_TENSION.clamp(low, high);
         Self { tensions: closing.iter().map(|closing| closing.then_some(tension)).collect(), offset: [0.0; 6] }
     }
 
-    /// Draws an aim with tensions from the range `low` to `high` (N), now and then a helping actuator that `may_close`,
+    /// Draws a closing with tensions from the range `low` to `high` (N), sometimes a helping actuator that `may_close`,
     /// and a small offset.
     pub fn varied(closing: &[bool], may_close: &[bool], (low, high): (f64, f64), rng: &mut impl Rng) -> Self {
         let tension = |(closing, may_close): (&bool, &bool)| {

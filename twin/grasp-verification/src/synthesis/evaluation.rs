@@ -1,5 +1,4 @@
-//! Evaluation of the synthesis: rates with intervals, negative controls, and how well each metric predicts that a grasp
-//! holds.
+//! Evaluation of the synthesis: rates with intervals, negative controls, and the prediction of holding by each metric.
 //!
 //! Metrics and controls use plain closings, of which nothing is selected: every chain's one sample is closed if
 //! possible, and every closed grasp takes every check. The gain of further closings is a rate of its own.

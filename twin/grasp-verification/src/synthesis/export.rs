@@ -1,5 +1,5 @@
 //! Export of a held grasp as a scene for a second engine: the open hand around its object, the commands that close it,
-//! and the load that it then has to bear.
+//! and the load in the test.
 //!
 //! `tests/mujoco/shake.py` closes and shakes it in MuJoCo.
 
@@ -22,8 +22,8 @@ use super::grasping_hand::GraspingHand;
 use super::subject::verified_for;
 
 /// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the
-/// commands, the test and the results found here. The object has the mass and friction of the grasp's proof, whatever
-/// its own are. Returns the paths of both files.
+/// commands, the test and the results found here. The object has the mass and friction of the grasp's verification,
+/// whatever its own are. Returns the paths of both files.
 pub fn write(hand: &GraspingHand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
     let (mass, friction) = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];

@@ -1,4 +1,4 @@
-//! Grasps from a file, with everything needed to use them: the hand that found them, and its objects.
+//! Grasps from a file, with their hand and objects.
 //!
 //! A file is the built-in collection of all objects, or the result of one search. A search may be of our own hand, or
 //! of another hand, which is read from the files that the header names. Poses of an object from a mesh file are in that

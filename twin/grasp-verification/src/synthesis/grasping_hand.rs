@@ -1,7 +1,7 @@
 //! Hand model of the grasp synthesis: how a hand may touch, open, pull and hold.
 //!
-//! [`GraspingHand::from_hand`] builds it from a hand whose digits and pads are known, and [`super::urdf_hand::describe`] from
-//! any URDF.
+//! [`GraspingHand::from_hand`] builds it from a hand whose digits and pads are known, and
+//! [`super::urdf_hand::describe`] from any URDF.
 
 use std::sync::Arc;
 

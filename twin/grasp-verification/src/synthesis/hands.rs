@@ -63,7 +63,7 @@ pub struct CellInputs {
     files: String,
 }
 
-/// A grasp that held, as it is drawn. Palm frame, m and rad.
+/// A grasp that held, for a figure. Palm frame, m and rad.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BestGrasp {
     /// x, y, z, then i, j, k, w.

@@ -1,4 +1,4 @@
-//! Load of a search: the mass for which grasps are verified, and their payloads.
+//! Object properties of a search: the mass for which grasps are verified, and their payloads.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -27,7 +27,7 @@ impl ObjectProperties {
         Self { mass: model.mass, friction: model.friction, payload }
     }
 
-    /// Formats the load as text.
+    /// Formats the properties as text.
     pub fn text(&self) -> String {
         let grams = |kg: f64| format!("{:.*} g", if kg < 0.01 { 1 } else { 0 }, 1e3 * kg);
         let range = self.payload.map_or(String::new(), |[least, median, most]| {

@@ -35,7 +35,7 @@ pub fn count(hand: &GraspingHand, checked: &CheckedGrasp, report: &mut Synthesis
     }
 }
 
-/// Returns the record of a verified grasp without its proof.
+/// Returns the record of a verified grasp without its verified load.
 pub fn to_held_grasp(hand: &GraspingHand, subject: &PreparedObject, chain: u64, checked: &CheckedGrasp) -> HeldGrasp {
     let (closed, mechanism, named) = (&checked.closed, hand.mechanism(), hand.named_hand.is_some());
     let (pose, links) = (pose_to_array(&closed.scene.object()), closed.scene.links());
@@ -88,7 +88,7 @@ fn digit_use(hand: &GraspingHand, named: &Hand, subject: &PreparedObject, closed
     }
 }
 
-/// Completes a record with its proof.
+/// Completes a record with its verified load.
 pub fn add_verification(
     hand: &GraspingHand,
     checked: &CheckedGrasp,

@@ -1,7 +1,7 @@
 //! Repeated verification: the grasps of a file are closed once more from their open hands and checked once more, with
 //! negative controls.
 //!
-//! A file claims that its grasps were verified. This repeats the verification on this machine and with this version of
+//! A file states that its grasps were verified. This repeats the verification on this machine and with this version of
 //! the physics.
 
 use std::time::Instant;

@@ -97,7 +97,7 @@ pub fn search(
                 fresh.push(checked);
             }
         }
-        // A proof costs more than all earlier steps, so only the grasps that are kept get one.
+        // The verified load costs more than all earlier steps, so only the grasps that are kept get one.
         kept[before..].par_iter_mut().zip(fresh).for_each(|(grasp, checked)| {
             let verification: VerifiedLoad = synthesizer.verified_load(checked);
             record::add_verification(hand, checked, verification, grasp);

@@ -1,4 +1,5 @@
-//! Graspable places: where an object is thin enough for a hand, such as its handle, its rim, its edge, or all of it.
+//! Graspable places: points at which an object is thin enough for a hand, such as its handle, its rim, its edge, or all
+//! of it.
 
 use anyhow::{Result, bail};
 use nalgebra::{Point3, Vector3};

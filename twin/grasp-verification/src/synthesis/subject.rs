@@ -16,7 +16,7 @@ use super::size::{self, HandOpening};
 pub const TEST_MASS: f64 = 0.1;
 /// Default friction coefficient in the holding test (DexGraspBench). The objects' own are larger.
 pub const TEST_FRICTION: f64 = 0.6;
-/// Returns the mass (kg) and friction for which a grasp was verified. Files without a proof were verified for
+/// Returns the mass (kg) and friction for which a grasp was verified. Files without a verified load were verified for
 /// [`TEST_MASS`] and [`TEST_FRICTION`].
 pub fn verified_for(grasp: &HeldGrasp) -> (f64, f64) {
     grasp.verified_load.map_or((TEST_MASS, TEST_FRICTION), |verification| (verification.mass, verification.friction))
@@ -52,7 +52,7 @@ impl PreparedObject {
     pub fn from_set(name: &str) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let Some(object) = set.get(name) else {
-            bail!("--object: no object is called `{name}`; known are: {}", set.names().join(", "));
+            bail!("--object: found `{name}`, expected one of {}", set.names().join(", "));
         };
         Self::new(ObjectModel { friction: TEST_FRICTION, ..(**object).clone() })
     }

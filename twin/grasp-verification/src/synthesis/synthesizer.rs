@@ -209,7 +209,7 @@ impl<'a> Synthesizer<'a> {
         Some(wanted.matches(named, &grasp()))
     }
 
-    /// Returns the proof of a verified grasp: the mass, friction and payload for which it holds.
+    /// Returns the verified load of a grasp: the mass, friction and payload for which it holds.
     pub fn verified_load(&self, checked: &CheckedGrasp) -> VerifiedLoad {
         let payload = checks::payload(&checked.closed, checked.mass, &checked.hold);
         VerifiedLoad { mass: checked.mass, friction: self.subject.model.friction, payload }

@@ -48,7 +48,7 @@ fn a_seed_gives_the_same_bits_and_another_one_others() {
     assert_eq!(one, played(EpisodeTask::PickOne, Some(32), 5));
     let other = played(EpisodeTask::PickOne, Some(32), 6);
     assert!(one.0 != other.0 && one.1 != other.1);
-    assert_eq!(one.0, played(EpisodeTask::PickOne, None, 5).0, "whether there are images changes nothing else");
+    assert_eq!(one.0, played(EpisodeTask::PickOne, None, 5).0, "images change nothing else");
 }
 
 #[test]

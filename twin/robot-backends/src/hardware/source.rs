@@ -1,4 +1,4 @@
-//! Source of real robots: first connected and checked, then the objects are laid out by the operator, then the torque
+//! Source of real robots: the robot is connected and checked, then the operator lays out the objects, then the torque
 //! is switched on.
 
 use hardware_bridge::supported_robot::SERVOS;
@@ -86,7 +86,7 @@ impl HardwareFactory {
         let mistaken: Vec<String> = kept.exchanged_cameras(&now).iter().map(ToString::to_string).collect();
         if !mistaken.is_empty() {
             bail!(
-                "found {}, expected every camera where it was (`ftac bridge doctor --store-references` keeps what is right now)",
+                "found {}, expected every camera where it was (`ftac bridge doctor --store-references` stores the present images)",
                 mistaken.join(", ")
             );
         }
@@ -109,7 +109,7 @@ impl HardwareFactory {
         self.packets = Some(receiver);
         if let Some(why) = robot.report().priority_error {
             eprintln!(
-                "warning: the servo cycle does not run ahead of other programs ({why}). On a busy computer devices may stop in mid-trial. To permit it:"
+                "warning: the servo cycle has no real-time priority ({why}). On a busy computer devices may stop in mid-trial. To permit it:"
             );
             PERMIT_COMMANDS.iter().for_each(|command| eprintln!("  {command}"));
             eprintln!("then log in again.");
@@ -135,14 +135,14 @@ pub struct CheckedRobot {
     packets: Sender<LinkPacket>,
     /// Posture in which trials begin, rad.
     ready: ArmVector,
-    /// Longest time to think, s.
+    /// Longest pause while the controller computes, s.
     pause: f64,
     /// Time since which the checks have failed, if they do.
     failing_since: Option<Instant>,
 }
 
 impl CheckedRobot {
-    /// Repeats the checks while the operator is asked something. A robot that fails them for [`CHECK_TIMEOUT`] ends the
+    /// Repeats the checks during a question to the operator. A robot that fails them for [`CHECK_TIMEOUT`] ends the
     /// question.
     pub fn recheck(&mut self) -> Result<()> {
         let Err(error) = self.robot.check() else {
@@ -150,7 +150,7 @@ impl CheckedRobot {
             return Ok(());
         };
         if self.failing_since.get_or_insert_with(Instant::now).elapsed() > CHECK_TIMEOUT {
-            bail!("the checks do not pass any more: {error}");
+            bail!("the checks no longer pass: {error}");
         }
         Ok(())
     }
@@ -200,7 +200,7 @@ impl BackendFactory for HardwareFactory {
     fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBackend>> {
         let TrialTask { combination, trial, condition, .. } = setup.task;
         ensure_session_space(&self.sessions)?;
-        // Faults of robot or eyes are found before anybody lays out objects.
+        // Faults of robot or detector are found before the objects are laid out.
         let mut detector = self.connect_vision()?;
         let mut checked = self.check()?;
         eprintln!("combination {combination}, trial {trial}, {condition}:");
@@ -212,7 +212,7 @@ impl BackendFactory for HardwareFactory {
             let seen = detector.detect(name, || false)?;
             let seen =
                 seen.with_context(|| format!("{name} is hidden, expected it in sight before the trial begins"))?;
-            eprintln!("  {name} is seen at {}", format_position(&seen.pose));
+            eprintln!("  {name} is detected at {}", format_position(&seen.pose));
             Ok(())
         };
         let question = "The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.";

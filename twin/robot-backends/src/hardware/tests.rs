@@ -1,5 +1,6 @@
 //! Questions of the real robot to its operator, on emulated devices in real time.
 
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::fs::File;
 use std::io::{PipeWriter, Write as _};
@@ -13,7 +14,6 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::KortexLink;
-use hardware_bridge::xc330;
 use kinova_kortex::emulator::{Emulator, Injection, Pace, Settings};
 use kinova_kortex::{Arm, Timeouts};
 
@@ -51,7 +51,7 @@ fn bench() -> Bench {
     (config.limits.staleness, config.limits.arm_watchdog) = (30.0, 30.0);
     let servo = |n: usize| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware: 46,
         homing_offset: -(zeros[n].rem_euclid(4096) as i32),
         travel: TRAVEL,

@@ -115,7 +115,7 @@ fn what_is_no_mesh_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// No byte sequence in any place makes a reader panic.
+    /// Arbitrary bytes at any place do not make a reader panic.
     #[test]
     fn no_bytes_make_it_panic(kind in 0usize..4, at in 0usize..900, cut in 0usize..40, bytes in proptest::collection::vec(any::<u8>(), 0..24)) {
         let whole = [ascii_stl(), binary_stl(), ascii_ply(), glb()][kind].clone();

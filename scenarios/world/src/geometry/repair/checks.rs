@@ -71,7 +71,7 @@ fn describe_mismatch(
     let (most, lost) = surface_deviation(file, &surface(mesh.vertices(), mesh.triangles())?, limit);
     if lost > MAX_OMITTED_SHARE || most > 3.0 * cell {
         return Ok(Some(format!(
-            "rebuilt on {:.1} mm cells it leaves {:.1} % of the file's triangles out, by up to {:.1} mm",
+            "rebuilt on {:.1} mm cells it omits {:.1} % of the file's triangles, by up to {:.1} mm",
             1e3 * cell,
             100.0 * lost,
             1e3 * most
@@ -115,7 +115,7 @@ pub fn check(kept: &TriangleSoup, mesh: &Mesh, repair: &mut RepairReport) -> Res
     let thickness = 2.0 * volume / made.area();
     if thickness < MIN_THICKNESS {
         return Err(format!(
-            "it would enclose {:.3} cm3 with {:.0} cm2, {:.3} mm thick in the mean",
+            "it would enclose {:.3} cm3 with {:.0} cm2, {:.3} mm thick on average",
             1e6 * volume,
             1e4 * made.area(),
             1e3 * thickness
@@ -136,7 +136,7 @@ pub fn check(kept: &TriangleSoup, mesh: &Mesh, repair: &mut RepairReport) -> Res
     repair.max_deviation = most;
     if beyond > if repair.rebuilt.is_some() { MAX_OMITTED_SHARE } else { 0.0 } {
         return Err(format!(
-            "mended, it lies up to {:.2} mm from {:.1} % of the file's triangles, at most {:.2} mm may be",
+            "mended, it is up to {:.2} mm from {:.1} % of the file's triangles; at most {:.2} mm is allowed",
             1e3 * most,
             100.0 * beyond,
             1e3 * limit

@@ -127,7 +127,7 @@ pub fn orient_outwards(soup: &mut TriangleSoup, repair: &mut RepairReport) {
     let pieces = soup.pieces(&component, count);
     let volumes: Vec<f64> = pieces.iter().map(volume).collect();
     let around = containers(&pieces);
-    // The outermost surface around each piece decides which side is out.
+    // The outermost surface around each piece determines the outer side.
     let outermost = |n: usize| around[n].iter().copied().find(|outer| around[*outer].is_empty()).unwrap_or(n);
     let turned: Vec<bool> = (0..count).map(|n| volumes[outermost(n)] < 0.0).collect();
     let swallowed: Vec<bool> = (0..count)

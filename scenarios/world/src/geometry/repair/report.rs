@@ -1,4 +1,4 @@
-//! Report of a repair, in numbers and in words.
+//! Report of a repair, as numbers and as text.
 
 use std::fmt;
 
@@ -53,18 +53,18 @@ impl fmt::Display for RepairReport {
                 done.push(format!("{} {what}", count_text(count, one, many)));
             }
         };
-        tell(self.welded, "vertex", "vertices", "joined with others in the same place");
+        tell(self.welded, "vertex", "vertices", "merged with others in the same place");
         tell(self.degenerate, "triangle", "triangles", "without an area left out");
-        tell(self.duplicates, "doubled triangle", "doubled triangles", "left out");
-        tell(self.flipped, "triangle", "triangles", "turned over");
+        tell(self.duplicates, "duplicate triangle", "duplicate triangles", "left out");
+        tell(self.flipped, "triangle", "triangles", "flipped");
         tell(self.scraps, "loose scrap", "loose scraps", "left out");
-        tell(self.enclosed, "surface", "surfaces", "inside of the solid left out");
+        tell(self.enclosed, "surface", "surfaces", "inside the solid left out");
         if self.holes > 0 {
             let share = 100.0 * self.filled_share;
             done.push(format!("{} closed, {share:.1} % of the surface", count_text(self.holes, "hole", "holes")));
         }
         if let Some(cell) = self.rebuilt {
-            done.push(format!("what was open rebuilt with the winding number's sign on {:.1} mm cells", 1e3 * cell));
+            done.push(format!("open parts rebuilt with the winding number's sign on {:.1} mm cells", 1e3 * cell));
         }
         if let Some((before, after)) = self.simplified {
             done.push(format!("{before} triangles made {after}"));

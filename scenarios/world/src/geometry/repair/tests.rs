@@ -131,7 +131,8 @@ fn half_of_the_windings_flipped_is_the_same_solid() {
     }
 }
 
-/// Triangles that share no corner are not connected. Without an orientation there is no inside, and the error says so.
+/// Triangles that share no corner are not connected. Without an orientation there is no inside, and the error states
+/// this.
 #[test]
 fn what_cannot_be_told_is_refused() {
     let (vertices, triangles) = blob();

@@ -34,7 +34,7 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
         _ => bail!("--out: several folders need a folder for the merged result"),
     };
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
-    // A run that ended knows its own wall time. For a part of a run, the times of its trials are summed.
+    // A finished run has recorded its wall time. For a part of a run, the times of its trials are summed.
     let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| finished_wall_time(folder, &journal));
     let wall = ended.unwrap_or_else(|| journal.values().map(|entry| entry.wall_s).sum());
     let summary = results::write_results(&journal, &request, target, wall, None)?;

@@ -9,8 +9,7 @@ use statistics::{MIN_SAMPLES, NoTestReason};
 
 use crate::terminal::Terminal;
 
-/// Returns the reason why the results fall short, if they do. Conditions are compared only from [`MIN_SAMPLES`]
-/// combinations on.
+/// Returns the shortfall of the results, if any. Conditions are compared only from [`MIN_SAMPLES`] combinations on.
 pub fn shortfall(summary: &Summary) -> Option<String> {
     if !summary.left_out.is_empty() {
         return Some(summary.left_out.join("; "));
@@ -115,7 +114,7 @@ fn print_touch(summary: &Summary) {
         "decision {} ms p50, {} ms p99{}",
         number(summary.decision_ms.p50, 1),
         number(summary.decision_ms.p99, 1),
-        over.map_or(String::new(), |over| format!("; in {over} trials longer than the scenario gives it")),
+        over.map_or(String::new(), |over| format!("; in {over} trials longer than the scenario allows")),
     );
     println!(
         "pose error {} mm median, {} mm p95; {} deg median, {} deg p95",

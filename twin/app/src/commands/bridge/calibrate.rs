@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::x_series::hardware_error;
+use dynamixel_bus::xc330;
 use hand_model::Hand;
 use hardware_bridge::calibration::{HandCalibration, PartialCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::homing::{HomingSettings, find_stops, write_offsets};
 use hardware_bridge::reboot::error_status;
-use hardware_bridge::servo_bus::ServoBus;
-use hardware_bridge::xc330::{self, hardware_error};
 use progress::interrupt::Interrupt;
 use robot_backends::operator::operator_agrees;
 use robot_backends::wire_emulation::shaft_travel;
@@ -35,8 +36,8 @@ pub struct CalibrateArgs {
     /// remounted since.
     #[arg(long = "continue")]
     go_on: bool,
-    /// Individual robot (a file of `ftac sysid identify`) whose spools give the expected travels, instead of the nominal
-    /// robot's.
+    /// Robot instance (a file of `ftac sysid identify`) whose spools give the expected travels, instead of the nominal
+    /// model's.
     #[arg(long)]
     instance: Option<PathBuf>,
     /// Do not ask before moving.
@@ -63,7 +64,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     };
     let folder = config.calibration.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(std::path::Path::new("."));
-    // If the result cannot be written, nothing needs to move.
+    // Nothing needs to move if the result cannot be written.
     tempfile::NamedTempFile::new_in(folder)
         .with_context(|| format!("{}: cannot be written to", display_path(folder)))?;
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
@@ -77,26 +78,26 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     if !args.yes
         && !operator_agrees("Every digit will open, close and open again. Is the hand empty and clear of fingers?")?
     {
-        bail!("not calibrated: the operator did not say yes");
+        bail!("not calibrated: the operator did not confirm");
     }
     let felt = home_all(terminal, &config, &hand, &mut bus, &unfinished, &mut servos);
     if let Err(error) = felt {
         let kept = match servos.len() {
             0 => String::new(),
             n => format!(
-                "; the first {n} are kept in {}, and --continue goes on after them",
+                "; the first {n} are kept in {}, and --continue resumes after them",
                 display_path(unfinished.path())
             ),
         };
-        return Err(error.context(format!("nothing was calibrated, and the last calibration stays{kept}")));
+        return Err(error.context(format!("nothing was calibrated; the last calibration is kept{kept}")));
     }
     let doubts = suspicious_travels(&hand, &servos);
     doubts.iter().for_each(|doubt| eprintln!("warning: {doubt}"));
-    if !doubts.is_empty() && !args.yes && !operator_agrees("Is every servo where its id says?")? {
-        bail!("nothing was calibrated, and the last calibration stays: the operator did not say yes");
+    if !doubts.is_empty() && !args.yes && !operator_agrees("Does every servo drive the actuator of its id?")? {
+        bail!("nothing was calibrated; the last calibration is kept: the operator did not confirm");
     }
-    // The servos come first: a file that does not match them is refused at the next connection, and calibrating again
-    // mends it.
+    // The servos are written first: a file that does not match them is refused at the next connection, and a new
+    // calibration repairs it.
     write_offsets(&mut bus, &servos)?;
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
     let calibration = HandCalibration::new(&hand.parameters.name, servos);
@@ -129,8 +130,8 @@ fn suspicious_travels(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
 fn check_servos(bus: &mut ServoBus, config: &BridgeConfig, hand: &Hand) -> Result<()> {
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
-        if found != xc330::XC330_MODEL {
-            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::XC330_MODEL);
+        if found != xc330::MODEL.number {
+            bail!("{name}: servo {id}: found model {found}, expected {}", xc330::MODEL.number);
         }
         let error = error_status(bus, *id).with_context(|| name.clone())?;
         if error != 0 {
@@ -156,7 +157,7 @@ fn home_all(
     let settings = HomingSettings::default();
     for (id, name) in config.servos.ids.iter().zip(actuator_names(hand)).skip(servos.len()) {
         let servo = find_stops(bus, *id, &settings, &|| interrupt.happened()).with_context(|| name.clone())?;
-        // The line also tells that this digit has stopped moving.
+        // The line also shows that this digit has stopped moving.
         if !terminal.quiet {
             eprintln!(
                 "{name:12} id {id:3}: open mark at {} counts, travel {:.2} rad",
@@ -178,7 +179,7 @@ mod tests {
         let calibrated = |travels: [f64; 6]| -> Vec<ServoCalibration> {
             let servo = |(n, travel)| ServoCalibration {
                 id: n as u8 + 1,
-                model: xc330::XC330_MODEL,
+                model: xc330::MODEL.number,
                 firmware: 46,
                 homing_offset: 0,
                 travel,

@@ -53,10 +53,10 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
         return Ok(None);
     }
     eprintln!("The arm reports {before}.");
-    let question = "Once its faults are cleared the arm can move again. Is their cause gone, is nobody within its reach, and a hand on its stop?";
-    // The arm ends a session that gets no heartbeat while its operator thinks.
+    let question = "Once its faults are cleared, the arm can move again. Is their cause removed, its reach clear of people, and a hand on its emergency stop?";
+    // The arm ends a session without heartbeats, also while the operator thinks.
     if !args.yes && !operator_agrees_while(question, || Ok(arm.keep_up()?))? {
-        bail!("not cleared: the operator did not say yes");
+        bail!("not cleared: the operator did not confirm");
     }
     arm.base.clear_faults().context("the arm keeps its faults")?;
     let begun = Instant::now();

@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
 use clap::Args;
+use dynamixel_bus::servo_bus::latency_timer::{self, LatencyTimer};
+use dynamixel_bus::servo_bus::{BusError, ServoBus};
 use hand_model::{Hand, RobotModel};
 use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
@@ -14,8 +16,6 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::reference_pictures::ReferencePictures;
 use hardware_bridge::remote::socket_paths::{self, SocketFolder};
-use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
-use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, SetupFinding};
 use robot_backends::arm_link::connect_arm_link;
 
@@ -35,8 +35,8 @@ pub struct DoctorArgs {
     robot: RobotArgs,
     #[command(flatten)]
     config: ConfigArg,
-    /// Keep the present images as reference, so that exchanged camera plugs are noticed from now on. All cameras must
-    /// be in their sockets and nothing may touch the pads.
+    /// Store the present images as references, so that exchanged camera plugs are detected from now on. All cameras
+    /// must be in their sockets, and nothing may touch the pads.
     #[arg(long)]
     store_references: bool,
 }
@@ -195,14 +195,14 @@ fn check_cameras(config: &BridgeConfig, expected: usize, know: bool, findings: &
 fn check_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> SetupFinding {
     let what = "every camera shows its own pad";
     match describe_exchanged_cameras(config, link, know) {
-        Ok(None) => SetupFinding::new(what, "unknown: none are kept", "pictures kept by --store-references", true),
+        Ok(None) => SetupFinding::new(what, "unknown: no references", "references of --store-references", true),
         Ok(Some(wrong)) => SetupFinding::new(what, &wrong, "yes", wrong == "yes"),
         Err(error) => SetupFinding::new(what, format!("{error:#}"), "yes", false),
     }
 }
 
-/// Describes cameras that show another pad than their own. Returns `yes` if all are right, none if no reference images
-/// are kept.
+/// Describes cameras that show another pad than their own. Returns `yes` if all are right, none if no references are
+/// stored.
 fn describe_exchanged_cameras(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
     let path = ReferencePictures::beside(&config.calibration);
     let look = || ReferencePictures::capture(link, IMAGE_TIMEOUT).map_err(|error| anyhow!(error));
@@ -211,7 +211,7 @@ fn describe_exchanged_cameras(config: &BridgeConfig, link: &Cameras, know: bool)
         let alike = now.indistinguishable_cameras(now.noise(&look()?));
         now.write(&path)?;
         if let Some([one, other]) = alike.first() {
-            return Ok(Some(format!("{one} and {other} look alike: they cannot be told apart")));
+            return Ok(Some(format!("{one} and {other} look alike: they cannot be distinguished")));
         }
     }
     let Some(kept) = ReferencePictures::read(&path, link.camera_counters().len())? else { return Ok(None) };

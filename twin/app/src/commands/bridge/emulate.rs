@@ -5,6 +5,7 @@ mod emulator_fault;
 mod table_endpoint;
 mod truth_recorder;
 
+use dynamixel_bus::xc330;
 use hardware_bridge::supported_robot::SERVOS;
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
@@ -26,7 +27,6 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::supported_robot::check_supported;
-use hardware_bridge::xc330;
 use kinova_kortex::Credentials;
 use kinova_kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 use kinova_kortex::joints::JOINTS;
@@ -53,7 +53,7 @@ const SPRING_HAND_TRAVEL: f64 = 4.0;
 /// User name for the login to the emulated arm.
 const ARM_USER: &str = "ftac";
 const ARM_PASSWORD: &str = "of-the-emulated-arm";
-/// Polling period for requests and timed mishaps.
+/// Polling period for requests and timed faults.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Arguments of `bridge emulate`.
@@ -61,17 +61,17 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 pub struct EmulateArgs {
     #[command(flatten)]
     robot: RobotArgs,
-    /// Folder for bridge.toml and for the links `check_servos` and `cameras` to the pseudo-terminals.
+    /// Folder for bridge.toml and for the links `servos` and `cameras` to the pseudo-terminals.
     #[arg(long, default_value = "recordings/emulated")]
     dir: PathBuf,
     /// Combination whose objects stand on the table of the simulated robot.
     #[arg(long, default_value_t = 0)]
     combo: usize,
-    /// Number of the individual robot to emulate: its servos, cables, springs, pads, mount and arm differ from the
-    /// drawing by random amounts drawn for this number; 0 is the nominal robot.
+    /// Number of the robot instance to emulate: its servos, cables, springs, pads, mount and arm differ from the
+    /// nominal model by random amounts drawn for this number; 0 is the nominal model.
     #[arg(long, default_value_t = 0, conflicts_with = "springs")]
     instance: u64,
-    /// File for the individual's true parameters (JSON), for evaluation only.
+    /// File for the instance's true parameters (JSON), for evaluation only.
     #[arg(long, conflicts_with = "springs")]
     truth_out: Option<PathBuf>,
     /// Put the balls of `bridge register` on their marks instead.
@@ -80,11 +80,11 @@ pub struct EmulateArgs {
     /// Emulate six springs instead of the simulated robot, and no arm.
     #[arg(long, conflicts_with_all = ["combo", "balls", "mount", "detector", "truth", "live"])]
     springs: bool,
-    /// Draw a hidden pose of the arm's base from this seed, away from the nominal one.
+    /// Seed for a hidden pose of the arm's base, away from the nominal one.
     #[arg(long, value_name = "N")]
     mount: Option<u64>,
-    /// Emulate a vision system for `trial --detector` on this socket (HOST:PORT or unix:PATH): it sends the objects' poses
-    /// ten times a second, with errors of 3 mm and 0.02 rad drawn from the seed.
+    /// Emulate a vision system for `trial --detector` on this socket (HOST:PORT or unix:PATH): it sends the objects'
+    /// poses ten times a second, with errors of 3 mm and 0.02 rad drawn from the seed.
     #[arg(long, value_name = "ADDRESS")]
     detector: Option<Address>,
     /// Record the true scene into this file for the viewer.
@@ -93,11 +93,11 @@ pub struct EmulateArgs {
     /// Show the true scene in the viewer.
     #[arg(long)]
     live: bool,
-    /// Read requests from the terminal too; Enter alone puts the objects back.
+    /// Also read requests from the terminal; Enter alone puts the objects back.
     #[arg(long)]
     keys: bool,
-    /// Only send this line to the emulator that runs in --dir: objects=back, objects=N (a combination), objects=balls,
-    /// or a fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
+    /// Only send this request to the emulator that runs in --dir: objects=back, objects=N (a combination),
+    /// objects=balls, or a fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
     #[arg(long, value_name = "LINE")]
     send: Option<String>,
     /// Also write the calibration file, as if the hand had been calibrated.
@@ -184,7 +184,7 @@ pub struct EmulatorEndOutput {
 
 /// Error for faults of cables, joints and objects under --springs.
 const NO_PLANT_ERROR: &str =
-    "fault: found --springs, expected the simulated robot, whose cables, joints and objects it is about";
+    "fault: found --springs, expected the simulated robot: springs have no cables, joints or objects";
 
 /// Timeout of the emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent
 /// session.
@@ -205,8 +205,8 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         (None, Box::new(SpringHand::new([SPRING_HAND_TRAVEL; SERVOS], robot.hand.cameras.len())));
     let (mut travel, mut usual) = ([SPRING_HAND_TRAVEL; SERVOS], EmulatorSettings::default());
     if !args.springs {
-        let wish = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
-        let standing = EmulatedTable::new(&robot, wish, (args.mount, args.instance), terminal.seed)?;
+        let objects = if args.balls { TableCommand::Balls } else { TableCommand::Combination(args.combo) };
+        let standing = EmulatedTable::new(&robot, objects, (args.mount, args.instance), terminal.seed)?;
         if let Some(path) = &args.truth_out {
             crate::commands::sysid::write_truth(path, &robot, args.instance)?;
         }
@@ -255,7 +255,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     };
     let EmulatorStartOutput { config, servos, cameras, arm: address, detector: eyes } = &started;
     let address = address.as_deref().unwrap_or("none");
-    let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("eyes on {eyes}\n"));
+    let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("detector on {eyes}\n"));
     let text = format!(
         "servos on {servos}, cameras on {cameras}\narm on {address}\n{eyes}try: ftac bridge scan --config {config}\n"
     );
@@ -266,7 +266,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     print_stops(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref())
 }
 
-/// Main loop of the emulator: applies mishaps at their times and requests as they arrive, until the end.
+/// Main loop of the emulator: applies faults at their times and requests as they arrive, until the end.
 fn run_devices(
     args: &EmulateArgs,
     running: &mut RunningDevices,
@@ -310,7 +310,7 @@ struct RunningDevices {
 impl RunningDevices {
     /// Carries out the request in `line` at once, and returns the outcome in words.
     fn execute_request(&mut self, line: &str) -> Result<String> {
-        let Some(wish) = line.strip_prefix("objects=") else {
+        let Some(command) = line.strip_prefix("objects=") else {
             let mishaps = emulator_fault::parse_immediate(line, &self.robot.hand)?;
             if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, EmulatorFault::Plant(_))) {
                 bail!(NO_PLANT_ERROR);
@@ -318,9 +318,9 @@ impl RunningDevices {
             mishaps.into_iter().for_each(|mishap| self.apply_fault(mishap));
             return Ok("done".to_owned());
         };
-        let wish = wish.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
+        let command = command.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
         match &self.table {
-            Some(table) => table.place_objects(wish),
+            Some(table) => table.place_objects(command),
             None => bail!("objects: found --springs, expected the simulated robot"),
         }
     }
@@ -406,7 +406,7 @@ fn send_request(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
 fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
-        model: xc330::XC330_MODEL,
+        model: xc330::MODEL.number,
         firmware,
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],
@@ -414,8 +414,8 @@ fn calibration(robot: &RobotModel, zeros: &[i64], travel: &[f64; SERVOS], firmwa
     HandCalibration::new(&robot.hand.parameters.name, servos)
 }
 
-/// Safety limits for emulated devices. A pseudo-terminal gives no real-time guarantee: a busy machine may be later than
-/// a real line ever is.
+/// Safety limits for emulated devices. A pseudo-terminal gives no real-time guarantee: delays on a busy machine exceed
+/// those of a real line.
 fn limits(patient: bool) -> LimitConfig {
     let (staleness, servo_watchdog, arm_watchdog, host_watchdog) =
         if patient { (1.0, 2.54, 1.0, 10.0) } else { (0.3, 0.16, 0.5, 1.0) };

@@ -111,9 +111,9 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    let question = "The hand will close and open. Is it empty, and are all fingers that are not its own away?";
+    let question = "The hand will close and open. Is it empty, and are your fingers clear of it?";
     if !args.yes && !args.dry_run && !operator_agrees(question)? {
-        bail!("not armed: the operator did not say yes");
+        bail!("not armed: the operator did not confirm");
     }
     robot.arm()?;
     let (mut seen, mut failed) = (ExerciseMeasurements::default(), None);

@@ -50,7 +50,7 @@ pub struct FaultArgs {
     /// Stream every injection to a viewer (one thread).
     #[arg(long)]
     live: bool,
-    /// Run a twin in parallel with each trial; report which detector names the fault, how soon, and its false alarms.
+    /// Run fault detection in parallel with each trial; report the detector, the delay, and the false alarms.
     #[arg(long)]
     detect_faults: bool,
 }
@@ -66,7 +66,7 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     };
     if request.program != PROGRAM_VERSION {
         bail!(
-            "--resume: {}: program: found {}, expected this one, {PROGRAM_VERSION}: what two programs find is no one matrix",
+            "--resume: {}: program: found {}, expected {PROGRAM_VERSION}: outcomes of two programs are not mixed",
             ledger.folder.display(),
             request.program
         );

@@ -75,7 +75,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
     if let Some(odd) = serial.as_ref().filter(|serial| !serial.chars().all(|c| c.is_ascii_alphanumeric())) {
         bail!("--serial: found `{odd}`, expected letters and digits");
     }
-    let program = std::env::current_exe().context("the program's own place")?;
+    let program = std::env::current_exe().context("the program's path")?;
     let files = install::files(&InstallSetup { serial, program });
     let root = args.root.clone().unwrap_or_else(|| PathBuf::from("/"));
     let system = args.root.is_none();

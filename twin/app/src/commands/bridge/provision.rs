@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
+use dynamixel_bus::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::setup;
 use schemars::JsonSchema;
 use serde::Serialize;

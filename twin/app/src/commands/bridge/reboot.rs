@@ -2,11 +2,11 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
+use dynamixel_bus::x_series::hardware_error;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::reboot::{check, error_status, reboot};
-use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::setup::SetupFinding;
-use hardware_bridge::xc330::hardware_error;
 use robot_backends::operator::operator_agrees;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -88,9 +88,9 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
     for patient in &patients {
         eprintln!("{} (id {}) reports: {}", patient.name, patient.id, hardware_error::describe(patient.error));
     }
-    let question = "A restart takes a servo's torque: its springs open that digit, and what it holds falls. It comes back without torque. Is everything supported, or the hand empty?";
+    let question = "A restart switches a servo's torque off: its springs open that digit, which drops its object. The torque stays off. Is everything supported, or the hand empty?";
     if !patients.is_empty() && !args.yes && !operator_agrees(question)? {
-        bail!("nothing was restarted: the operator did not say yes");
+        bail!("nothing was restarted: the operator did not confirm");
     }
     let mut findings = silent;
     for RestartTarget { n, id, name, .. } in &patients {
@@ -98,7 +98,7 @@ pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
         let back = reboot(&mut bus, *id).and_then(|()| check(&mut bus, &config, (*id, name.as_str()), known));
         match back {
             Ok(found) => findings.extend(found),
-            // The other servos are restarted all the same.
+            // The other servos are still restarted.
             Err(error) => findings.push(SetupFinding::new(format!("{name} ({id})"), error, "an answer", false)),
         }
     }

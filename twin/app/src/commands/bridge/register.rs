@@ -34,8 +34,8 @@ pub struct RegisterArgs {
     /// is compared with that pose.
     #[arg(long, value_name = "N", conflicts_with = "config")]
     emulated: Option<u64>,
-    /// Individual robot (a file of `ftac sysid identify`) that gives the poses of pads on the hand and of the hand on
-    /// the arm; an emulated robot is this one too.
+    /// Robot instance (a file of `ftac sysid identify`) that gives the poses of pads on the hand and of the hand on the
+    /// arm; an emulated robot is this instance, too.
     #[arg(long)]
     instance: Option<PathBuf>,
     /// File for the result; default: registration.toml beside the configuration, or in recordings.
@@ -137,12 +137,12 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
                     display_path(&args.config)
                 );
             }
-            // Check the robot before anybody lays out balls.
+            // Check the robot before balls are laid out.
             let mut checked = source.check()?;
             print_ball_positions(&registrar, &plan);
-            let question = "The arm will go to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
+            let question = "The arm will move to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
             if !args.yes && !operator_agrees_while(question, || checked.recheck())? {
-                bail!("nothing was moved: the operator did not say yes");
+                bail!("nothing was moved: the operator did not confirm");
             }
             Box::new(checked.arm_and_home(&[("the ball", Isometry3::identity())])?)
         }
@@ -151,9 +151,9 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let mut tell = |step: RegistrationStep| match step {
         _ if said => {}
         RegistrationStep::Touching(mark, round) => eprint!("mark {}, touch {}: ", mark + 1, round + 1),
-        RegistrationStep::NothingFelt => eprintln!("nothing felt"),
+        RegistrationStep::NothingFelt => eprintln!("no contact"),
         RegistrationStep::Felt(off) => eprintln!(
-            "felt ({:.1}, {:.1}, {:.1}) mm beside where it was expected",
+            "contact ({:.1}, {:.1}, {:.1}) mm from its expected position",
             1e3 * off.x,
             1e3 * off.y,
             1e3 * off.z
@@ -197,11 +197,11 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
         return Ok(None);
     }
     let worst = file.residuals.iter().copied().fold(0.0, f64::max);
-    println!("{} touches; the worst stays {:.1} mm from its mark", points.len(), mm(worst));
+    println!("{} touches; the largest residual is {:.1} mm", points.len(), mm(worst));
     let turn = registration.world_from_base.rotation.scaled_axis().map(f64::to_degrees);
     let place = file.position.map(mm);
     println!(
-        "the base stands at ({:.1}, {:.1}, {:.1}) mm, turned by ({:.2}, {:.2}, {:.2}) deg; known to {:.1} mm and {:.2} deg (standard deviation)",
+        "the base stands at ({:.1}, {:.1}, {:.1}) mm, turned by ({:.2}, {:.2}, {:.2}) deg; standard deviation {:.1} mm and {:.2} deg",
         place[0],
         place[1],
         place[2],
@@ -213,7 +213,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     );
     if let (Some((place, turn)), Some((was, turned))) = (error, before) {
         println!(
-            "hidden truth: {:.2} mm and {:.2} deg off, {:.2} mm and {:.2} deg before",
+            "error against the hidden pose: {:.2} mm and {:.2} deg; before: {:.2} mm and {:.2} deg",
             mm(place),
             turn.to_degrees(),
             mm(was),
@@ -224,7 +224,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     Ok(None)
 }
 
-/// Returns the task of an emulated robot that plays no trial.
+/// Returns the task of an emulated robot that runs no trial.
 fn task(robot: &RobotModel, seed: u64) -> Result<TrialTask> {
     let (_, text) = ScenarioArgs::default().read()?;
     Ok(TrialTask {
@@ -256,7 +256,7 @@ fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &RegistrationPlan) 
         };
         terminal.print(&RegisterPlanOutput { touches: rows().map(touch).collect() }, "")?;
     } else {
-        println!("{:4} {:>8} {:>8} {:>8} {:>12}  way there and onto it", "mark", "x, m", "y, m", "z, m", "turned, deg");
+        println!("{:4} {:>8} {:>8} {:>8} {:>12}  approach and touch", "mark", "x, m", "y, m", "z, m", "turned, deg");
         for (mark, heading, time) in rows() {
             let middle = registrar.ball_center(mark);
             let time = time.map_or("out of reach".to_owned(), |time| format!("{time:.1} s"));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use hardware_bridge::servo_bus::PingReply;
+use dynamixel_bus::servo_bus::PingReply;
 use hardware_bridge::setup;
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
+use dynamixel_bus::servo_bus::ServoBus;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::remote::{self, RemoteAnswer, RemoteCommand, RemoteError, socket_paths};
-use hardware_bridge::servo_bus::ServoBus;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `bridge stop`.
 #[derive(Debug, Args)]
 pub struct StopArgs {
-    /// Stop only the robot that was started with this configuration, whatever the file holds by now; default: all
+    /// Stop only the robot that was started with this configuration, even if the file has changed since; default: all
     /// robots on this computer that this user may stop.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -68,7 +68,7 @@ pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
         if robots.len() > 1 {
             let listed: Vec<String> = robots.iter().map(|(socket, _)| display_path(socket)).collect();
             let (count, listed) = (robots.len(), listed.join(", "));
-            bail!("found {count} robots, expected one to let go of: name it by --config or --socket ({listed})");
+            bail!("found {count} robots, expected one to release: name it by --config or --socket ({listed})");
         }
     }
     let answers = answering(remote::ask_all(&sockets, command));
@@ -112,12 +112,12 @@ fn stop_without_bridge(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf])
     let looked: Vec<String> = looked.iter().map(|place| display_path(place)).collect();
     let nobody = format!("no bridge is running that this user may stop (looked in {})", looked.join(", "));
     if !args.release {
-        let rest = "servos whose program ended hold, or were stopped by their own watchdogs; --release opens the hand";
+        let rest = "servos of an ended program hold, or were stopped by their watchdogs; --release opens the hand";
         return Ok(Some(format!("{nobody}; {rest}")));
     }
     let file = args.config.as_deref().unwrap_or(Path::new("bridge.toml"));
     let config = BridgeConfig::read_without_password(file)
-        .with_context(|| format!("{nobody}; to take the torque off the servos directly, their port is needed"))?;
+        .with_context(|| format!("{nobody}; the port of the servos is needed to switch their torque off directly"))?;
     let bus = ServoBus::open(&config.servos.port, config.bus()).context(nobody.clone())?;
     let unsure = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read).torque_off();
     let count = config.servos.ids.len();

@@ -84,7 +84,7 @@ pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
     let names: Vec<&str> =
         if args.object.is_empty() { known.clone() } else { args.object.iter().map(String::as_str).collect() };
     if let Some(unknown) = names.iter().find(|name| set.get(name).is_none()) {
-        anyhow::bail!("--object: no object is called `{unknown}`; known are: {}", known.join(", "));
+        anyhow::bail!("--object: found `{unknown}`, expected one of {}", known.join(", "));
     }
     std::fs::create_dir_all(&args.parts).with_context(|| format!("--parts {}", args.parts.display()))?;
     let start = Instant::now();

@@ -25,7 +25,7 @@ pub struct ExportArgs {
     /// Maximum number of grasps, in the file's order.
     #[arg(long, default_value_t = 10)]
     pub n: usize,
-    /// Grasp file of `collection` or `fill_repertoire`; default: the built-in collection.
+    /// Grasp file of `collection` or `generate`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
     /// Folder for the results: an MJCF scene and a JSON file with commands and test for each grasp.

@@ -48,7 +48,7 @@ impl HandPart {
     }
 }
 
-/// Returns the built-in hand, restricted to the parts of the arguments and to the use that grasps of type `kind` make of it.
+/// Returns the built-in hand, restricted to the parts of the arguments and to its use in grasps of type `kind`.
 fn built_in_hand(args: &SynthesisArgs, kind: Option<&str>) -> Result<GraspingHand> {
     let hand = GraspingHand::from_hand(RobotModel::ftac_gen3().hand);
     let is_wanted = |known: &GraspType| kind == Some(known.name.as_str());
@@ -87,7 +87,7 @@ pub struct SynthesisArgs {
     /// An object of the set.
     #[arg(long, conflicts_with = "mesh", value_parser = object_name)]
     pub object: Option<String>,
-    /// Your own mesh: OBJ, STL, PLY, glTF or COLLADA, in metres; defects are repaired and reported.
+    /// Mesh of another object: OBJ, STL, PLY, glTF or COLLADA, in metres; defects are repaired and reported.
     #[arg(long)]
     pub mesh: Option<PathBuf>,
     /// Contact points per sample: a number, or a range taken in turn, such as 2-5.
@@ -105,7 +105,8 @@ pub struct SynthesisArgs {
     /// Avoid collisions of the hand with the table on which the object rests.
     #[arg(long)]
     pub table: bool,
-    /// Parts of the hand that may touch the object, of thumb, index, middle, ring, little and palm; default: all. The other digits stay open.
+    /// Parts of the hand that may touch the object, of thumb, index, middle, ring, little and palm; default: all. The
+    /// other digits stay open.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PARTS")]
     pub parts: Vec<HandPart>,
     /// Number of closings tried on the posture of each chain until one is verified: the plain one first, then varied
@@ -232,7 +233,7 @@ fn fit_to_hand(subject: PreparedObject, args: &SynthesisArgs, opening: &HandOpen
     let subject = subject.for_opening(opening).with_context(|| format!("--mesh {}", mesh.display()))?;
     if !subject.start_points.is_empty() {
         eprintln!(
-            "{}: wider as a whole than {} opens ({:.0} mm); grasps begin where it is thin",
+            "{}: wider than {} opens ({:.0} mm); grasps are searched at its thin parts",
             subject.model.name,
             opening.hand,
             1e3 * opening.width
@@ -291,7 +292,7 @@ pub struct EvalArgs {
     /// Number of chains.
     #[arg(long, default_value_t = 128)]
     pub n: u64,
-    /// Close and check the grasps of this file again, of our hand or another, instead of searching; with --object,
+    /// Close and check the grasps of this file again, of this hand or another, instead of searching; with --object,
     /// those of one object.
     #[arg(long, conflicts_with_all = ["mesh", "mass", "density", "table"])]
     pub grasps: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! `ftac grasps repertoire` and `ftac grasps pairs`: make the benchmark's repertoire and plans.
+//! `ftac grasps repertoire` and `ftac grasps pairs`: make the benchmark's repertoire and its table of grasp pairs.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -31,10 +31,10 @@ pub struct RepertoireArgs {
     /// Object (repeatable); default: all of the scenario.
     #[arg(long, value_parser = object_name)]
     pub object: Vec<String>,
-    /// Search only grasps for this place in a trial; those for the other place stay as they are.
+    /// Search only grasps for this role in a trial; those for the other role are kept.
     #[arg(long, value_enum)]
     pub role: Option<RoleArg>,
-    /// Maximum number of random proposals for each object and place.
+    /// Maximum number of random proposals for each object and role.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
     /// Repertoire file to write (an existing one is extended).
@@ -53,35 +53,36 @@ pub struct PairsArgs {
     /// Repertoire file; default: the built-in one.
     #[arg(long)]
     pub repertoire: Option<PathBuf>,
-    /// Plan file whose combinations and grasps are kept; only their success rates under errors are rehearsed again.
+    /// Grasp pair file whose combinations and grasps are kept; only their success rates under errors are computed
+    /// again.
     #[arg(long, conflicts_with = "combos")]
     pub pairs: Option<PathBuf>,
-    /// Keep the success rates of that file too; search a combination's own grasps only where none of the known ones
+    /// Keep the success rates of that file, too; search new grasps only for combinations in which no known one
     /// succeeds.
     #[arg(long, requires = "pairs")]
     pub vary: bool,
-    /// Keep that file as it is; plan only the reverse order of objects where no sequence of grasps is sure.
+    /// Keep that file; search the reverse order of objects only for combinations without a reliable sequence of grasps.
     #[arg(long, requires = "pairs", conflicts_with = "vary")]
     pub reverse: bool,
-    /// Keep that file as it is; search second grasps and prove them under random circumstances, for combinations with
-    /// no proof yet, or with an unsure one that took less effort.
+    /// Keep that file; search second grasps and verify them under random errors, for combinations that are not verified
+    /// yet, or are uncertain after a search of less effort.
     #[arg(long, requires = "pairs", conflicts_with_all = ["vary", "reverse"])]
     pub verify: bool,
-    /// Effort of that search: at 1 it takes 3 to 12 minutes of a core per combination; each level above adds as many
+    /// Effort of that search: at 1 it takes 3 to 12 core minutes per combination; each level above adds as many
     /// proposals again.
     #[arg(long, requires = "verify", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=9))]
     pub effort: u32,
-    /// Plan file to write.
+    /// Grasp pair file to write.
     #[arg(long)]
     pub out: PathBuf,
 }
 
-/// Number of grasps of an object for a place in a trial.
+/// Number of grasps of an object for a role in a trial.
 #[derive(Debug, Serialize, JsonSchema)]
 struct RoleGrasps<'a> {
     /// Name of the object.
     object: &'a str,
-    /// Place in the trial: first or second.
+    /// Role in the trial: first or second.
     role: Cow<'static, str>,
     grasps: usize,
 }
@@ -91,14 +92,14 @@ struct RoleGrasps<'a> {
 pub struct RepertoireOutput<'a> {
     /// File of the repertoire.
     repertoire: &'a Path,
-    /// One entry per object and place.
+    /// One entry per object and role.
     objects: Vec<RoleGrasps<'a>>,
 }
 
 /// JSON output of `grasps pairs`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PairsOutput<'a> {
-    /// File of the plans.
+    /// File of the grasp pair table.
     pairs: &'a Path,
     /// Number of combinations.
     combinations: usize,
@@ -106,7 +107,7 @@ pub struct PairsOutput<'a> {
     rejected: usize,
 }
 
-/// Place in a trial of the object that a grasp takes.
+/// Role in a trial of the object that a grasp takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RoleArg {
     /// Ring and little finger against the palm.
@@ -115,7 +116,7 @@ pub enum RoleArg {
     Second,
 }
 
-/// Rehearses grasps of objects (rollouts) and adds those that hold to the repertoire file.
+/// Tests grasps of objects in rollouts and adds those that hold to the repertoire file.
 pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
     let places = args.role.map_or(vec![0, 1], |role| vec![role as usize]);
     let (n, out) = (args.n, &args.out);
@@ -135,7 +136,8 @@ pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
     let progress = SearchProgress { bar: &bar, steps: &SearchSteps::in_memory(), report_pace: &|_| {} };
     let (mut done, all) = (0, names.len() * places.len());
     let begun = Instant::now();
-    // The file grows object by object: an interruption loses the present one, and the others can be asked for by name.
+    // The file grows object by object: an interruption loses only the present object, and the others can be requested
+    // by name.
     repertoire_search::fill_repertoire(
         &world,
         &wanted,
@@ -165,7 +167,7 @@ pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
     Ok(None)
 }
 
-/// Chooses grasps for each combination and proves them in an ideal run.
+/// Chooses grasps for each combination and verifies them in an ideal run.
 pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
     let robot = args.robot.model()?;
     let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
@@ -189,14 +191,14 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
             })?;
             anyhow::ensure!(
                 plans.pairs.len() == args.combos,
-                "--combos: found {}, expected at most {}: no more of the scenario's pairs can be done without noise",
+                "--combos: found {}, expected at most {}: no more of the scenario's pairs succeed without noise",
                 args.combos,
                 plans.pairs.len()
             );
-            // The success rates take longer than the plans: after an interruption the plans are there for --pairs.
+            // The success rates take longer than the grasp pairs, which are kept for --pairs after an interruption.
             plans.write(&args.out)?;
             eprintln!(
-                "{} combinations; {} pairs could not be done without noise and were replaced",
+                "{} combinations; {} pairs failed without noise and were replaced",
                 plans.pairs.len(),
                 plans.rejected.len()
             );
@@ -204,8 +206,8 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         }
     };
     if args.verify {
-        // The file is written after each combination: an interruption loses only those in progress, and `--pairs` with this
-        // file resumes.
+        // The file is written after each combination: an interruption loses only those in progress, and `--pairs` with
+        // this file resumes.
         let written = Mutex::new(plans.clone());
         verification::verify_pairs(
             &world,

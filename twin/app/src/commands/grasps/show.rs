@@ -26,7 +26,7 @@ pub struct ShowArgs {
     /// Object to show; default: a table of all objects.
     #[arg(value_parser = object_name)]
     pub object: Option<String>,
-    /// Grasp file of `collection` or `fill_repertoire`; default: the built-in collection.
+    /// Grasp file of `collection` or `generate`; default: the built-in collection.
     #[arg(long)]
     pub grasps: Option<PathBuf>,
     /// Maximum number of kinds, the most frequent first.

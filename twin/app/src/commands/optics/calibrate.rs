@@ -35,7 +35,7 @@ pub struct CalibrateArgs {
     /// gel under each lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and
     /// `rows`, its inner corners). Or a video of presses one after another, which begins untouched.
     pub folder: PathBuf,
-    /// Image of the untouched gel, if it is not named `load_background`.
+    /// Image of the untouched gel, if it is not named `background.png`.
     #[arg(long)]
     pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (for presses whose label does not give it).
@@ -162,8 +162,8 @@ fn pixel_source(args: &CalibrateArgs) -> Result<PixelSource> {
         },
         _ if args.pixel_from_presses => PixelSource::Presses,
         _ => bail!(
-            "found nothing that tells the size of a pixel; expected --pixel-mm, --field-mm or --ruler, or --pixel-from-presses, \
-             which tells it only within a factor of two or three"
+            "found nothing that gives the size of a pixel; expected --pixel-mm, --field-mm or --ruler, or --pixel-from-presses, \
+             which determines it only within a factor of two or three"
         ),
     })
 }

@@ -1,5 +1,5 @@
-//! `ftac optics eval`: evaluates a calibration on presses it has not seen, the gel's response to the paper's probe,
-//! forces from images, and the recovery of a known sensor by the fit.
+//! `ftac optics eval`: evaluates a calibration on presses that it was not fitted to, the gel's response to the paper's
+//! probe, forces from images, and the recovery of a known sensor by the fit.
 
 use std::path::PathBuf;
 
@@ -27,7 +27,7 @@ pub struct EvalArgs {
     pub folder: Option<PathBuf>,
     #[command(flatten)]
     pub sensor: SensorOption,
-    /// Image of the untouched gel in FOLDER, if it is not named `load_background`.
+    /// Image of the untouched gel in FOLDER, if it is not named `background.png`.
     #[arg(long, requires = "folder")]
     pub background: Option<PathBuf>,
     /// Diameter of the ball, mm (for presses whose label does not give it).

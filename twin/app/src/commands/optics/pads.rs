@@ -18,10 +18,10 @@ pub struct PadsArgs {
     /// Folder for the files, one per pad.
     #[arg(long)]
     pub out: PathBuf,
-    /// Serial number of a hand whose own pads are written instead of the nominal ones.
+    /// Serial number of a hand whose pads are written instead of the nominal ones.
     #[arg(long)]
     pub unit: Option<u64>,
-    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Robot instance (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long)]
     pub instance: Option<PathBuf>,

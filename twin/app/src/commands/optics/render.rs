@@ -1,4 +1,5 @@
-//! `ftac optics render` and `ftac optics shapes`: render the image of a pad pressed by a mesh, or by twenty known shapes.
+//! `ftac optics render` and `ftac optics shapes`: render the image of a pad pressed by a mesh, or by twenty known
+//! shapes.
 
 use std::path::{Path, PathBuf};
 
@@ -50,13 +51,14 @@ pub struct RenderArgs {
     /// Radius of the pad's cover across the digit, mm, for a cylindrical pad; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
-    /// Individual robot (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
+    /// Robot instance (a file of `ftac sysid identify`) that gives the stiffness and thickness of the gel; these keep
     /// the nominal values unless a session identifies them.
     #[arg(long, conflicts_with = "sensor_file")]
     pub instance: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotArgs,
-    /// PNG file to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
+    /// PNG file to write; image, height map (m, along the normals of the cover) and normals go beside it, as PNG, EXR
+    /// and NPY.
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -121,7 +123,7 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
         return render_real(terminal, args, path, (&mesh, &pose));
     }
     if args.depth_mm.is_some() || args.gel_mm.is_some() {
-        bail!("--depth-mm, --gel-mm: found a pad's sensor, whose press has a force; expected a sensor's");
+        bail!("--depth-mm, --gel-mm: found a pad, which is pressed with a force; expected a real sensor (--sensor)");
     }
     let pad = find_pad(&hand, &args.pad)?;
     let cover = match args.cover_radius_mm {
@@ -159,7 +161,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
         eprintln!("{} mm deep, rendered in {:.1} ms", found.depth_mm, found.render_ms);
     }
     terminal.print(&found, "")?;
-    let short = || format!("the gel is pressed flat: it gives {} of {} mm", found.depth_mm, 1e3 * depth);
+    let short = || format!("the gel is pressed flat: it yields {} of {} mm", found.depth_mm, 1e3 * depth);
     Ok(found.bottomed_out.then(short))
 }
 

@@ -29,7 +29,7 @@ pub struct SweepPlanOutput<'a> {
     pub(super) sweep: String,
 }
 
-/// A unit that could not be played.
+/// A unit that could not be run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct FailedUnit {
     /// Name of the unit.
@@ -79,13 +79,13 @@ impl MergeOutput {
 pub struct SweepRunOutput {
     /// The result folder.
     pub(super) folder: PathBuf,
-    /// Number of units that this process played.
+    /// Number of units that this process ran.
     pub(super) played: usize,
     /// Number of finished units.
     pub(super) finished: usize,
     /// Number of units of the sweep.
     pub(super) units: usize,
-    /// Units that could not be played.
+    /// Units that could not be run.
     pub(super) failed: Vec<FailedUnit>,
     /// Wall time of this process, s.
     pub(super) wall_s: f64,

@@ -1,4 +1,4 @@
-//! `ftac sysid evaluate`: identification error over individuals with hidden random parameters.
+//! `ftac sysid evaluate`: identification error over robot instances with hidden random parameters.
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use clap::Args;
@@ -30,10 +30,10 @@ const MAX_FINGERTIP_ERROR: f64 = 1e-3;
 pub struct EvaluateArgs {
     #[command(flatten)]
     pub model: RobotArgs,
-    /// Number of the first individual.
+    /// Number of the first instance.
     #[arg(long, default_value_t = 101)]
     pub from: u64,
-    /// Number of individuals.
+    /// Number of instances.
     #[arg(long, default_value_t = 20)]
     pub count: u64,
 }
@@ -52,22 +52,22 @@ struct CoverageShares {
 pub struct EvaluateOutput {
     /// Seed of the devices' noise.
     seed: u64,
-    /// One entry per individual.
+    /// One entry per instance.
     instances: Vec<InstanceRow>,
-    /// Coverage over all individuals.
+    /// Coverage over all instances.
     coverage: CoverageShares,
-    /// Median over individuals: nominal, identified.
+    /// Median over instances: nominal, identified.
     joint_rad: [f64; 2],
-    /// Median over individuals: nominal, identified.
+    /// Median over instances: nominal, identified.
     tip_m: [f64; 2],
-    /// Median over individuals: nominal, identified.
+    /// Median over instances: nominal, identified.
     reach_m: [f64; 2],
 }
 
-/// Results for one individual.
+/// Results for one instance.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct InstanceRow {
-    /// Number of the individual.
+    /// Number of the instance.
     instance: u64,
     /// Coverage of the parameters that the session identified.
     identified: Coverage,
@@ -85,12 +85,12 @@ struct InstanceRow {
     touches: usize,
     /// RMS distance of the touches from the ball, m: nominal, identified.
     ball: [f64; 2],
-    /// Number of postures with the weighed object in the hand.
+    /// Number of postures with the payload in the hand.
     held: usize,
-    /// RMS residual of the arm torques under the weight, N m: nominal, identified.
+    /// RMS residual of the arm torques under the payload, N m: nominal, identified.
     payload: [f64; 2],
     /// Reason why the excitation ended before its last step, and the number of steps done, if so; identification then
-    /// uses the part played.
+    /// uses the completed part.
     stopped: Option<String>,
 }
 
@@ -98,13 +98,13 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     if args.count == 0 || args.from == 0 {
         bail!("--from, --count: found {}, {}, expected at least 1", args.from, args.count);
     }
-    let drawing = NominalModel::new(args.model.model()?)?;
+    let nominal = NominalModel::new(args.model.model()?)?;
     let bar = terminal.progress();
     bar.set_length(args.count);
     let rows: Result<Vec<InstanceRow>> = (args.from..args.from + args.count)
         .into_par_iter()
         .map(|number| {
-            let row = evaluate(&drawing, number, terminal.seed).with_context(|| format!("individual {number}"))?;
+            let row = evaluate(&nominal, number, terminal.seed).with_context(|| format!("instance {number}"))?;
             bar.inc(1);
             Ok(row)
         })
@@ -156,7 +156,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     );
     if rows.len() < MIN_SAMPLES {
         let of = rows.len();
-        text += &format!("no verdict on the shares in their intervals: {of} of at least {MIN_SAMPLES} individuals\n");
+        text += &format!("coverage is not judged: found {of} instances, expected at least {MIN_SAMPLES}\n");
     }
     let evaluated = EvaluateOutput {
         seed: terminal.seed,
@@ -171,7 +171,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     // The parameters of one robot are correlated: coverage over few robots shows nothing.
     let few = rows.len() < MIN_SAMPLES;
     let covered = few || (COVERAGE_GOAL[0]..=COVERAGE_GOAL[1]).contains(&identified.share());
-    let stopped = |row: &InstanceRow| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.instance));
+    let stopped = |row: &InstanceRow| row.stopped.as_ref().map(|why| format!("instance {}: {why}", row.instance));
     let mut short: Vec<String> = rows.iter().filter_map(stopped).collect();
     if !covered {
         short.push(format!("{:.1} % of parameters in their intervals, expected 90 to 98", 100.0 * identified.share()));
@@ -188,8 +188,8 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
 /// Joint angle of the hand posture for the fingertip error, rad.
 const EVALUATED_JOINT_ANGLE: f64 = 0.4;
 
-/// Excites and identifies one individual behind the full processing of commands and measurements by the bridge, and
-/// compares it with the truth.
+/// Excites and identifies one instance behind the bridge's full processing of commands and measurements, and compares
+/// the result with the truth.
 fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRow> {
     let NominalModel { robot: nominal, losses, .. } = drawing;
     let hand = &nominal.hand;
@@ -204,7 +204,7 @@ fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRo
     let heard = |progress: ExcitationProgress| {
         done = progress.finished_step().map_or(done, |step| step + 1);
         if let ExcitationProgress::Blocked(step, held) = progress {
-            eprintln!("individual {number}, step {}: {held}", step + 1);
+            eprintln!("instance {number}, step {}: {held}", step + 1);
         }
         Ok::<(), ExcitationError>(())
     };

@@ -53,10 +53,10 @@ pub struct ExciteArgs {
     /// Excitation script (TOML); default: the built-in one.
     #[arg(long)]
     pub script: Option<PathBuf>,
-    /// Number of the individual that a simulated or emulated robot is; 0 is the nominal robot.
+    /// Number of the instance that a simulated or emulated robot is; 0 is the nominal model.
     #[arg(long, default_value_t = 0)]
     pub instance: u64,
-    /// File for the individual's true parameters, for evaluation only.
+    /// File for the instance's true parameters, for evaluation only.
     #[arg(long)]
     pub truth_out: Option<PathBuf>,
     /// Only print the steps.
@@ -76,7 +76,7 @@ struct ExcitationState {
     /// Files of the robot, if it is not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     robot_model: Option<RobotSources>,
-    /// Number of the individual, for a simulated or emulated robot.
+    /// Number of the instance, for a simulated or emulated robot.
     #[serde(alias = "individual")]
     instance: u64,
     script: ExcitationScript,
@@ -188,7 +188,7 @@ impl RobotBackend for ExcitationBackend {
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     check_backend(args.robot, args.config.as_deref(), &[])?;
     if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
-        bail!("--instance, --truth-out: --robot is hardware, which is the individual that it is");
+        bail!("--instance, --truth-out: found --robot hardware, expected a simulated or emulated robot");
     }
     let nominal = NominalModel::new(args.model.model()?)?;
     let script = nominal.script(args.script.as_deref())?;
@@ -207,7 +207,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
             let same = ExcitationState { done: begun.done, parts: begun.parts, ..asked.clone() };
             if begun != same {
                 bail!(
-                    "{}: found an excitation of another robot, individual or script, expected the same; give a folder of its own",
+                    "{}: found an excitation of another robot, instance or script, expected the same; use a separate folder",
                     args.folder.join(STATE_FILE).display()
                 );
             }
@@ -248,16 +248,16 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     if let Some(why) = played? {
         finished?;
         if interrupt.happened() {
-            let resume_hint = "the same command goes on from there".to_owned();
+            let resume_hint = "the same command resumes from there".to_owned();
             bail!(Interrupted { done: record.done, total: steps, pieces: "steps are done", resume_hint });
         }
-        return Ok(Some(format!("{why} after {} of {steps} steps; the same command goes on from there", record.done)));
+        return Ok(Some(format!("{why} after {} of {steps} steps; the same command resumes from there", record.done)));
     }
     finished?;
     print_steps(terminal, args, &nominal.robot.hand, &record, false)
 }
 
-/// Plays the remaining steps. Returns the reason if it stopped before the end.
+/// Runs the remaining steps. Returns the reason if it stopped before the end.
 fn excite(
     terminal: &Terminal,
     args: &ExciteArgs,
@@ -272,10 +272,10 @@ fn excite(
     let heard = |progress: ExcitationProgress| {
         let left_out = match progress {
             ExcitationProgress::OutOfReach(step) => {
-                Some((step, "the arm does not get there with everything clear; it is left out".to_owned()))
+                Some((step, "the arm has no collision-free motion to it; it is left out".to_owned()))
             }
             ExcitationProgress::NotLifted(step) => {
-                Some((step, "no weight is felt in the hand, the object was not lifted; it is left out".to_owned()))
+                Some((step, "no payload is measured in the hand, the object was not lifted; it is left out".to_owned()))
             }
             ExcitationProgress::Blocked(step, held) => Some((step, format!("{held}; the rest of it is left out"))),
             ExcitationProgress::Begins(_) | ExcitationProgress::Done(_) => None,
@@ -352,13 +352,13 @@ fn connect_hardware(
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    let mut question = "The arm will go to its home posture in a straight line of its joints and turn its wrist there, the hand will close and open for minutes.".to_owned();
+    let mut question = "The arm will move to its home posture in a straight line in joint space and turn its wrist there, and the hand will close and open for minutes.".to_owned();
     for thing in describe_objects(script) {
         question += &format!(" {thing}");
     }
     question += " Is the way clear, the hand empty, and everything in its place?";
     if !yes && !operator_agrees(&question)? {
-        bail!("not armed: the operator did not say yes");
+        bail!("not armed: the operator did not confirm");
     }
     robot.arm()?;
     Ok((ExcitationBackend::Hardware(Box::new(robot)), about))
@@ -377,7 +377,7 @@ fn describe_objects(script: &ExcitationScript) -> Vec<String> {
         let [x, y] = weight.place;
         format!(
             "Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again; \
-             before an excitation goes on that was stopped meanwhile, somebody puts it back there.",
+             put it back there before you resume an excitation that was stopped meanwhile.",
             weight.object,
             1e3 * weight.mass
         )
@@ -400,7 +400,7 @@ fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Exc
             text += &format!("{thing}\n");
         }
         text += &format!(
-            "{} steps to do, about {:.0} s and the arm's ways between them; nothing was moved\n",
+            "{} steps to do, about {:.0} s plus the arm's motions between them; nothing was moved\n",
             steps.len() - record.done,
             seconds
         );

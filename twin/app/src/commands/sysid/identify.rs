@@ -1,4 +1,5 @@
-//! `ftac sysid identify`: identifies parameters from sessions of an excitation; writes `instance.toml` and a page about it.
+//! `ftac sysid identify`: identifies parameters from sessions of an excitation; writes `instance.toml` and a page about
+//! it.
 
 use std::path::PathBuf;
 
@@ -18,7 +19,7 @@ use crate::commands::sessions::sessions_in;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Threshold for the RMS residual of a servo angle, rad: a servo above it does not fit the drawing.
+/// Threshold for the RMS residual of a servo angle, rad: above it, the model does not fit the servo.
 const MAX_RESIDUAL: f64 = 0.0175;
 
 /// Arguments of `sysid identify`.
@@ -48,10 +49,10 @@ pub struct IdentifyOutput<'a> {
     touches: usize,
     /// RMS distance of the touches from one ball, m: nominal, identified; null without touches.
     touches_rms_m: Option<[f64; 2]>,
-    /// Number of postures with a weighed object in the hand.
+    /// Number of postures with the payload in the hand.
     payload_postures: usize,
-    /// RMS difference between the arm's torques and those of the weight, N m: nominal, identified; null if nothing was
-    /// weighed.
+    /// RMS difference between the arm's torques and those of the payload, N m: nominal, identified; null without
+    /// payload calibration.
     payload_rms_nm: Option<[f64; 2]>,
     /// File with the calibration of the robot's own pads; null if there is none.
     pads: Option<String>,
@@ -105,7 +106,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     if kinematics.touches > 0 {
         let [drawn, identified] = kinematics.residuals.map(|residual| 1e3 * residual);
         words += &format!(
-            "\n{} touches stay {identified:.2} mm from one ball (root mean square), {drawn:.2} mm as drawn\n",
+            "\n{} touches: {identified:.2} mm from one ball (root mean square), {drawn:.2} mm by the nominal model\n",
             kinematics.touches
         );
     }
@@ -113,7 +114,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     if gains.postures > 0 {
         let [drawn, identified] = gains.residuals.map(|residual| 1e3 * residual);
         words += &format!(
-            "\n{} postures with the weighed object: the arm's torques are {identified:.1} mN m off its weight (root mean square), {drawn:.1} mN m as drawn\n",
+            "\n{} postures with the payload: the arm's torques differ from its weight by {identified:.1} mN m (root mean square), {drawn:.1} mN m by the nominal model\n",
             gains.postures
         );
     }
@@ -125,7 +126,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         .filter(|row| row.residual_after > MAX_RESIDUAL)
         .map(|row| format!("{} by {:.1} deg", row.actuator, row.residual_after.to_degrees()))
         .collect();
-    Ok((!off.is_empty()).then(|| format!("the twin does not move as the sessions show: {}", off.join(", "))))
+    Ok((!off.is_empty()).then(|| format!("the identified model does not reproduce the sessions: {}", off.join(", "))))
 }
 
 /// Calibration of the robot's own pads, or the reason why there is none.
@@ -138,12 +139,12 @@ fn write_pad_calibration(
 ) -> Result<(Option<PathBuf>, String)> {
     Ok(match found {
         None => (None, String::new()),
-        Some(Err(error)) => (None, format!("no calibration of the pads' own: {error}\n")),
+        Some(Err(error)) => (None, format!("no calibration of the robot's own pads: {error}\n")),
         Some(Ok((calibration, told))) => {
             let path = args.pads.clone().unwrap_or_else(|| args.out.with_extension("pads.json"));
             calibration.write(&path)?;
             let words = format!(
-                "{}: the pads' own calibration, of {} images; normals of held-out ones err by {:.2} deg, {:.2} with the designed pads'\n",
+                "{}: calibration of the robot's own pads, from {} images; normals of held-out ones err by {:.2} deg, {:.2} with the nominal pads'\n",
                 path.display(),
                 told.located,
                 told.after.mean,

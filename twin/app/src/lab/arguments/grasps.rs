@@ -21,7 +21,7 @@ pub enum GraspsLabCommand {
     Landscape(LandscapeArgs),
 }
 
-/// Value of --pairs that stands for the built-in plans.
+/// Value of --pairs for the built-in grasp pair table.
 pub const BUILT_IN_PLANS: &str = "built-in";
 
 /// Source of the grasps.
@@ -36,7 +36,7 @@ pub struct GraspsArgs {
 /// Arguments of `grasps hands`.
 #[derive(Debug, Args)]
 pub struct HandsArgs {
-    /// URDF of another hand to compare with ours (repeatable).
+    /// URDF of another hand for the comparison (repeatable).
     #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
     /// Transmission of that hand (TOML: actuators and their moment arms): one for each --urdf, in the same order.
@@ -82,8 +82,8 @@ pub struct ClassifyArgs {
     /// the objects in turn.
     #[arg(long, value_name = "FILE")]
     pub like_people: Option<PathBuf>,
-    /// Classify the pick-ups of the benchmark's plans instead, as they hold their objects in trials without errors;
-    /// from this plan file, or the built-in one.
+    /// Classify the grasps of the benchmark's grasp pair table instead, as they hold their objects in trials without
+    /// errors; from this file, or the built-in one.
     #[arg(
         long,
         value_name = "FILE",

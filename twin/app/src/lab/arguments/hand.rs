@@ -6,14 +6,14 @@ use clap::{Args, Subcommand};
 
 use crate::options::robot::RobotArgs;
 
-/// `apply_to_hand` commands that `ftac-lab` runs.
+/// `hand` commands that `ftac-lab` runs.
 #[derive(Debug, Subcommand)]
 pub enum HandLabCommand {
     /// Check the hand's figures against the paper's, in physics where they concern motion.
     Check(CheckArgs),
     /// Close any hand on a ball, from a URDF and a file with its transmission.
     Close(CloseArgs),
-    /// Write scenes for a second engine, with the commands and the results of ours.
+    /// Write scenes for a second engine, with the commands and this engine's results.
     Export {
         /// Folder for the MJCF files and scenes.json.
         #[arg(long)]

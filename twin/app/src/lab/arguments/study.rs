@@ -11,11 +11,11 @@ use super::grasps::GraspsArgs;
 pub struct StudyArgs {
     #[command(flatten)]
     pub grasps: GraspsArgs,
-    /// Run in full size instead of a quick look: 150 grasps of each object in the landscape and its sweep, 12 chains
+    /// Run in full size instead of a quick run: 150 grasps of each object in the landscape and its sweep, 12 chains
     /// for each hand and object.
     #[arg(long)]
     pub full: bool,
-    /// URDF of another hand to compare with ours (repeatable).
+    /// URDF of another hand for the comparison (repeatable).
     #[arg(long = "urdf", alias = "hand", value_name = "URDF")]
     pub hand: Vec<PathBuf>,
     /// Transmission of that hand (TOML: actuators and their moment arms): one for each --urdf, in the same order.

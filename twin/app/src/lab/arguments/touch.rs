@@ -18,9 +18,9 @@ pub enum TouchLabCommand {
 /// Architecture of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum NetworkKindArg {
-    /// Encoder-decoder: sees each pixel with its surroundings.
+    /// Encoder-decoder: reads each pixel with its surroundings.
     EncoderDecoder,
-    /// Per-pixel network: sees each pixel alone; the customary baseline.
+    /// Per-pixel network: reads each pixel alone; the customary baseline.
     PerPixel,
 }
 
@@ -97,7 +97,7 @@ pub struct EvalArgs {
     /// Pixel size of those images on the gel, mm.
     #[arg(long, requires = "real")]
     pub pixel_mm: Option<f64>,
-    /// Individual robot (a file of `ftac sysid identify`) that gives hand, cables, servos and arm, for simulation and
+    /// Robot instance (a file of `ftac sysid identify`) that gives hand, cables, servos and arm, for simulation and
     /// perception; its pads use the nominal calibration. Grasps kept by --grasps are those of another robot.
     #[arg(long, conflicts_with = "grasps")]
     pub instance: Option<PathBuf>,

@@ -1,10 +1,10 @@
 //! Planning of a pick sequence: which objects to take, in which order and with which digits, so that the carried volume
 //! is largest.
 //!
-//! Every [`PickSkill`] closes digits that are still free and keeps those that hold the object; the others open again. The
-//! value of a plan is the sum over its picks of the object's volume times the probability that this pick and all before
-//! it hold. The best plan is found by exhaustive search, which is quick because a hand has five digits. After each
-//! pick, touch determines which digits hold something, and the rest is replanned.
+//! Every [`PickSkill`] closes digits that are still free and keeps those that hold the object; the others open again.
+//! The score of a plan is the sum over its picks of the object's volume times the probability that this pick and all
+//! before it hold. The best plan is found by exhaustive search, which is quick because a hand has five digits. After
+//! each pick, touch determines which digits hold something, and the rest is replanned.
 
 use dexterous_grasping::Grasp;
 use dexterous_grasping::digit_sets;
@@ -23,13 +23,14 @@ const CM3_PER_M3: f64 = 1e6;
 /// A way to pick up a ball while other digits hold something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PickSkill {
-    /// Diameter of the ball with which it was proven, m.
+    /// Diameter of the ball with which it was verified, m.
     pub diameter: f64,
-    /// Digits that held something when it was proven.
+    /// Digits that held something when it was verified.
     pub beside: Vec<Digit>,
     /// Closing digits that hold the ball afterwards.
     pub keeps: Vec<Digit>,
-    /// The grasp. Its object is the kind of object it is for, its score the share of successful tries under errors.
+    /// The grasp. Its object names the kind of object that it suits, and its score is the share of successful tries
+    /// under errors.
     pub grasp: Grasp,
 }
 
@@ -114,7 +115,7 @@ fn best_picks(pickups: &[PickSkill], thing: &ReachableObject, holding: &[Digit])
 pub fn describe_plan(plan: &PickPlan, pickups: &[PickSkill], names: &[String]) -> String {
     let one = |pick: &Pick| {
         let digits = digit_sets::describe_digits(&pickups[pick.skill].keeps);
-        format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
+        format!("{} with {digits} (holds with {:.2})", names[pick.object], pick.score)
     };
     let picks: Vec<String> = plan.picks.iter().map(one).collect();
     format!("{}, {:.0} cm3 expected", picks.join(", then "), plan.volume * CM3_PER_M3)
@@ -136,7 +137,7 @@ pub fn explain_replan(
     let needs = &pickups[was.skill].grasp.digits;
     let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
     let because = match taken.as_slice() {
-        [] => "is worth less now".to_owned(),
+        [] => "has a lower score now".to_owned(),
         taken => format!(
             "needs {}, of which {} holds something already",
             digit_sets::describe_digits(needs),
@@ -148,7 +149,7 @@ pub fn explain_replan(
 
 /// Digits out of `pulled`, which close on one object, that hold it. A finger holds if its pads feel something, if a
 /// blind pad may hide a contact, or if its cable shows that something blocks it: fingers often hold with their sides,
-/// which bear no pads. The thumb closes against fingers, so only they can tell that it holds something. Alone it holds
+/// which bear no pads. The thumb closes against fingers, so only they can show that it holds something. Alone it holds
 /// nothing.
 pub fn holding_digits(
     (hand, limits): (&Hand, &HoldLimits),
@@ -220,8 +221,7 @@ mod tests {
         assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
         assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
         assert!(
-            describe_plan(&best, &pickups, &names)
-                .starts_with("golf with little finger (holds 0.90 of times), then soft")
+            describe_plan(&best, &pickups, &names).starts_with("golf with little finger (holds with 0.90), then soft")
         );
         assert_eq!(plan_picks(&pickups, &ready, &[], 0), PickPlan::default());
     }
@@ -242,7 +242,7 @@ mod tests {
         assert!(explain_replan(&planned.picks[1..], &as_planned, &pickups, &[Digit::Little], &names).is_none());
     }
 
-    /// Failed pickups and those never proven beside these digits count less, and improbable ones are not tried.
+    /// Failed pickups and those never verified beside these digits count less, and improbable ones are not tried.
     #[test]
     fn doubts_count() {
         let (pickups, mut ready, _) = paper_example();

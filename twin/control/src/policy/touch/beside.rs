@@ -52,7 +52,7 @@ impl TouchPolicy<'_> {
                 continue;
             };
             self.trace.switched |= decision.switched;
-            // A failure at an object that was located by touch teaches nothing about the error of the eyes.
+            // A failure at an object that was located by touch gives no information on the error of the detector.
             let aimed = self.objects[object].touch_posterior.is_none().then_some(decision.aimed);
             executor.take(object, GraspTarget { grasp: decision.grasp, detected: beside })?;
             executor.redirect(path);
@@ -63,7 +63,7 @@ impl TouchPolicy<'_> {
         }
     }
 
-    /// Weights the rehearsals of `candidates` by the likeness of their holds to the felt one.
+    /// Weights the rollouts of `candidates` by the likeness of their holds to the felt one.
     pub(super) fn reweighted_for_hold(
         &self,
         candidates: &[GraspCandidate],
@@ -111,14 +111,14 @@ impl TouchPolicy<'_> {
     }
 
     /// Handles the case in which a contact is likelier than a hold. The first object is put down and taken with another
-    /// grasp if that promises more; otherwise the second object is left alone.
+    /// grasp if that scores higher; otherwise the second object is left alone.
     fn handle_likely_contact(
         &mut self,
         executor: &mut Executor,
         decision: &Decision,
     ) -> Result<PolicyStep, PolicyError> {
         let Assessment { held, risk, score: utility, .. } = decision.chosen;
-        let probabilities = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
+        let probabilities = format!("the best grasp holds with {held:.2}, contact {risk:.2}");
         let present = executor.target(0).grasp.id;
         let otherwise = self.best_alternative_score(present).filter(|worth| *worth > SWITCH_GAIN * utility);
         if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {

@@ -1,5 +1,5 @@
-//! Takes an object with an empty hand, with the grasp that is worth most together with the grasps of the next object
-//! that can follow.
+//! Takes an object with an empty hand, with the grasp that has the highest score together with the grasps of the next
+//! object that can follow.
 
 use dexterous_grasping::Grasp;
 use nalgebra::Vector3;
@@ -18,7 +18,7 @@ use crate::sensing::TouchPerception;
 use crate::strategy::{PALPATION_CLEARANCE, StrategyError, best_candidate_score, clear_via_poses, transformed};
 use crate::trajectory::PosePath;
 
-/// Grasps of the first object, the planned one first. The worth of each is its expected success together with its best
+/// Grasps of the first object, the planned one first. The score of each is its expected success together with its best
 /// second grasp.
 pub(in crate::policy) fn candidates(
     knowledge: &Knowledge,
@@ -28,10 +28,10 @@ pub(in crate::policy) fn candidates(
     let uncertainty = knowledge.uncertainty.with_detector_sigma(knowledge.first_detection_sigmas[1]);
     let posterior = touch_posterior().filter(|_| should_palpate(knowledge, senses, uncertainty.aim_sigma(1)));
     let posterior = posterior.unwrap_or_else(|| AimPosterior::new(&uncertainty));
-    // A trial of one object asks only for that object, whatever its grasp leaves free.
+    // A trial of one object needs only that object, whatever digits its grasp leaves free.
     let alone = knowledge.objects.len() == 1;
     let as_planned = if alone { 1.0 } else { best_candidate_score(&knowledge.second_candidates, &posterior) };
-    // Rehearsals after a first grasp say more about it than the repertoire, which may lack it.
+    // Rollouts after a first grasp carry more information on it than the repertoire, which may lack it.
     let tried = knowledge.alternative_firsts.iter().map(|other| {
         let score = other.first.score * best_candidate_score(&other.second_candidates, &posterior) / SWITCH_GAIN;
         GraspCandidate::new(other.first.clone(), score)
@@ -48,7 +48,7 @@ pub(in crate::policy) fn candidates(
 }
 
 impl TouchPolicy<'_> {
-    /// The first grasp in use, as it was rehearsed, and the candidate second grasps after it.
+    /// The first grasp in use, as it was rolled out, and the candidate second grasps after it.
     pub(super) fn second_candidates(&self, executor: &Executor) -> (&Grasp, &[GraspCandidate]) {
         let present = executor.target(0).grasp.id;
         match self.knowledge.alternative_firsts.iter().find(|other| other.first.id == present) {
@@ -57,7 +57,7 @@ impl TouchPolicy<'_> {
         }
     }
 
-    /// Worth of the best first grasp with rehearsed second grasps, except the `present` one.
+    /// Score of the best first grasp with rollouts of second grasps, except the `present` one.
     pub(super) fn best_alternative_score(&self, present: u32) -> Option<f64> {
         let planned = self.first[0].grasp.id;
         let rollouts =
@@ -67,7 +67,7 @@ impl TouchPolicy<'_> {
         others.map(score).max_by(f64::total_cmp)
     }
 
-    /// Takes the first object at its seen or felt position.
+    /// Takes the first object at its detected or felt position.
     pub(super) fn take_with_empty_hand(&mut self, executor: &mut Executor) -> Result<PolicyStep, PolicyError> {
         let seen = executor.target(0).detected;
         let aim = if self.objects[0].touch_posterior.is_some() { Vector3::zeros() } else { self.aim };

@@ -17,9 +17,9 @@ use crate::score::GraspCandidate;
 use crate::sensing::TouchPerception;
 use crate::strategy::{HeldObject, best_candidate_score, clearest_palpation};
 
-/// Standard deviation of an object's rotation in the prior, rad.
+/// Prior standard deviation of an object's rotation, rad.
 const ROTATION_SIGMA: f64 = 0.08;
-/// Smallest increase of the best grasp's worth for which a touch, which takes some 3 s, pays; set by hand.
+/// Smallest increase of the best grasp's score for which a touch, which takes some 3 s, pays; set by hand.
 const MIN_TOUCH_GAIN: f64 = 0.06;
 
 /// True if an object is palpated before it is grasped. That requires usable pads that form one surface, and a touch
@@ -32,7 +32,7 @@ pub(super) fn should_palpate(knowledge: &Knowledge, senses: &TouchPerception, si
     knowledge.palpates && sigma > palpation::RESIDUAL_SIGMA && free
 }
 
-/// Returns the belief about the place of an object that has been touched.
+/// Returns the posterior of the position of an object that has been touched.
 pub(super) fn touch_posterior() -> Option<AimPosterior> {
     AimPosterior::from_touch(&Matrix3::from_diagonal_element(palpation::RESIDUAL_SIGMA.powi(2)))
 }
@@ -49,7 +49,7 @@ impl TouchPolicy<'_> {
         {
             let name = &self.knowledge.objects[object].name;
             self.trace.record(format!(
-                "{name} is not touched: the best grasp promises {seen:.2} where it is seen, and {touched:.2} where it is felt"
+                "{name} is not palpated: the best grasp scores {seen:.2} without touch and {touched:.2} with touch"
             ));
             return self.take(object, executor);
         }
@@ -57,7 +57,7 @@ impl TouchPolicy<'_> {
             return self.take(object, executor);
         };
         let name = &self.knowledge.objects[object].name;
-        self.trace.record(format!("{name} is touched from above to find out where it is"));
+        self.trace.record(format!("{name} is touched from above to locate it"));
         let hand = executor.motion().hand().clone();
         let guarded = GuardedMotion::new(onto, &hand, &palpation::palpating_fingers(&hand), |pad| {
             self.senses.uses_pad(&hand, pad)
@@ -67,7 +67,7 @@ impl TouchPolicy<'_> {
         Ok(PolicyStep::Continue)
     }
 
-    /// [`prospects`] of the second object; `None` for the first one, and where no touch is possible.
+    /// [`scores_before_after_touch`] of the second object; `None` for the first one, and where no touch is possible.
     fn touch_scores(&self, object: usize, executor: &Executor) -> Option<[f64; 2]> {
         let felt = self.felt.as_ref().filter(|_| object == 1)?;
         should_palpate(&self.knowledge, &self.senses, self.expected_error(object)).then_some(())?;
@@ -91,7 +91,8 @@ impl TouchPolicy<'_> {
         Ok(clearest_palpation(hand, &held, (&self.solids[object], seen), paths)?)
     }
 
-    /// Standard deviation of the hand's position relative to an object that only the eyes have located, each axis, m.
+    /// Standard deviation of the hand's position relative to an object that only the detector has located, each axis,
+    /// m.
     fn expected_error(&self, object: usize) -> f64 {
         let tracked = &self.objects[object];
         tracked.uncertainty(&self.knowledge).aim_sigma(tracked.detections)
@@ -124,7 +125,7 @@ impl TouchPolicy<'_> {
         Ok(())
     }
 
-    /// Updates the percept and the belief with the result of a touch.
+    /// Updates the detected pose and the posterior with the result of a touch.
     pub(super) fn update_from_touch(
         &mut self,
         object: usize,
@@ -138,8 +139,8 @@ impl TouchPolicy<'_> {
         (tracked.touch_posterior, tracked.detections) = (AimPosterior::from_touch(&covariance), 1);
     }
 
-    /// Percept of the touched `object` from its estimate `found` in the hand and its percept `seen`, and the covariance
-    /// of its position, m2; world frame.
+    /// Detected pose of the touched `object` from its estimate `found` in the hand and its earlier detected pose
+    /// `seen`, and the covariance of its position, m2; world frame.
     fn detection_from_touch(
         &mut self,
         object: usize,
@@ -158,20 +159,20 @@ impl TouchPolicy<'_> {
         let (off, covariance) =
             palpation::condition_on_table(position - seen.position.coords, &covariance, (looked, level));
         let [x, y, z]: [f64; 3] = (off * 1e3).into();
-        self.trace.record(format!("felt ({x:.0}, {y:.0}, {z:.0}) mm beside where it is seen"));
+        self.trace.record(format!("felt ({x:.0}, {y:.0}, {z:.0}) mm from the detected position"));
         Some((DetectedObject { position: seen.position + off, ..*seen }, covariance))
     }
 }
 
-/// Worth of the best of the `candidates` while the object is only seen, with the error of `posterior`, and once it has
-/// been touched. `None` if nothing was rehearsed.
+/// Scores of the best of the `candidates` while the object is only detected, with the error of `posterior`, and once it
+/// has been touched. `None` if there are no rollouts.
 fn scores_before_after_touch(candidates: &[GraspCandidate], posterior: &AimPosterior) -> Option<[f64; 2]> {
     candidates.iter().any(|candidate| !candidate.rollouts.is_empty()).then_some(())?;
     let touched = touch_posterior()?;
     Some([posterior, &touched].map(|posterior| best_candidate_score(candidates, posterior)))
 }
 
-/// An empty hand with the digits closed that take the first object.
+/// An empty hand in which the digits that take the first object are closed.
 pub(super) fn empty_hand(hand: &Hand) -> HeldObject<'static> {
     let digits = digit_sets(hand, 2).swap_remove(0);
     let mut joints = vec![0.0; hand.tree.joints.len()];
@@ -192,7 +193,7 @@ mod tests {
     use crate::outcome_model::{Rollout, TryOutcome};
     use crate::uncertainty::Uncertainty;
 
-    /// A grasp that holds within `reach` (m) of its aim and makes contact beyond, rehearsed on a grid of 4 mm.
+    /// A grasp that holds within `reach` (m) of its aim and makes contact beyond, with rollouts on a grid of 4 mm.
     fn candidate(reach: f64) -> GraspCandidate {
         let steps = || (-6..=6).map(|n| 0.004 * f64::from(n));
         let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
@@ -200,8 +201,8 @@ mod tests {
             true => TryOutcome::Held,
             false => TryOutcome::Contact,
         };
-        let rehearsed: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome(&error))).collect();
-        GraspCandidate { rollouts: rehearsed, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
+        let rollouts: Arc<[Rollout]> = errors.map(|error| Rollout::new(error, outcome(&error))).collect();
+        GraspCandidate { rollouts: rollouts, ..GraspCandidate::new(grasp("ball_45", 1), 1.0) }
     }
 
     /// A touch does not pay for a grasp that holds wherever the object may be, nor for one that never holds. It pays
@@ -210,7 +211,7 @@ mod tests {
     fn a_touch_pays_where_the_aim_decides() {
         let posterior = AimPosterior::new(&Uncertainty { arm: 0.004, detector: 0.006, detector_persistent_share: 0.5 });
         let gain = |reach: f64| {
-            let [seen, touched] = scores_before_after_touch(&[candidate(reach)], &posterior).expect("rehearsed");
+            let [seen, touched] = scores_before_after_touch(&[candidate(reach)], &posterior).expect("rollouts");
             touched - seen
         };
         assert!(gain(0.1) < MIN_TOUCH_GAIN && gain(0.0) < MIN_TOUCH_GAIN, "{} {}", gain(0.1), gain(0.0));

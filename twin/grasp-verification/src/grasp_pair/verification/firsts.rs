@@ -1,4 +1,4 @@
-//! Other first grasps of a plan: those of the repertoire, and new ones that hold where those do not.
+//! Other first grasps of a grasp pair: those of the repertoire, and new ones that hold in draws in which those do not.
 
 use anyhow::Result;
 use control::outcome_model::TryOutcome;
@@ -15,7 +15,7 @@ const MAX_FOUND: usize = 4;
 
 impl Race<'_> {
     /// Returns the first grasps that hold most often under the selecting draws: known ones of the repertoire and of the
-    /// plan, proposals, and variations of the best.
+    /// pair, proposals, and variations of the best.
     pub fn first_grasps(&self, plan: &GraspPair) -> Result<Vec<Grasp>> {
         let mut race = self.clone().numbered(plan, FIRST_NUMBER + 2 * ANOTHER_FIRST_OFFSET);
         let hand = &self.world.cell.robot.hand;

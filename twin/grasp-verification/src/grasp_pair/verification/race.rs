@@ -30,7 +30,7 @@ pub(super) const HEATS: [(usize, usize); 3] = [(1, 24), (3, 12), (8, 6)];
 pub(super) const VARIATION_HEATS: [(usize, usize); 3] = [(1, 10), (3, 5), (8, 3)];
 /// Number of grasps that a round starts from.
 pub(super) const PARENT_COUNT: usize = 3;
-/// Number of grasps that have held under all draws after which no further round is played.
+/// Number of grasps that have held under all draws after which no further round is run.
 const SUFFICIENT_GRASPS: usize = 3;
 /// Number of grasps that are kept.
 const GRASPS_KEPT: usize = 4;
@@ -53,7 +53,7 @@ impl Entrant {
         Self { grasp, outcomes: String::new() }
     }
 
-    /// Returns the mean worth of a try.
+    /// Returns the mean score of a try.
     pub fn mean_score(&self) -> f64 {
         total_score(self.outcomes.chars()) / self.outcomes.len().max(1) as f64
     }
@@ -76,7 +76,7 @@ pub(super) fn rank(entrants: &mut [Entrant]) {
     entrants.sort_by(|a, b| b.mean_score().total_cmp(&a.mean_score()).then(a.grasp.id.cmp(&b.grasp.id)));
 }
 
-/// Race for one plan.
+/// Race for one grasp pair.
 #[derive(Clone)]
 pub(super) struct Race<'a> {
     pub world: &'a SimulatedWorld,
@@ -87,7 +87,7 @@ pub(super) struct Race<'a> {
     /// Planned grasp of the second object.
     planned: Grasp,
     pub rng: ChaCha8Rng,
-    /// First number of the grasps found in races after this first grasp. `link_number` is the next one.
+    /// First number of the grasps found in races after this first grasp. `number` is the next one.
     first_number: u32,
     pub number: u32,
 }
@@ -103,7 +103,7 @@ impl<'a> Race<'a> {
     ) -> Result<Self> {
         let grasps = plan.grasps(&world.cell.robot.hand, repertoire)?;
         let planned = grasps.second_candidates.first().map(|planned| planned.grasp.clone());
-        let planned = planned.with_context(|| format!("the plan of {} has no second grasp", plan.first))?;
+        let planned = planned.with_context(|| format!("the grasp pair of {} has no second grasp", plan.first))?;
         let level = if effort.level > 1 { format!(", effort {}", effort.level) } else { String::new() };
         let seed = format!("proof of {}, {}{level}", plan.first, plan.second);
         let rng = ChaCha8Rng::from_seed(Sha256::digest(seed).into());
@@ -126,12 +126,12 @@ impl<'a> Race<'a> {
         Self { first, ..self.clone() }
     }
 
-    /// Returns the race after another first grasp, with numbers of its own.
+    /// Returns the race after another first grasp, with its own numbers.
     pub fn for_other_first(&self, plan: &GraspPair, first: Grasp) -> Self {
         self.with_first(first).numbered(plan, FIRST_NUMBER + ANOTHER_FIRST_OFFSET)
     }
 
-    /// Numbers new grasps from `first` on, beyond those that the plan already has.
+    /// Numbers new grasps from `first` on, beyond those that the pair already has.
     pub fn numbered(self, plan: &GraspPair, first: u32) -> Self {
         let block = first..first + ANOTHER_FIRST_OFFSET;
         let known = plan.variations.iter().map(|grasp| grasp.id).filter(|id| block.contains(id)).max();
@@ -152,8 +152,8 @@ impl<'a> Race<'a> {
         Ok(held.into_iter().max().unwrap_or(0) as f64 / COMPARISON_DRAWS as f64)
     }
 
-    /// Runs the race. Returns the proof of the best grasps and those of them that are new, or `None` if the first grasp
-    /// holds too seldom.
+    /// Runs the race. Returns the verification of the best grasps and those of them that are new, or `None` if the
+    /// first grasp holds too seldom.
     pub fn run(mut self, plan: &GraspPair) -> Result<Option<(Verification, Vec<Grasp>)>> {
         let VerificationEffort { selection_draws: selecting, rounds, batch, .. } = self.effort;
         let mut holds = Vec::with_capacity(selecting);
@@ -199,7 +199,7 @@ impl<'a> Race<'a> {
         )
     }
 
-    /// Returns the pose of the first object in the palm over the draws of a proof.
+    /// Returns the pose of the first object in the palm over the draws of a verification.
     pub fn hold_statistics(&self) -> Result<Option<HoldStatistics>> {
         let object = self.world.object(&self.first.object)?;
         let holds = (0..self.effort.verification_draws).map(|number| self.hold(ErrorMagnitude::Residual, number));
@@ -275,7 +275,7 @@ fn in_palm(hold: &RolloutSnapshot) -> Isometry3<f64> {
     truth.palm.inverse() * truth.objects[0]
 }
 
-/// Plays the heats, then one under all draws. `left` entrants remain at most, the best first.
+/// Runs the heats, then one under all draws. `left` entrants remain at most, the best first.
 pub(super) fn run_heats(
     entrants: &mut Vec<Entrant>,
     (heats, left): (&[(usize, usize)], usize),
@@ -297,13 +297,13 @@ pub(super) fn run_heats(
     Ok(())
 }
 
-/// Returns the best of `entrants`, then those that hold most often where none of the earlier ones does.
+/// Returns the best of `entrants`, then those that hold most often in draws in which none of the earlier ones does.
 fn complementary(mut entrants: Vec<Entrant>, draws: usize) -> Vec<Entrant> {
     let mut kept: Vec<Entrant> = Vec::new();
     while kept.len() < GRASPS_KEPT && !entrants.is_empty() {
         let open = |draw: &usize| !kept.iter().any(|known| known.held(*draw));
         let covered = |entrant: &Entrant| (0..draws).filter(open).filter(|draw| entrant.held(*draw)).count();
-        // The entrants are in order of worth: of those that cover as many draws, the one with the larger worth is
+        // The entrants are in order of score: of those that cover as many draws, the one with the higher score is
         // taken.
         let best = (0..entrants.len()).rev().max_by_key(|n| covered(&entrants[*n])).unwrap_or(0);
         let best = entrants.remove(best);
@@ -340,7 +340,7 @@ mod tests {
         Entrant { grasp: Grasp { id, ..any.clone() }, outcomes: letters.chars().cycle().take(16).collect() }
     }
 
-    /// After the best grasp comes the one that holds where it does not, although others hold more often.
+    /// After the best grasp comes the one that holds in draws in which it does not, although others hold more often.
     #[test]
     fn kept_grasps_complement_each_other() {
         let mut entrants = vec![entrant(1, "hhhm"), entrant(2, "hhmm"), entrant(3, "hhmm"), entrant(4, "mmmh")];

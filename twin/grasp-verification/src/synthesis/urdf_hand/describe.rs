@@ -3,7 +3,7 @@
 //! Surface points lie on the collision shapes. The contact candidates are found by moving the hand. A point of a moving
 //! link is a candidate if the closing hand moves it in the direction that it faces. A point of the palm is a candidate
 //! if it faces the closing point, on which the fingers close. The closing point is also the pivot of the sampler's
-//! rotations, seen from a frame laid out like our hand's palm: the object comes along -z.
+//! rotations, in a frame laid out like our hand's palm: the object comes along -z.
 
 mod palm;
 
@@ -45,7 +45,7 @@ const SURFACE_TOLERANCE: f64 = 1.5e-3;
 const TORSION_ARM: f64 = 3.0 * std::f64::consts::PI / 16.0 * 5e-3;
 /// Arm at which torques count as forces, m: the lever arm at which an object's weight may act.
 const TORQUE_ARM: f64 = 0.01;
-/// Tension below which a note says that an actuator is weak, N.
+/// Tension below which a note states that an actuator is weak, N.
 const WEAK_TENSION: f64 = 60.0;
 
 /// Reads and describes a hand.

@@ -27,7 +27,7 @@ pub struct LinkPart {
     /// `link_from_shape`.
     pub pose: Isometry3<f64>,
     pub shape: ObjectShape,
-    /// True if it stands for a mesh or a part of one.
+    /// True if it represents a mesh or a part of one.
     pub of_mesh: bool,
     /// True if it may bear an object: every part of a moving link, and of the root the parts that the pulls file names
     /// as palm.
@@ -96,7 +96,7 @@ fn surface_area(shape: &ObjectShape) -> f64 {
     triangles.iter().map(area).sum()
 }
 
-/// Returns points spread evenly over all links, without those inside another shape of the same link.
+/// Returns points distributed evenly over all links, without those inside another shape of the same link.
 pub fn surface_points(shapes: &LinkShapes) -> Vec<Vec<LinkSurfacePoint>> {
     let total: f64 = shapes.iter().flatten().map(|part| surface_area(&part.shape)).sum();
     let on_link = |parts: &Vec<LinkPart>| {

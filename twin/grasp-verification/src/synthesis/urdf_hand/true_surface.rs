@@ -1,4 +1,4 @@
-//! Surface of a hand's links as given by its files, in addition to the convex parts that stand for it in collisions.
+//! Surface of a hand's links as given by its files, in addition to the convex parts that represent it in collisions.
 
 use hand_model::hand_mechanism::HandMechanism;
 use nalgebra::{Isometry3, Point3};

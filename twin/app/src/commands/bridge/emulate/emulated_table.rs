@@ -60,11 +60,11 @@ pub struct EmulatedTable {
 }
 
 impl EmulatedTable {
-    /// Builds the table and robot `instance` (0 is the nominal robot), with the objects of `wish`. If seed `mount` is
+    /// Builds the table and robot `instance` (0 is the nominal robot), with the objects of `command`. If seed `mount` is
     /// given, the base stands at a hidden pose drawn from it.
     pub fn new(
         robot: &RobotModel,
-        wish: TableCommand,
+        command: TableCommand,
         (mount, instance): (Option<u64>, u64),
         seed: u64,
     ) -> Result<Self> {
@@ -84,7 +84,7 @@ impl EmulatedTable {
             plant,
             placed: Arc::new(Mutex::new(standing)),
         };
-        table.place_objects(wish)?;
+        table.place_objects(command)?;
         Ok(table)
     }
 
@@ -98,24 +98,24 @@ impl EmulatedTable {
         &self.bench
     }
 
-    /// Carries out `wish` at once, whatever the robot does, and describes the objects now on the table.
-    pub fn place_objects(&self, wish: TableCommand) -> Result<String> {
+    /// Carries out `command` at once, regardless of the robot, and describes the objects now on the table.
+    pub fn place_objects(&self, command: TableCommand) -> Result<String> {
         let mut standing = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
-        if wish == TableCommand::ResetObjects || wish == standing.command {
+        if command == TableCommand::ResetObjects || command == standing.command {
             let mut robot = self.plant.lock();
             standing.poses.iter().enumerate().for_each(|(object, place)| robot.set_object_pose(object, place));
             return Ok(format!("back in place: {}", standing.names.join(", ")));
         }
-        let placements = self.placements(wish)?;
+        let placements = self.placements(command)?;
         let mut robot = self.plant.lock();
         robot.replace_objects(&placements);
-        if wish == TableCommand::Balls {
+        if command == TableCommand::Balls {
             (0..placements.len()).for_each(|object| robot.fix_object(object));
         }
         standing.names = placements.iter().map(|placement| placement.model.name.clone()).collect();
         standing.poses = placements.iter().map(|placement| placement.pose).collect();
         standing.version += 1;
-        standing.command = wish;
+        standing.command = command;
         Ok(format!("on the table: {}", standing.names.join(", ")))
     }
 
@@ -125,9 +125,9 @@ impl EmulatedTable {
         (standing.names.clone(), standing.version)
     }
 
-    fn placements(&self, wish: TableCommand) -> Result<Vec<ObjectPlacement>> {
+    fn placements(&self, command: TableCommand) -> Result<Vec<ObjectPlacement>> {
         let world = &self.bench.world;
-        let TableCommand::Combination(combination) = wish else {
+        let TableCommand::Combination(combination) = command else {
             return Ok(Registrar::new(world, &self.registration_plan, &self.bench.repertoire)?.placements());
         };
         let Some(plan) = self.bench.grasp_pairs.pairs.get(combination) else {
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wishes_are_read() {
+    fn table_commands_are_read() {
         assert_eq!(
             ["back", "balls", "12"].map(|text| text.parse::<TableCommand>().expect("good")),
             [TableCommand::ResetObjects, TableCommand::Balls, TableCommand::Combination(12)]
@@ -153,8 +153,8 @@ mod tests {
         assert!("-1".parse::<TableCommand>().expect_err("bad").contains("found `-1`, expected back, balls"));
     }
 
-    /// Pushed objects return to their places. Another combination stands where its plan has it. Balls do not move when
-    /// pushed.
+    /// Pushed objects return to their places. Another combination stands as its grasp pair prescribes. Balls do not
+    /// move when pushed.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
         let table =

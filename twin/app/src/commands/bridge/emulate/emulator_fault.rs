@@ -1,4 +1,4 @@
-//! Mishaps (faults of emulated devices), as written on the command line and in requests.
+//! Faults of emulated devices, as written on the command line and in requests.
 
 use std::str::FromStr;
 

@@ -108,7 +108,7 @@ fn read_request(stream: UnixStream, to: &Sender<TableRequest>) {
 
 /// Sends a line to the emulator at `path` and returns its answer.
 pub fn send_line(path: &Path, line: &str) -> Result<String> {
-    let shown = || format!("{}: found nobody who listens, expected a running emulator", path.display());
+    let shown = || format!("{}: found no listener, expected a running emulator", path.display());
     let mut stream = UnixStream::connect(path).with_context(shown)?;
     stream.set_read_timeout(Some(ANSWER_TIMEOUT))?;
     writeln!(stream, "{line}")?;

@@ -1,4 +1,4 @@
-//! The true scene of an emulated robot, for the viewer. The host's own recording has no access to it.
+//! The true scene of an emulated robot, for the viewer. The controlling program's own recording has no access to it.
 
 use std::path::{Path, PathBuf};
 
@@ -63,7 +63,7 @@ impl TruthRecorder {
     }
 }
 
-/// Returns the file of recording number `count`: `image_name` itself, then `name-2`.
+/// Returns the file of recording number `count`: `file` itself, then `NAME-2`.
 fn numbered_path(file: &Path, count: usize) -> PathBuf {
     if count < 2 {
         return file.to_owned();

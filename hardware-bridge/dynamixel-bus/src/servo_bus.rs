@@ -7,6 +7,8 @@
 //! [`timing`] calculates the duration of a cycle, [`statistics`] measures it, [`latency_timer`] reads the delay of the
 //! USB adapter.
 
+mod error;
+mod group;
 pub mod latency_timer;
 pub mod statistics;
 pub mod timing;
@@ -15,61 +17,21 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use robot_session_log::{Direction, LinkTap};
 use serial2::SerialPort;
 use statistics::BusStatistics;
 use timing::LineTiming;
 
 use crate::exclusive;
-use crate::protocol2::error::InstructionError;
 use crate::protocol2::{
-    BROADCAST_ID, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
+    BROADCAST_ID, Decoder, Instruction, Packet, ReplyError, Status, StreamError, sync_read_replies,
 };
-use crate::xc330::{self, Register, RegisterError};
+use crate::register::Register;
+use crate::tap::{Direction, Tap};
 
-/// Error of an operation on the bus.
-#[derive(Debug, thiserror::Error)]
-pub enum BusError {
-    /// The port cannot be opened, read or written.
-    #[error("{port}: {}", describe_port_error(.source))]
-    Port {
-        /// Device path.
-        port: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// The request does not fit a packet.
-    #[error(transparent)]
-    Request(#[from] InstructionError),
-    /// There is no usable answer.
-    #[error(transparent)]
-    Reply(#[from] ReplyError),
-    /// The value does not fit its register.
-    #[error("servo {id}: {source}")]
-    Register {
-        /// Id of the servo.
-        id: u8,
-        /// Error of the value.
-        source: RegisterError,
-    },
-    /// The register does not hold the value that was written.
-    #[error("servo {id}: {register}: read back {found}, expected {expected}")]
-    ReadBack {
-        /// Id of the servo.
-        id: u8,
-        register: &'static str,
-        found: f64,
-        expected: f64,
-    },
-}
+pub use error::BusError;
 
-/// Describes an operating system's error of a port, with advice where the error alone is no help.
-fn describe_port_error(error: &std::io::Error) -> String {
-    // A hung-up terminal reads as end of file, or as an input/output error.
-    const EIO: i32 = 5;
-    let gone = error.kind() == ErrorKind::UnexpectedEof || error.raw_os_error() == Some(EIO);
-    if gone { format!("the port is gone; check the USB cable and the adapter ({error})") } else { error.to_string() }
-}
+/// Maximum time for which an answer may be awaited, s.
+const MAX_TIMEOUT: f64 = 3600.0;
 
 /// Settings of a bus.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,14 +55,44 @@ impl Default for BusSettings {
 /// Answer of a servo to a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PingReply {
+    /// Id of the servo.
     pub id: u8,
-    /// Model number; [`xc330::XC330_MODEL`] for an XC330-T288-T.
+    /// Model number; the key of [`crate::models::Model::by_number`].
     pub model: u16,
     /// Firmware version.
     pub firmware: u8,
 }
 
 /// An open servo bus.
+///
+/// # Example
+/// ```
+/// # include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/support/responder.rs"));
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let servos = Responder::start(&dynamixel_bus::models::xl330_m288::MODEL, &[1, 2])?;
+/// # let port = &servos.path;
+/// use dynamixel_bus::models::xl330_m288::{GOAL_POSITION, OPERATING_MODE, PRESENT_POSITION};
+/// use dynamixel_bus::x_series::mode;
+/// use dynamixel_bus::{BusSettings, ReplyError, ServoBus};
+///
+/// // `port` is for example /dev/ttyUSB0.
+/// let mut bus = ServoBus::open(port, BusSettings { slack: 0.5, ..BusSettings::default() })?;
+/// for id in [1, 2] {
+///     bus.write(id, &OPERATING_MODE, mode::POSITION as f64)?;
+/// }
+/// assert!(bus.set_torque(&[1, 2], true).iter().all(Result::is_ok));
+/// bus.sync_write_values(&GOAL_POSITION, &[(1, 2.0), (2, 3.0)])?;
+///
+/// // Servo 3 is not there; the others answer.
+/// let angles = bus.sync_read_register(&[1, 2, 3], &PRESENT_POSITION)?;
+/// assert!(angles[0].as_ref().is_ok_and(|angle| (angle - 2.0).abs() < 1e-3));
+/// assert_eq!(angles[2], Err(ReplyError::Missing(3)));
+///
+/// let statistics = bus.statistics();
+/// println!("{} missing, median round trip {:?} s", statistics.missing, statistics.round_trip(0.5));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct ServoBus {
     port: SerialPort,
@@ -108,12 +100,20 @@ pub struct ServoBus {
     settings: BusSettings,
     decoder: Decoder,
     statistics: BusStatistics,
-    tap: Option<LinkTap>,
+    tap: Option<Tap>,
 }
 
 impl ServoBus {
-    /// Opens the port in raw mode, 8N1, for exclusive use.
-    pub fn open(path: &Path, settings: BusSettings) -> Result<Self, BusError> {
+    /// Opens the port in raw mode, 8N1, for exclusive use ([`exclusive`]).
+    ///
+    /// # Errors
+    /// [`BusError::Port`], [`BusError::Settings`].
+    pub fn open(path: impl AsRef<Path>, settings: BusSettings) -> Result<Self, BusError> {
+        let path = path.as_ref();
+        let times = [settings.return_delay, settings.slack];
+        if settings.baud == 0 || !times.iter().all(|time| (0.0..=MAX_TIMEOUT).contains(time)) {
+            return Err(BusError::Settings(settings));
+        }
         let failed = |source| BusError::Port { port: path.to_owned(), source };
         let port = exclusive::open(path, settings.baud).map_err(failed)?;
         Ok(Self {
@@ -127,7 +127,7 @@ impl ServoBus {
     }
 
     /// Copies every byte that crosses the bus from now on to `tap`.
-    pub fn tap(&mut self, tap: LinkTap) {
+    pub fn tap(&mut self, tap: Tap) {
         self.tap = Some(tap);
     }
 
@@ -141,7 +141,8 @@ impl ServoBus {
         self.settings
     }
 
-    /// Sets the time-out of an answer beyond its time on the line, s.
+    /// Sets the time-out of an answer beyond its time on the line, s. Requests fail with [`BusError::Settings`] if it is
+    /// negative, above an hour or no number.
     pub fn set_slack(&mut self, seconds: f64) {
         self.settings.slack = seconds;
     }
@@ -174,17 +175,28 @@ impl ServoBus {
         self.ask_one(id, &Instruction::Read { address, length }, length.into())
     }
 
+    /// Writes `data` from `address` on in one servo and waits for its acknowledgement.
+    pub fn write_block(&mut self, id: u8, address: u16, data: &[u8]) -> Result<(), BusError> {
+        self.ask_one(id, &Instruction::Write { address, data: data.to_vec() }, 0)?;
+        Ok(())
+    }
+
     /// Reads a register, as a value in SI.
     pub fn read(&mut self, id: u8, register: &Register) -> Result<f64, BusError> {
-        let length = u16::from(register.size);
-        let status = self.ask_one(id, &Instruction::Read { address: register.address, length }, length.into())?;
+        let status = self.read_block(id, register.address, register.size.into())?;
         register.read(&status.data).map_err(|source| BusError::Register { id, source })
     }
 
     /// Writes a value in SI and waits for the servo's acknowledgement.
     pub fn write(&mut self, id: u8, register: &Register, si: f64) -> Result<(), BusError> {
         let data = register.write(si).map_err(|source| BusError::Register { id, source })?;
-        self.ask_one(id, &Instruction::Write { address: register.address, data }, 0)?;
+        self.write_block(id, register.address, &data)
+    }
+
+    /// Registers a write of a value in SI, which waits for [`Self::action`], and waits for the servo's acknowledgement.
+    pub fn reg_write(&mut self, id: u8, register: &Register, si: f64) -> Result<(), BusError> {
+        let data = register.write(si).map_err(|source| BusError::Register { id, source })?;
+        self.ask_one(id, &Instruction::RegWrite { address: register.address, data }, 0)?;
         Ok(())
     }
 
@@ -202,74 +214,6 @@ impl ServoBus {
     pub fn reboot(&mut self, id: u8) -> Result<(), BusError> {
         self.ask_one(id, &Instruction::Reboot, 0)?;
         Ok(())
-    }
-
-    /// Reads `length` bytes from `address` on from each of `ids`.
-    pub fn sync_read(
-        &mut self,
-        ids: &[u8],
-        address: u16,
-        length: u16,
-    ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
-        let request = Instruction::SyncRead { address, length, ids: ids.to_vec() };
-        let sizes = vec![usize::from(length); ids.len()];
-        let (received, took) = self.exchange(BROADCAST_ID, &request, &sizes)?;
-        let replies = sync_read_replies(ids, length.into(), received);
-        self.statistics.note_round_trip(took, &replies);
-        Ok(replies)
-    }
-
-    /// Like [`Self::sync_read`], but answered in one packet; needs firmware 46 or later in all servos.
-    pub fn fast_sync_read(
-        &mut self,
-        ids: &[u8],
-        address: u16,
-        length: u16,
-    ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
-        let request = Instruction::FastSyncRead { address, length, ids: ids.to_vec() };
-        let expected = fast_sync::answer_length(ids.len(), length.into());
-        let wire = request.encode(BROADCAST_ID)?;
-        let started = self.transmit(&wire)?;
-        let timing = self.timing();
-        let turns = ids.len() as f64 * (timing.return_delay + timing.turnaround);
-        let deadline = started + self.reply_timeout(timing.answers(wire.len(), &[expected]) + turns);
-        let mut received = Vec::with_capacity(expected);
-        let mut replies = Vec::new();
-        // Enough bytes may have garbage before the answer and still lack its end.
-        while self.receive(deadline, &mut received)? {
-            if received.len() >= expected {
-                replies = fast_sync::replies(ids, length.into(), &received);
-                if replies.iter().all(Result::is_ok) {
-                    break;
-                }
-            }
-        }
-        if replies.is_empty() {
-            replies = fast_sync::replies(ids, length.into(), &received);
-        }
-        self.statistics.note_round_trip(started.elapsed(), &replies);
-        Ok(replies)
-    }
-
-    /// Writes the same registers in several servos at once. There is no answer: a refused value is lost silently.
-    pub fn sync_write(&mut self, address: u16, length: u16, data: Vec<(u8, Vec<u8>)>) -> Result<(), BusError> {
-        let wire = Instruction::SyncWrite { address, length, data }.encode(BROADCAST_ID)?;
-        self.transmit(&wire)?;
-        self.statistics.sync_writes += 1;
-        Ok(())
-    }
-
-    /// Writes the same value (SI) to one register of all `ids`. There is no answer.
-    pub fn sync_write_register(&mut self, ids: &[u8], register: &Register, si: f64) -> Result<(), BusError> {
-        let bytes = register.write(si).map_err(|source| BusError::Register { id: BROADCAST_ID, source })?;
-        let data = ids.iter().map(|id| (*id, bytes.clone())).collect();
-        self.sync_write(register.address, register.size.into(), data)
-    }
-
-    /// Switches the torque of all `ids` on or off, one by one; a failure does not stop the others.
-    pub fn set_torque(&mut self, ids: &[u8], on: bool) -> Vec<Result<(), BusError>> {
-        let value = f64::from(u8::from(on));
-        ids.iter().map(|id| self.write(*id, &xc330::TORQUE_ENABLE, value)).collect()
     }
 
     /// Returns the timing of the line at the bus's settings.
@@ -293,9 +237,10 @@ impl ServoBus {
         sizes: &[usize],
     ) -> Result<(Vec<Result<Packet, StreamError>>, Duration), BusError> {
         let wire = request.encode(id)?;
-        let started = self.transmit(&wire)?;
         let bytes: Vec<usize> = sizes.iter().map(|size| timing::STATUS_OVERHEAD + size).collect();
-        let deadline = started + self.reply_timeout(self.timing().answers(wire.len(), &bytes));
+        let timeout = self.reply_timeout(self.timing().answers(wire.len(), &bytes))?;
+        let started = self.transmit(&wire)?;
+        let deadline = started + timeout;
         let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
         let mut chunk = Vec::new();
         // An answer of another size belongs to an earlier request and came after this one was sent.
@@ -318,8 +263,12 @@ impl ServoBus {
         Ok((packets, started.elapsed()))
     }
 
-    fn reply_timeout(&self, on_the_line: f64) -> Duration {
-        Duration::from_secs_f64(on_the_line + self.settings.slack)
+    fn reply_timeout(&self, on_the_line: f64) -> Result<Duration, BusError> {
+        let seconds = on_the_line + self.settings.slack;
+        if !(0.0..=MAX_TIMEOUT).contains(&seconds) {
+            return Err(BusError::Settings(self.settings));
+        }
+        Ok(Duration::from_secs_f64(seconds))
     }
 
     /// Discards bytes that came too late for their own request, then sends `wire`.
@@ -329,8 +278,8 @@ impl ServoBus {
         self.statistics.late_bytes += late.len() as u64;
         self.decoder = Decoder::default();
         self.port.write_all(wire).map_err(|source| self.port_error(source))?;
-        if let Some(tap) = &self.tap {
-            tap.copy_packet(Direction::Sent, wire);
+        if let Some(tap) = &mut self.tap {
+            tap.packet(Direction::Sent, wire);
         }
         Ok(Instant::now())
     }
@@ -346,8 +295,8 @@ impl ServoBus {
             Ok(0) => Err(self.port_error(ErrorKind::UnexpectedEof.into())),
             Ok(count) => {
                 into.extend_from_slice(&buffer[..count]);
-                if let Some(tap) = &self.tap {
-                    tap.copy_packet(Direction::Received, &buffer[..count]);
+                if let Some(tap) = &mut self.tap {
+                    tap.packet(Direction::Received, &buffer[..count]);
                 }
                 Ok(true)
             }

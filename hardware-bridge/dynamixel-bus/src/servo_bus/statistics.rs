@@ -7,12 +7,12 @@ use crate::protocol2::{Packet, PacketError, ReplyError, Status, StreamError};
 /// Round trips kept for quantiles; older ones are overwritten.
 const MAX_ROUND_TRIPS: usize = 16_384;
 
-/// Counts since the bus was opened.
+/// Counts since the bus was opened, and round-trip times.
 #[derive(Debug, Clone, Default)]
 pub struct BusStatistics {
     /// Requests that expect an answer.
     pub requests: u64,
-    /// Sync writes, which expect none.
+    /// Sync and bulk writes, which expect none.
     pub sync_writes: u64,
     /// Good answers, one per servo.
     pub answers: u64,

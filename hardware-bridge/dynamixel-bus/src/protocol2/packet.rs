@@ -7,7 +7,7 @@ use super::stuffing::{stuff, unstuff};
 pub const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 /// Id that addresses all servos.
 pub const BROADCAST_ID: u8 = 0xFE;
-/// Maximum length field sent or accepted: far above anything six servos need (a whole control table is 228 bytes), and
+/// Maximum length field sent or accepted: far above anything that servos need (a whole control table is 228 bytes), and
 /// low enough that a damaged length cannot make a reader wait for 64 kB.
 pub const MAX_LENGTH: usize = 1024;
 

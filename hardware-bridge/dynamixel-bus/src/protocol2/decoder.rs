@@ -27,6 +27,18 @@ pub enum StreamError {
 }
 
 /// Decoder that finds packets in a stream of bytes.
+///
+/// ```
+/// use dynamixel_bus::protocol2::{Decoder, Instruction, StreamError};
+///
+/// let wire = Instruction::Ping.encode(1)?;
+/// let mut decoder = Decoder::default();
+/// decoder.push(&wire[..6]);
+/// assert!(decoder.next_packet().is_none());
+/// // The rest does not come before the deadline.
+/// assert_eq!(decoder.time_out()[0], Err(StreamError::CutShort { found: 6, expected: 0 }));
+/// # Ok::<(), dynamixel_bus::protocol2::error::InstructionError>(())
+/// ```
 #[derive(Debug, Default)]
 pub struct Decoder {
     buffer: Vec<u8>,

@@ -14,7 +14,12 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::termios::ioctl_tiocexcl;
 use serial2::{IntoSettings as _, SerialPort};
 
-/// Opens `path` at `baud` for exclusive use.
+/// Opens `path` at `baud` (bits per second) for exclusive use, in raw mode, 8N1.
+///
+/// ```no_run
+/// let port = dynamixel_bus::exclusive::open("/dev/ttyACM0".as_ref(), 115_200)?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
 ///
 /// # Errors
 /// The operating system's error, or one that names the program that has the port.
@@ -70,6 +75,8 @@ fn locked_by(locks: &str, device: u64, inode: u64) -> Option<u32> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     #[test]
@@ -80,16 +87,24 @@ mod tests {
         assert_eq!(locked_by(locks, device, 4), None);
     }
 
+    /// Returns the device end and the path of the host's end.
+    fn pseudo_terminal() -> (SerialPort, PathBuf) {
+        use std::os::fd::AsRawFd as _;
+        let (device, host) = SerialPort::pair().expect("a pseudo-terminal");
+        let path = fs::read_link(format!("/proc/self/fd/{}", host.as_raw_fd())).expect("its path");
+        (device, path)
+    }
+
     /// A port can be opened only once, and a second program does not touch its settings. Once closed, it is free again.
     #[test]
     fn one_at_a_time() {
-        let pty = crate::emulator::pty::Pty::open().expect("a pseudo-terminal");
-        let first = open(pty.path(), 57_600).expect("free");
-        let error = open(pty.path(), 3_000_000).expect_err("taken").to_string();
+        let (_device, path) = pseudo_terminal();
+        let first = open(&path, 57_600).expect("free");
+        let error = open(&path, 3_000_000).expect_err("taken").to_string();
         let settings = first.get_configuration().expect("settings");
         assert_eq!(settings.get_baud_rate().expect("a rate"), 57_600);
-        assert!(error.starts_with("in use by process ") && error.contains("hardware_bridge"), "{error}");
+        assert!(error.starts_with("in use by process ") && error.contains("dynamixel_bus"), "{error}");
         drop(first);
-        drop(open(pty.path(), 57_600).expect("free again"));
+        drop(open(&path, 57_600).expect("free again"));
     }
 }

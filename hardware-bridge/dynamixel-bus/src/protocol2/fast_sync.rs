@@ -5,6 +5,7 @@
 //! byte on, so every prefix that ends with a block can be trusted by itself. Blocks are not stuffed. A missing servo
 //! breaks the chain: it and those after it stay silent, although the length field has promised all.
 
+use super::bulk::BulkRead;
 use super::crc::crc16;
 use super::packet::{BROADCAST_ID, HEADER};
 use super::status::{ReplyError, STATUS, Status};
@@ -16,7 +17,12 @@ pub const HEAD_LENGTH: usize = 8;
 
 /// Returns the length of the whole answer of `servos` servos with `length` bytes of data each.
 pub fn answer_length(servos: usize, length: usize) -> usize {
-    HEAD_LENGTH + servos * (length + BLOCK_OVERHEAD)
+    packet_length(std::iter::repeat_n(length, servos))
+}
+
+/// Returns the length of the whole answer of servos with these numbers of bytes of data.
+pub(crate) fn packet_length(lengths: impl Iterator<Item = usize>) -> usize {
+    HEAD_LENGTH + lengths.map(|length| length + BLOCK_OVERHEAD).sum::<usize>()
 }
 
 /// Encodes an answer: the servos' side. The servos are asked for `lengths` bytes, and the first `statuses.len()` of
@@ -45,24 +51,34 @@ pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
 /// `received` is everything that came; the answer is searched for in it. Only blocks before the first damaged or
 /// missing one count.
 pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status, ReplyError>> {
+    sort_replies(&ids.iter().map(|id| (*id, length)).collect::<Vec<_>>(), received)
+}
+
+/// Like [`replies`], after a fast bulk read.
+pub fn bulk_replies(reads: &[BulkRead], received: &[u8]) -> Vec<Result<Status, ReplyError>> {
+    sort_replies(&reads.iter().map(|read| (read.id, read.length.into())).collect::<Vec<_>>(), received)
+}
+
+/// Sorts the blocks of an answer by servo; `expected` has the id and the number of bytes of each.
+pub(crate) fn sort_replies(expected: &[(u8, usize)], received: &[u8]) -> Vec<Result<Status, ReplyError>> {
     let head = [HEADER.as_slice(), &[BROADCAST_ID]].concat();
     let best = (0..received.len())
         .filter(|start| received[*start..].starts_with(&head))
-        .map(|start| blocks(ids, length, &received[start..]))
+        .map(|start| blocks(expected, &received[start..]))
         .max_by_key(|blocks| blocks.len())
         .unwrap_or_default();
     let mut blocks = best.into_iter();
-    ids.iter().map(|id| blocks.next().unwrap_or(Err(ReplyError::Missing(*id)))).collect()
+    expected.iter().map(|(id, _)| blocks.next().unwrap_or(Err(ReplyError::Missing(*id)))).collect()
 }
 
 /// Returns the good blocks at the start of an answer that begins at `wire[0]`.
-fn blocks(ids: &[u8], length: usize, wire: &[u8]) -> Vec<Result<Status, ReplyError>> {
+fn blocks(expected: &[(u8, usize)], wire: &[u8]) -> Vec<Result<Status, ReplyError>> {
     let mut found = Vec::new();
     if wire.get(HEAD_LENGTH - 1) != Some(&STATUS) {
         return found;
     }
-    for (n, id) in ids.iter().enumerate() {
-        let start = HEAD_LENGTH + n * (length + BLOCK_OVERHEAD);
+    let mut start = HEAD_LENGTH;
+    for (id, length) in expected {
         let end = start + length + 2;
         let Some(&[low, high]) = wire.get(end..end + 2) else { break };
         if u16::from_le_bytes([low, high]) != crc16(&wire[..end]) || wire[start + 1] != *id {
@@ -73,6 +89,7 @@ fn blocks(ids: &[u8], length: usize, wire: &[u8]) -> Vec<Result<Status, ReplyErr
             Some(error) => Err(ReplyError::Refused { id: *id, error }),
             None => Ok(status),
         });
+        start = end + 2;
     }
     found
 }

@@ -5,6 +5,7 @@ use super::error::InstructionError;
 /// Read from one servo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BulkRead {
+    /// Id of the servo.
     pub id: u8,
     /// First register.
     pub address: u16,
@@ -15,9 +16,11 @@ pub struct BulkRead {
 /// Write to one servo.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BulkWrite {
+    /// Id of the servo.
     pub id: u8,
     /// First register.
     pub address: u16,
+    /// Bytes to write.
     pub data: Vec<u8>,
 }
 

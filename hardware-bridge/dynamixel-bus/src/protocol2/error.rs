@@ -20,7 +20,10 @@ pub enum InstructionError {
     },
     /// A bulk instruction names a servo twice.
     #[error("bulk instruction: servo {id} is named twice")]
-    Repeated { id: u8 },
+    Repeated {
+        /// Id of the servo.
+        id: u8,
+    },
     /// The instruction code is unknown.
     #[error("instruction: found {0:#04x}, expected one of 01 02 03 04 05 08 82 83 8a 92 93 9a")]
     Unknown(u8),

@@ -45,6 +45,14 @@ fn file_of(port: &Path, root: &Path) -> Option<PathBuf> {
 pub const SYSTEM_FOLDER: &str = "/sys/class/tty";
 
 /// Reads the timer of `port`; `root` is [`SYSTEM_FOLDER`].
+///
+/// ```
+/// use dynamixel_bus::servo_bus::latency_timer::{LatencyTimer, SYSTEM_FOLDER, read};
+///
+/// // This port is not that of an FTDI adapter.
+/// assert_eq!(read("/dev/null".as_ref(), SYSTEM_FOLDER.as_ref())?, LatencyTimer::Absent);
+/// # Ok::<(), dynamixel_bus::servo_bus::latency_timer::LatencyTimerError>(())
+/// ```
 pub fn read(port: &Path, root: &Path) -> Result<LatencyTimer, LatencyTimerError> {
     let Some(path) = file_of(port, root) else { return Ok(LatencyTimer::Absent) };
     let text = std::fs::read_to_string(&path).map_err(|source| LatencyTimerError::Io { path: path.clone(), source })?;

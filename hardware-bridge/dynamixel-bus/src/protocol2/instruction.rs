@@ -4,7 +4,7 @@ use super::bulk::{self, BulkRead, BulkWrite};
 use super::error::InstructionError;
 use super::packet::{BROADCAST_ID, Packet};
 
-/// The instructions that the bridge uses or the emulated servos understand.
+/// Instructions of Protocol 2.0, except clear, factory reset and control table backup.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Instruction {
     /// Ping, answered with model number and firmware version.

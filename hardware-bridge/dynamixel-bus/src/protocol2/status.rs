@@ -1,5 +1,6 @@
 //! Status packets: the servos' answers.
 
+use super::bulk::BulkRead;
 use super::decoder::StreamError;
 use super::packet::{Packet, PacketError};
 
@@ -86,10 +87,16 @@ pub enum ReplyError {
     Missing(u8),
     /// The servo refused the instruction.
     #[error("servo {id}: {error}")]
-    Refused { id: u8, error: ServoError },
+    Refused {
+        /// Id of the servo.
+        id: u8,
+        /// The servo's reason.
+        error: ServoError,
+    },
     /// The answer has another length than requested.
     #[error("servo {id}: found {found} bytes, expected {expected}")]
     Length {
+        /// Id of the servo.
         id: u8,
         /// Bytes in its answer.
         found: usize,
@@ -127,16 +134,33 @@ impl Status {
 /// Sorts the packets that came after a sync read. Returns for each servo asked, in that order, its `length` bytes, or
 /// the reason why there are none.
 ///
-/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::IfMissing`],
+/// Damaged packets, echoes and foreign packets are skipped: a servo whose answer was lost is [`ReplyError::Missing`],
 /// and the answers of the others stand.
 pub fn sync_read_replies(
     ids: &[u8],
     length: usize,
     received: impl IntoIterator<Item = Result<Packet, StreamError>>,
 ) -> Vec<Result<Status, ReplyError>> {
-    let mut replies: Vec<Result<Status, ReplyError>> = ids.iter().map(|id| Err(ReplyError::Missing(*id))).collect();
+    sort_replies(&ids.iter().map(|id| (*id, length)).collect::<Vec<_>>(), received)
+}
+
+/// Like [`sync_read_replies`], after a bulk read.
+pub fn bulk_read_replies(
+    reads: &[BulkRead],
+    received: impl IntoIterator<Item = Result<Packet, StreamError>>,
+) -> Vec<Result<Status, ReplyError>> {
+    sort_replies(&reads.iter().map(|read| (read.id, read.length.into())).collect::<Vec<_>>(), received)
+}
+
+/// Sorts answers by servo; `expected` has the id and the number of bytes of each.
+pub(crate) fn sort_replies(
+    expected: &[(u8, usize)],
+    received: impl IntoIterator<Item = Result<Packet, StreamError>>,
+) -> Vec<Result<Status, ReplyError>> {
+    let mut replies: Vec<_> = expected.iter().map(|(id, _)| Err(ReplyError::Missing(*id))).collect();
     for status in received.into_iter().flatten().filter_map(|packet| Status::decode(&packet)) {
-        let Some(place) = ids.iter().position(|id| *id == status.id) else { continue };
+        let Some(place) = expected.iter().position(|(id, _)| *id == status.id) else { continue };
+        let length = expected[place].1;
         replies[place] = match status.error {
             Some(error) => Err(ReplyError::Refused { id: status.id, error }),
             None if status.data.len() != length => {
