@@ -70,7 +70,7 @@ pub struct ObjectGrasps {
 ///
 /// let header = CollectionHeader { version: VERSION, command: "a search".into(), seed: 1 };
 /// let short = Some("no chain ended in a grasp that holds".into());
-/// let summary = SearchSummary { object: "needle".into(), wanted: 10, kept: 0, chains: 500, short };
+/// let summary = SearchSummary { object: "needle".into(), requested: 10, kept: 0, chains: 500, short };
 /// let collection = Collection { header, objects: vec![ObjectGrasps { summary, grasps: Vec::new() }] };
 ///
 /// let text = collection.to_text()?;

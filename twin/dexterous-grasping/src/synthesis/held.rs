@@ -392,12 +392,14 @@ pub(crate) mod tests {
     fn lines_of_both_kinds_of_hand_are_read() {
         let ours = serde_json::to_string(&grasp()).expect("a line");
         assert!(ours.starts_with(r#"{"object":"ball","chain":3,"palm_from_object":[0.012"#), "{ours}");
-        let other = r#"{"object":"ball","chain":7,"root_from_object":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"joints":[["turn",0.5]],"start":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"open_joints":[["turn",0.1]],"open_tensions":[["close",1.0]],"tensions":[["close",30.0]],"contacts":[[0,[0.0,0.0,0.0],[0.0,0.0,1.0],2.0]],"margin":2.0,"penetration":0.0,"held_without_tension":false,"verification":{"mass":0.1,"friction":0.6,"payload":0.3}}"#;
+        let other = r#"{"object":"ball","chain":7,"root_from_object":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"joints":[["turn",0.5]],"start":[0.0,0.0,-0.05,0.0,0.0,0.0,1.0],"open_joints":[["turn",0.1]],"open_tensions":[["close",1.0]],"tensions":[["close",30.0]],"contacts":[[0,[0.0,0.0,0.0],[0.0,0.0,1.0],2.0]],"margin":2.0,"penetration":0.0,"held_without_tension":false,"verified_load":{"mass":0.1,"friction":0.6,"payload":0.3}}"#;
         for line in [&*ours, other] {
             let read: HeldGrasp = serde_json::from_str(line).expect("read");
             assert_eq!(serde_json::to_string(&read).expect("a line"), line);
         }
+        let earlier = serde_json::from_str::<HeldGrasp>(&other.replace("verified_load", "proof"));
         let other: HeldGrasp = serde_json::from_str(other).expect("read");
+        assert_eq!(earlier.expect("read under the field's earlier name"), other);
         assert_eq!((&*other.tensions.names, &*other.tensions), (&["close".to_owned()][..], &[30.0][..]));
         assert!(other.digit_use.is_none() && other.digits().is_empty() && !other.palm());
     }
