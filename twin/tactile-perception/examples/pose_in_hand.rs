@@ -1,4 +1,4 @@
-//! Estimates the pose of a ball that three fingers of the F-TAC Hand touch, from their contact patches and a wrong prior:
+//! Estimates the pose of a ball that lies in one pad of the open F-TAC Hand, from its contact patch and a wrong prior:
 //! `cargo run --release -p tactile-perception --example pose_in_hand`.
 //!
 //! The patches are computed from the known pose; on a robot they come from [`tactile_perception::TouchPipeline`].

@@ -1,6 +1,6 @@
 //! Locates a ball of known radius that is pressed into a pad, from the images before and during the press.
 //!
-//! The ball's centre is where the gel's surface under it ([`impression`]) has the slopes that photometric stereo
+//! The ball's centre is where the gel's surface under it (`impression`) has the slopes that photometric stereo
 //! measures. A calibration made on another unit measures slopes that are too steep or too flat, and rotated, by much
 //! the same over one contact. A linear map between measured and true slopes is therefore fitted together with the
 //! position. Whatever the map, the slopes vanish below the ball's centre, and the rim of the contact, where they break

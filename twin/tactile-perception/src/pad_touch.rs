@@ -12,7 +12,7 @@ use crate::photometric_stereo::Gradients;
 pub struct HeightMap {
     /// Index of the camera.
     pub camera: usize,
-    /// Indentation, m, [`PIXELS`] values.
+    /// Indentation, m, [`PIXELS`](crate::PIXELS) values.
     pub height: Vec<f32>,
     /// Slopes of the indentation from photometric stereo.
     pub gradients: Gradients,

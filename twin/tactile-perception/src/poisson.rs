@@ -1,6 +1,6 @@
 //! Gradient field to height map: a least-squares Poisson solver by discrete cosine transform.
 //!
-//! It finds the `h` that minimises the sum of squares of (h[i+1] - h[i])/d - g along both axes, with g the mean gradient
+//! It finds the `h` that minimises the sum of squares of `(h[i+1] - h[i])/d - g` along both axes, with g the mean gradient
 //! of the two pixels. Pixels need not be square. The boundary conditions are natural (Neumann).
 
 use std::f64::consts::PI;

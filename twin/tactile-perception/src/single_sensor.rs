@@ -70,6 +70,15 @@ pub struct BallImage<'a> {
     pub diameter: f64,
 }
 
+/// An image of something pressed in whose depth is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthImage<'a> {
+    /// Row-major RGB.
+    pub rgb: &'a [u8],
+    /// Indentation of the gel's surface at each pixel, m, row-major; 0 where it is at rest.
+    pub depth: &'a [f32],
+}
+
 /// A calibrated sensor: reconstructs the gel's surface from an image, and finds the contacts in it.
 ///
 /// ```
@@ -130,6 +139,10 @@ pub struct SingleSensor {
 impl SingleSensor {
     /// Calibrates the sensor by presses of a ball; `background` is the image of the untouched gel (row-major RGB). A dozen
     /// presses spread over the gel are enough; with too few contact pixels there is an error.
+    ///
+    /// The gel is taken to lie on the ball inside the contact and to be flat outside. Around shallow contacts it is not:
+    /// gel that leaves the ball gradually makes slopes near the rim, and with them all depths, too large. Where a model of
+    /// the gel is known, [`Self::calibrate_with_depths`] is more accurate.
     pub fn calibrate(
         geometry: ImageGeometry,
         background: &[u8],
@@ -137,7 +150,37 @@ impl SingleSensor {
     ) -> Result<Self, TouchError> {
         geometry.check()?;
         let before = geometry.average("bytes of a background", background)?;
-        let labelled = labelled(&geometry, &before, presses)?;
+        Self::fitted(geometry, background, &labelled(&geometry, &before, presses)?)
+    }
+
+    /// Like [`Self::calibrate`], by presses of anything whose depths are known, such as those that
+    /// `CalibratedSensor::gel_depth` of the crate `tactile-optics` computes.
+    pub fn calibrate_with_depths(
+        geometry: ImageGeometry,
+        background: &[u8],
+        presses: &[DepthImage<'_>],
+    ) -> Result<Self, TouchError> {
+        geometry.check()?;
+        let before = geometry.average("bytes of a background", background)?;
+        let label = |press: &DepthImage<'_>| {
+            let (found, expected) = (press.depth.len(), geometry.columns * geometry.rows);
+            if found != expected {
+                return Err(TouchError::Size { what: "depths of a press", found, expected });
+            }
+            if press.depth.iter().any(|depth| !depth.is_finite()) {
+                return Err(TouchError::NotFinite("a depth of a press"));
+            }
+            Ok(CalibrationPress {
+                camera: 0,
+                image: geometry.average("bytes of a press image", press.rgb)?,
+                background: before.clone(),
+                indentation: geometry.grid().averaged(press.depth, 1),
+            })
+        };
+        Self::fitted(geometry, background, &presses.iter().map(label).collect::<Result<Vec<_>, _>>()?)
+    }
+
+    fn fitted(geometry: ImageGeometry, background: &[u8], labelled: &[CalibrationPress]) -> Result<Self, TouchError> {
         let pixel = geometry.grid().pixel(geometry.pixel);
         let with_pixel: Vec<_> = labelled.iter().map(|press| (press, pixel)).collect();
         let model = PhotometricModel::fit(CONFIGURATION, &with_pixel)?;
@@ -266,6 +309,11 @@ mod tests {
         let sensor = SingleSensor::with_model(GEOMETRY, &grey, model).expect("a sensor");
         assert!(sensor.reconstruct(&grey).expect("a result").is_none());
         assert!(sensor.reconstruct(&grey[3..]).is_err());
+        let depth = vec![f32::NAN; 96 * 64];
+        let press = |depth| [DepthImage { rgb: &grey, depth }];
+        let short = SingleSensor::calibrate_with_depths(GEOMETRY, &grey, &press(&depth[1..]));
+        assert!(refusal(short).contains("6143"));
+        assert!(refusal(SingleSensor::calibrate_with_depths(GEOMETRY, &grey, &press(&depth))).contains("not finite"));
     }
 
     #[test]

@@ -12,7 +12,7 @@
 //!
 //! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`,
 //! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Without a label file
-//! presses are detected in the images ([`circle`](super::circle)). An image that cannot be used is left out, with the reason.
+//! presses are detected in the images ([`circle`]). An image that cannot be used is left out, with the reason.
 
 use std::path::Path;
 

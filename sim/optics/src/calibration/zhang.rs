@@ -74,7 +74,7 @@ pub fn fit_folder(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsErro
     fit(board, &views, size).map_err(|error| OpticsError::file(folder, error))
 }
 
-/// Fits the lens to the corners of several pictures, in pixels and in the order of [`Checkerboard::find_circle`].
+/// Fits the lens to the corners of several pictures, in pixels and in the order of [`Checkerboard::find`].
 pub fn fit(board: Checkerboard, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<LensFit, OpticsError> {
     let place = |k: usize, count: usize| k as f64 - 0.5 * (count as f64 - 1.0);
     let model: Vec<[f64; 2]> = (0..board.columns * board.rows)

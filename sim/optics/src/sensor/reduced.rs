@@ -2,7 +2,7 @@
 //!
 //! The background is the mean of the full image's, computed once, and a pixel's read-out noise is that of the mean of
 //! its pixels. Where the gel is deformed or shadowed, the image is formed on a grid coarser than the camera's own
-//! ([`ReducedSensor::raster`], the one to press on), of at least [`MIN_POINTS`] points a side. There it differs slightly
+//! ([`ReducedSensor::raster`], the one to press on), of at least 64 points a side. There it differs slightly
 //! from the mean of the full image; the tests state by how much.
 
 use std::sync::Arc;
