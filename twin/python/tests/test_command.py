@@ -103,14 +103,14 @@ class Command(unittest.TestCase):
             return list(csv.DictReader(file))
 
     def bench(self, name, policy, *more, trials=2):
-        short = ["--combos", "1", "--trials", str(trials), "--conditions", "own", "--quiet", "--json", "--out", name]
+        short = ["--combos", "1", "--trials", str(trials), "--conditions", "external", "--quiet", "--json", "--out", name]
         return json.loads(self.run_ftac("bench", "--policy", f"mine.py:{policy}", *short, *more).stdout)
 
     def test_a_class_of_ones_own_plays_as_one_more_condition(self):
         summary = self.bench("chosen", "Keeps", "--record", "none", "--jobs", "2")
-        self.assertEqual(summary["conditions"]["own"]["trials"], 2)
+        self.assertEqual(summary["conditions"]["external"]["trials"], 2)
         # Left alone before it was tried.
-        self.assertEqual({row["condition"] for row in self.trials("chosen")}, {"own"})
+        self.assertEqual({row["condition"] for row in self.trials("chosen")}, {"external"})
         self.assertEqual({row["reason"] for row in self.trials("chosen")}, {"the second object is left alone"})
         self.assertIn("mine.py:Keeps", (self.folder / "chosen/report.html").read_text())
 
@@ -133,7 +133,7 @@ class Command(unittest.TestCase):
 
     def hanging(self):
         """The program, with a policy that hangs."""
-        arguments = ["--combos", "1", "--trials", "1", "--conditions", "own", "--record", "none", "--quiet", "--out", "stopped"]
+        arguments = ["--combos", "1", "--trials", "1", "--conditions", "external", "--record", "none", "--quiet", "--out", "stopped"]
         started = subprocess.Popen(
             [sys.executable, "-m", "ftac", "bench", "--policy", "mine.py:Hangs", *arguments],
             cwd=self.folder,
@@ -203,7 +203,7 @@ class Command(unittest.TestCase):
             (["--policy", "needs.py:Keeps"], "No module named 'nobody_has_this'"),
             (["--policy", "mine.py:Begins"], "no weights here"),
             (["--policy", "mine.py"], "found `mine.py`, expected FILE.py:CLASS"),
-            (["--conditions", "own"], "expected --policy FILE.py:CLASS with it"),
+            (["--conditions", "external"], "expected --policy FILE.py:CLASS with it"),
         ]:
             refused = self.run_ftac("bench", "--combos", "1", "--out", "none", *arguments, code=2)
             self.assertIn(words, refused.stderr)
