@@ -6,7 +6,7 @@
 //! and [`hull`] makes objects stand stably. [`servo`] models the XC330s that wind the cables, [`backlash`] the backlash
 //! of their gears, and [`drive`] connects six of them to the transmission. [`gel`] makes the covers compliant, and
 //! `friction_anchor` gives them static friction. [`contacts`] reads contact pairs and forces, and [`tactile`] renders
-//! them as images through the `optics` crate. [`robot`] ties everything together behind
+//! them as images through the `tactile_optics` crate. [`robot`] ties everything together behind
 //! [`hand_model::robot::RobotBackend`]. Ground [`truth`] is available only through [`robot::SimulatedRobot::truth`],
 //! which is for the referee.
 //!

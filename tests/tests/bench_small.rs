@@ -63,7 +63,7 @@ fn a_mirror_changes_no_row() {
     assert_eq!(trials(folder.path()), trials(reference()));
     let named = fs::read_to_string(folder.path().join("faults.csv")).expect("faults.csv");
     let mut lines = named.lines();
-    assert_eq!(lines.next(), Some("combination,trial,condition,time_s,divergence,part,found,expected"));
+    assert_eq!(lines.next(), Some("combination,trial,condition,time_s,fault,part,found,expected"));
     assert!(lines.all(|line| line.split(',').count() == 8), "{named}");
     assert!(!reference().join("faults.csv").exists(), "only where a mirror looked on");
 }

@@ -57,7 +57,7 @@ fn the_same_trial_on_three_bodies() {
         records.push(decided);
         let (code, replayed) = replay(&only_file(&sessions));
         assert_eq!(
-            (code, &replayed["divergence"], &replayed["same_decisions"]),
+            (code, &replayed["difference"], &replayed["same_decisions"]),
             (Some(0), &Value::Null, &Value::Bool(true))
         );
         assert_eq!(replayed["ticks"], replayed["identical_commands"], "{robot}");
@@ -134,7 +134,7 @@ fn a_session_is_held_to_every_bit() {
     for file in &files {
         let (code, replayed) = replay(file);
         assert_eq!(
-            (code, &replayed["divergence"], &replayed["whole"]),
+            (code, &replayed["difference"], &replayed["complete"]),
             (Some(0), &Value::Null, &Value::Bool(true)),
             "{file:?}"
         );
@@ -144,7 +144,7 @@ fn a_session_is_held_to_every_bit() {
     let bytes = fs::read(file).expect("readable");
     fs::write(file, &bytes[..bytes.len() / 2]).expect("written");
     let (code, replayed) = replay(file);
-    assert_eq!((code, &replayed["whole"], &replayed["divergence"]), (Some(0), &Value::Bool(false), &Value::Null));
+    assert_eq!((code, &replayed["complete"], &replayed["difference"]), (Some(0), &Value::Bool(false), &Value::Null));
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 100));
     // One changed bit means a damaged file, or another session.
     let touched = files.iter().find(|file| text(file).contains("touch")).expect("a touch trial");
@@ -238,7 +238,7 @@ fn a_killed_host_leaves_everything_standing() {
     assert_eq!(end["servos_stopped"].as_array().map(Vec::len), Some(6), "{end}");
     assert!(end["arm_stopped"]["watchdog_after_ms"].is_u64(), "{end}");
     let (code, replayed) = replay(&only_file(&sessions));
-    assert_eq!((code, &replayed["divergence"]), (Some(0), &Value::Null));
+    assert_eq!((code, &replayed["difference"]), (Some(0), &Value::Null));
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 50), "{replayed}");
 }
 

@@ -278,9 +278,9 @@ fn members_know_only_whom_they_may() {
             assert!(may.split(' ').any(|may| may == known), "{member} knows {known}");
         }
     }
-    // `stream` only draws: it neither controls nor simulates.
+    // `telemetry` only draws: it neither controls nor simulates.
     for stranger in ["sim", "control", "hardware-bridge", "ftac"] {
-        assert!(!graph.reach("telemetry").contains(stranger), "stream reaches {stranger}");
+        assert!(!graph.reach("telemetry").contains(stranger), "telemetry reaches {stranger}");
     }
     // The Python package wraps the libraries and brings the program. Nothing depends on it, and nothing else depends on
     // Python.

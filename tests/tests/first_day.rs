@@ -117,7 +117,7 @@ fn a_hand_without_cameras_runs_blind() {
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
     let replayed = run(&["replay", text(&session), "--json"]);
     let found = json(&replayed.stdout);
-    assert_eq!((replayed.status.code(), &found["divergence"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
+    assert_eq!((replayed.status.code(), &found["difference"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
     assert!(found["identical_commands"].as_u64().is_some_and(|commands| commands > 500), "{found}");
 
     // A folder means all sessions in it.

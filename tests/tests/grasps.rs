@@ -40,7 +40,7 @@ fn an_interrupted_collection_goes_on() {
     let folder = tempdir().expect("a folder");
     let (whole, cut) = (folder.path().join("whole"), folder.path().join("cut"));
     let answer = make(&whole, &folder.path().join("whole.jsonl"), "4");
-    assert_eq!((answer["grasps"].as_u64(), answer["wanted"].as_u64()), (Some(4), Some(4)), "{answer}");
+    assert_eq!((answer["grasps"].as_u64(), answer["requested"].as_u64()), (Some(4), Some(4)), "{answer}");
     fs::create_dir(&cut).expect("a folder");
     let part = fs::read(whole.join("ball.jsonl")).expect("a part");
     fs::write(cut.join("ball.jsonl"), &part[..part.len() * 3 / 5]).expect("written");
@@ -315,11 +315,11 @@ fn verified_pairs_stay() {
     let folder = tempdir().expect("a folder");
     let (of, out) = (folder.path().join("of.json"), folder.path().join("out.json"));
     let built_in =
-        fs::read_to_string(root().join("twin/grasp-verification/data/plans.json")).expect("the built-in plans");
+        fs::read_to_string(root().join("twin/grasp-verification/data/grasp_pairs.json")).expect("the built-in plans");
     let mut plans: Value = serde_json::from_str(&built_in).expect("JSON");
-    let all = plans["plans"].as_array_mut().expect("plans");
+    let all = plans["pairs"].as_array_mut().expect("pairs");
     all.truncate(2);
-    all.iter_mut().for_each(|plan| plan["proven"] = 2.into());
+    all.iter_mut().for_each(|plan| plan["verification_level"] = 2.into());
     fs::write(&of, plans.to_string()).expect("written");
     let prove = ["grasps", "pairs", "--pairs", text(&of), "--verify", "--effort", "2", "--quiet", "--out", text(&out)];
     let output = run(&prove);

@@ -229,7 +229,7 @@ fn ctrl_c_ends_in_order() {
     // Torque is off: a released hand can be calibrated, as a held one could, but the servos themselves report it.
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
     let replayed = json(&run(&["replay", text(&session), "--json"]).stdout);
-    assert_eq!((&replayed["whole"], &replayed["divergence"]), (&Value::Bool(true), &Value::Null));
+    assert_eq!((&replayed["complete"], &replayed["difference"]), (&Value::Bool(true), &Value::Null));
     assert!(recording.exists(), "what was seen until then");
     // The password is in no recording.
     let secret = fs::read_to_string(devices.config.with_file_name("arm-password")).expect("there");

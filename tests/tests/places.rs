@@ -43,7 +43,7 @@ fn a_registered_robot_with_a_detector_runs_and_replays() {
     let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
     let replayed = run(&["replay", text(&session), "--json"]);
     let found = json(&replayed.stdout);
-    assert_eq!((replayed.status.code(), &found["divergence"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
+    assert_eq!((replayed.status.code(), &found["difference"]), (Some(0), &Value::Null), "{}", stderr(&replayed));
     assert!(found["identical_commands"].as_u64().is_some_and(|commands| commands > 500), "{found}");
 }
 
@@ -116,7 +116,7 @@ fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
     harmless(&replayed, "plum");
     assert_eq!(replayed.status.code(), Some(0), "{}", stderr(&replayed));
     let found = json(&replayed.stdout);
-    let why = found["failed_look"].as_str().expect("why");
+    let why = found["failed_detection"].as_str().expect("why");
     assert!(why.contains("salt_mill") && why.contains("\u{1b}[2Jplum"), "{found}");
     harmless(&run(&["replay", text(&session)]), "it ends in the same failed detection: --detector 127.0.0.1");
 

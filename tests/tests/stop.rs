@@ -102,6 +102,6 @@ fn a_release_states_what_was_read_back() {
     let (told, said) = (json(&output.stdout), stderr(&output));
     assert_eq!(output.status.code(), Some(1), "{said}");
     // The plugs are pulled one after the other.
-    assert!(told["unsure"].as_array().is_some_and(|unsure| !unsure.is_empty()), "{told}");
+    assert!(told["torque_unknown"].as_array().is_some_and(|unsure| !unsure.is_empty()), "{told}");
     assert!(said.contains("the torque may be on: ") && said.contains("no answer"), "{said}");
 }

@@ -292,7 +292,7 @@ fn hands_side_by_side() {
     let rows = found["rows"].as_array().expect("rows");
     assert_eq!(rows.len(), 2);
     for row in rows {
-        assert_eq!((&row["hand"], &row["of"]), (&json!("F-TAC"), &json!(4)));
+        assert_eq!((&row["hand"], &row["chains"]), (&json!("F-TAC"), &json!(4)));
         let [low, high] = ["low", "high"].map(|end| row[end].as_f64().expect("an end"));
         let rate = row["verified"].as_f64().expect("a count") / 4.0;
         assert!(low <= rate && rate <= high, "{row}");

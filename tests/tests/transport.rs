@@ -23,10 +23,10 @@ fn carried(args: &[&str]) -> Value {
 fn more_than_one_at_once() {
     let folder = tempdir().expect("a folder");
     let result = carried(&["--trials", "1", "--policy", "one-by-one,touch", "--out", utf8(folder.path())]);
-    let most = |n: usize| result["policies"][n]["most_per_trip"].as_u64().expect("a number");
+    let most = |n: usize| result["policies"][n]["max_per_trip"].as_u64().expect("a number");
     assert_eq!(most(0), 1);
     assert!(most(1) >= 2, "{result}");
-    let trace = result["transports"][1]["story"].to_string();
+    let trace = result["transports"][1]["events"].to_string();
     assert!(trace.contains("plan: ball_") && trace.contains("is felt by") && trace.contains("trip 1:"), "{trace}");
     assert!(folder.path().join("touch.rrd").is_file() && folder.path().join("one_by_one.rrd").is_file());
     let kept: Value =
@@ -41,7 +41,7 @@ fn more_than_one_at_once() {
 fn four_balls_one_pushed() {
     let file = root().join("scenarios/data/transport/four_balls.toml");
     let result = carried(&["--trials", "1", "--policy", "touch", "--scenario", utf8(&file)]);
-    let trace = result["transports"][0]["story"].to_string();
+    let trace = result["transports"][0]["events"].to_string();
     let mut rest = trace.as_str();
     let plan = "plan: golf_ball with little finger (holds";
     for next in [
@@ -53,7 +53,7 @@ fn four_balls_one_pushed() {
     ] {
         rest = rest.split_once(next).unwrap_or_else(|| panic!("no {next:?} in what is left of {trace}")).1;
     }
-    assert!(result["policies"][0]["most_per_trip"].as_u64() >= Some(2), "{result}");
+    assert!(result["policies"][0]["max_per_trip"].as_u64() >= Some(2), "{result}");
 }
 
 /// A short search reports the stage that each pick reached, and keeps the skills that hold.

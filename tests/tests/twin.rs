@@ -179,7 +179,7 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
     let again = [&excite[..7], &["--truth-out", text(&truth)]].concat();
     assert!(run(&again).status.success(), "an excitation that is done still says what the truth is");
     let truth: Value = serde_json::from_str(&fs::read_to_string(&truth).expect("the truth")).expect("JSON");
-    assert_eq!(identified["weighed_postures"], 3);
+    assert_eq!(identified["payload_postures"], 3);
     for name in ["gel_stiffness", "pad_friction", "arm_2.torque_gain", "arm_4.torque_gain"] {
         let rows = truth["parameters"].as_array().expect("rows");
         let real = rows.iter().find(|row| row["parameter"] == name).expect("a parameter")["deviation"].as_f64();

@@ -163,7 +163,7 @@ fn a_hand_is_checked() {
         run(&["hand", "check", "--urdf", &files.at("clamp.urdf"), "--pulls", &files.at("clamp.toml"), "--json"]);
     let text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
     let notes = text["notes"].to_string();
-    assert!(notes.contains("the fingers take up to") && text["actuators"][0]["most_tension_n"] == 100.0, "{text}");
+    assert!(notes.contains("the fingers take up to") && text["actuators"][0]["max_tension_n"] == 100.0, "{text}");
 }
 
 /// The options of a hand have one name each; the old names still work and print a note.

@@ -75,9 +75,9 @@ pub struct Header {
 /// # Example
 /// ```
 /// use kinova_kortex::call;
-/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::frame::{Frame, FrameKind, Header};
 ///
-/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let (kind, call) = (FrameKind::Request, call::GET_ARM_STATE);
 /// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
 /// let frame = Frame { header, payload: Vec::new() };
 /// assert_eq!(Frame::decode(&frame.encode())?, frame);

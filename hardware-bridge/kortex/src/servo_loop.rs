@@ -74,10 +74,10 @@ struct Shared {
 /// use std::time::Duration;
 ///
 /// use kinova_kortex::servo_loop::{Pacing, ServoLoop};
-/// use kinova_kortex::servoing::Limits;
+/// use kinova_kortex::servoing::ServoingLimits;
 ///
-/// let limits = Limits::gen3();
-/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let limits = ServoingLimits::gen3();
+/// # let limits = ServoingLimits { silent_cycles: 60_000, ..limits };
 /// let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: Duration::from_millis(200) };
 /// let servo_loop = ServoLoop::start(arm, limits, pacing)?;
 /// let mut target = servo_loop.snapshot().command;

@@ -34,10 +34,10 @@ const LATE_CYCLES: u32 = 10;
 ///
 /// # Example
 /// ```
-/// use kinova_kortex::servoing::Limits;
+/// use kinova_kortex::servoing::ServoingLimits;
 /// use kinova_kortex::{CommandError, gen3};
 ///
-/// let limits = Limits::gen3();
+/// let limits = ServoingLimits::gen3();
 /// let mut next = gen3::HOME;
 /// next[1] += 0.001;
 /// assert_eq!(limits.check(&next, &gen3::HOME, &gen3::HOME), Ok(()));
@@ -137,10 +137,10 @@ impl ServoingLimits {
 /// # let mut arm = Arm::connect(emulator.address(), &credentials, Timeouts::default(), gen3::HOME)?;
 /// use std::time::Instant;
 ///
-/// use kinova_kortex::servoing::{Limits, Servoing};
+/// use kinova_kortex::servoing::{Servoing, ServoingLimits};
 ///
-/// let limits = Limits::gen3();
-/// # let limits = Limits { silent_cycles: 60_000, ..limits };
+/// let limits = ServoingLimits::gen3();
+/// # let limits = ServoingLimits { silent_cycles: 60_000, ..limits };
 /// let mut servoing = Servoing::enter(&mut arm, limits)?;
 /// let mut angles = *servoing.command();
 /// let mut next = Instant::now();

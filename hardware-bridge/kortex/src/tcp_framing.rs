@@ -24,10 +24,10 @@ pub fn encode(frame: &Frame) -> Vec<u8> {
 /// # Example
 /// ```
 /// use kinova_kortex::call;
-/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::frame::{Frame, FrameKind, Header};
 /// use kinova_kortex::tcp_framing::{Deframer, encode};
 ///
-/// let (kind, call) = (Kind::Request, call::KEEP_ALIVE);
+/// let (kind, call) = (FrameKind::Request, call::KEEP_ALIVE);
 /// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
 /// let frame = Frame { header, payload: Vec::new() };
 /// let stream = encode(&frame);

@@ -134,16 +134,16 @@ pub fn write_results(
     add_provenance(&mut run, &request.provenance);
     if let Some(own) = &request.policy {
         let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
-        run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+        run["external_policy"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
     }
     run["warnings"] = warnings(done, request).into();
     let noise = request.scenario()?.noise;
     run["errors drawn (s.d.)"] = serde_json::json!({
         "arm, position": format!("{:.1} mm", 1e3 * noise.execution.position_sigma),
         "arm, rotation": format!("{:.3} rad", noise.execution.rotation_sigma),
-        "eyes, in the plane": format!("{:.1} mm", 1e3 * noise.perception.xy_sigma),
-        "eyes, vertically": format!("{:.1} mm", 1e3 * noise.perception.z_sigma),
-        "eyes, turn": format!("{:.3} rad", noise.perception.yaw_sigma),
+        "detector, in the plane": format!("{:.1} mm", 1e3 * noise.perception.xy_sigma),
+        "detector, vertically": format!("{:.1} mm", 1e3 * noise.perception.z_sigma),
+        "detector, yaw": format!("{:.3} rad", noise.perception.yaw_sigma),
     });
     for (part, seconds) in spent.into_iter().flatten() {
         run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();

@@ -100,7 +100,7 @@ pub struct FaultRow {
 
 /// Writes the table `faults.csv`, one row per fault.
 pub fn write_table<'a>(rows: impl Iterator<Item = (TrialId, &'a DetectedFault)>) -> String {
-    let mut table = "combination,trial,condition,time_s,divergence,part,found,expected\n".to_owned();
+    let mut table = "combination,trial,condition,time_s,fault,part,found,expected\n".to_owned();
     for (id, row) in rows {
         let DetectedFault { time, kind, part, found, expected } = row;
         let TrialId { combination, trial, condition } = id;

@@ -21,7 +21,7 @@ pub fn fits_robot(robot: &RobotModel) -> Result<bool> {
 
 /// Returns the benchmark's 60 combinations, planned without noise.
 pub fn grasp_pairs() -> Result<GraspPairTable> {
-    GraspPairTable::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
+    GraspPairTable::parse(include_str!("../data/grasp_pairs.json"), Path::new("data/grasp_pairs.json"))
 }
 
 #[cfg(test)]

@@ -204,7 +204,7 @@ impl RunDraft {
                 };
             }
             (AxisField::Without, other) => {
-                return Err(self.value_error("without", other, "texts with names of effects, such as \"eyes,arm\""));
+                return Err(self.value_error("without", other, "texts with names of effects, such as \"detector,arm\""));
             }
             (AxisField::Uncertainty, AxisLevel::Text(file)) => {
                 let path = self.resolve_file("uncertainty", file)?;

@@ -138,7 +138,7 @@ mod tests {
 
     fn outcomes(pairs: usize) -> Outcomes {
         let text = "version = 1\nname = \"t\"\ncombos = PAIRS\ntrials = 2\n[axes]\npolicy = [\"blind\", \"touch\"]\n\
-                    seed = [1, 2]\nnoise_scale = [0.0, 1.0, 2.0]\nwithout = [\"\", \"eyes\"]\n";
+                    seed = [1, 2]\nnoise_scale = [0.0, 1.0, 2.0]\nwithout = [\"\", \"detector\"]\n";
         let sweep =
             Sweep::parse(&text.replace("PAIRS", &pairs.to_string()), std::path::Path::new("s.toml")).expect("a sweep");
         Outcomes::new(&SweepPlan::from_sweep(&sweep).expect("a plan"))

@@ -119,11 +119,11 @@ pub struct Status {
 /// # Example
 /// ```
 /// use kinova_kortex::emulator::{Controller, FirstOrderJoints, Peer, Settings};
-/// use kinova_kortex::frame::{Frame, Header, Kind};
+/// use kinova_kortex::frame::{Frame, FrameKind, Header};
 /// use kinova_kortex::call;
 ///
 /// let mut arm = Controller::new(Settings::default(), Box::new(FirstOrderJoints::gen3()));
-/// let (kind, call) = (Kind::Request, call::GET_ARM_STATE);
+/// let (kind, call) = (FrameKind::Request, call::GET_ARM_STATE);
 /// let header = Header { kind, device: 0, error: 0, sub_error: 0, session: 1, message: 7, call };
 /// let answers = arm.receive(Peer::Tcp(1), &Frame { header, payload: Vec::new() });
 /// // Nobody is logged in.

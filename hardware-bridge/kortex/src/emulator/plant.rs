@@ -18,12 +18,12 @@ pub enum Drive {
 ///
 /// # Example
 /// ```
-/// use kinova_kortex::Motion;
+/// use kinova_kortex::JointMotion;
 /// use kinova_kortex::emulator::{Drive, Emulator, Pace, Plant, Settings};
 ///
 /// /// Joints that are at once where they are commanded to be.
 /// #[derive(Default)]
-/// struct Ideal(Motion);
+/// struct Ideal(JointMotion);
 ///
 /// impl Plant for Ideal {
 ///     fn advance(&mut self, drive: &Drive, seconds: f64) {
@@ -40,7 +40,7 @@ pub enum Drive {
 ///         self.0.velocity = std::array::from_fn(|i| (self.0.position[i] - before[i]) / seconds);
 ///     }
 ///
-///     fn state(&self) -> Motion {
+///     fn state(&self) -> JointMotion {
 ///         self.0
 ///     }
 /// }
