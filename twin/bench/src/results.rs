@@ -134,7 +134,8 @@ pub fn write_results(
     add_provenance(&mut run, &request.provenance);
     if let Some(own) = &request.policy {
         let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
-        run["external_policy"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+        run["external_policy"] =
+            format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
     }
     run["warnings"] = warnings(done, request).into();
     let noise = request.scenario()?.noise;

@@ -204,7 +204,11 @@ impl RunDraft {
                 };
             }
             (AxisField::Without, other) => {
-                return Err(self.value_error("without", other, "texts with names of effects, such as \"detector,arm\""));
+                return Err(self.value_error(
+                    "without",
+                    other,
+                    "texts with names of effects, such as \"detector,arm\"",
+                ));
             }
             (AxisField::Uncertainty, AxisLevel::Text(file)) => {
                 let path = self.resolve_file("uncertainty", file)?;
