@@ -227,7 +227,7 @@ pub struct Tick {
 ///     }
 ///
 ///     fn send(&mut self, command: &RobotCommand) -> Result<RobotCommand, RobotError> {
-///         // Limits of the robot are applied here, and the caller is told.
+///         // Limits of the robot are applied here, and reported to the caller.
 ///         let mut sent = *command;
 ///         if let ServoGoal::Position { angle, .. } = &mut sent.servos[0] {
 ///             *angle = angle.clamp(0.0, 1.0);

@@ -55,7 +55,7 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
     rows
 }
 
-/// A mirror (parallel twin) writes its findings to a separate table and changes nothing else.
+/// Fault detection writes its findings to a separate table and changes nothing else.
 #[test]
 fn a_mirror_changes_no_row() {
     let folder = tempdir().expect("a folder");
@@ -68,7 +68,7 @@ fn a_mirror_changes_no_row() {
     assert!(!reference().join("faults.csv").exists(), "only where a mirror looked on");
 }
 
-/// A condition played alone gives the same rows as beside the others, except for the risk that touch would have predicted.
+/// A condition run alone gives the same rows as beside the others, except for the risk that touch would have predicted.
 #[test]
 fn conditions_can_be_played_alone() {
     let folder = tempdir().expect("a folder");

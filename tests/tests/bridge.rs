@@ -242,7 +242,7 @@ fn a_killed_host_leaves_everything_standing() {
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 50), "{replayed}");
 }
 
-/// The camera board is unplugged in mid-trial: the robot holds and tells the operator what to do.
+/// The camera board is unplugged in mid-trial: the robot holds and instructs the operator.
 #[test]
 fn an_unplugged_camera_board_ends_in_hold() {
     let folder = tempdir().expect("a folder");

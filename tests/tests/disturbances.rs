@@ -33,7 +33,7 @@ impl ShortRun {
         Self::of(name, one_pair, &["--combos", "1", "--trials", "1"])
     }
 
-    /// Plays the same trial without the disturbance.
+    /// Runs the same trial without the disturbance.
     fn undisturbed(name: &str) -> Self {
         let cut = |text: String| one_pair(text[..text.find("[disturbance").expect("a disturbance")].to_owned());
         Self::of(name, cut, &["--combos", "1", "--trials", "1"])
@@ -151,8 +151,8 @@ fn failed_cameras() {
     ShortRun::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }
 
-/// Without ring and little finger no grasp holds the first object: touch says so and does not begin. Blind closes on it
-/// as planned, with digits that do not move.
+/// Without ring and little finger no grasp holds the first object: touch reports it and does not begin. Blind closes
+/// on it as planned, with digits that do not move.
 #[test]
 fn digits_without_power() {
     let both = |text: String| text.replace("[\"index\"]", "[\"ring\", \"little\"]");

@@ -89,7 +89,7 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
 }
 
 /// A hand without cameras: `touch` is refused before anything moves; `blind` runs to its verdict, streams measurements
-/// and beliefs into a recording, and replays to the bit.
+/// and estimates into a recording, and replays to the bit.
 #[test]
 fn a_hand_without_cameras_runs_blind() {
     let folder = tempdir().expect("a folder");

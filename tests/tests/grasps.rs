@@ -309,7 +309,7 @@ fn grasps_are_exported() {
     );
 }
 
-/// A search for proofs skips combinations that were proven with as much effort, and requires a plan file.
+/// Grasp verification skips pairs that were verified with as much effort, and requires a grasp pair table.
 #[test]
 fn verified_pairs_stay() {
     let folder = tempdir().expect("a folder");

@@ -68,7 +68,7 @@ fn departures(guard: &[GuardedFigure], found: &[GuardedFigure]) -> Vec<String> {
     .collect()
 }
 
-/// Plays the trials and returns their outcomes.
+/// Runs the trials and returns their outcomes.
 fn play() -> Vec<TrialOutcome> {
     let folder = tempdir().expect("a folder");
     let out = folder.path().to_str().expect("UTF-8");

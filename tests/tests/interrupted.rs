@@ -70,7 +70,7 @@ fn ctrl_c_ends_in_order() {
     assert!(stderr(&refused).contains(&format!("line {}", kept + 1)), "{}", stderr(&refused));
 }
 
-/// A run that records everything records the remaining trials too when resumed, without being told again.
+/// A run that records everything records the remaining trials too when resumed, without the option being repeated.
 #[test]
 fn a_resumed_run_records_as_it_was_begun() {
     let folder = tempdir().expect("a folder");

@@ -7,7 +7,7 @@ use std::path::Path;
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
 
-/// Plays one trial of a scenario with these lists of objects. Returns the rows of `trials.csv` by column.
+/// Runs one trial of a scenario with these lists of objects. Returns the rows of `trials.csv` by column.
 fn trials(folder: &Path, lists: &str, conditions: &str) -> Vec<HashMap<String, String>> {
     let (scenario, out) = (folder.join("lists.toml"), folder.join("out"));
     let text = format!("version = 1\nname = \"lists\"\nextends = \"benchmark\"\n{lists}");

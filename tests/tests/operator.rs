@@ -148,7 +148,7 @@ fn servos_that_shut_down_are_restarted() {
     assert_eq!(row(&output, "middle (3): torque")["found"], "off");
     assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], true);
 
-    // While the supply voltage is too low, a restart does not help, and the command says so.
+    // While the supply voltage is too low, a restart does not help, and the command reports it.
     devices.happen("voltage=5.2");
     let low = || bridge(&["reboot", "--actuator", "thumb", "--yes"], &config);
     let mut tries = std::iter::repeat_with(low).take(200);
@@ -209,7 +209,7 @@ fn ctrl_c_ends_in_order() {
     let mut operator = host.stdin.take().expect("piped");
     operator.write_all(b"\n").expect("go");
     wait_for_trial(&mut host, &sessions);
-    // A second program is told which process uses the servos.
+    // A second program gets an error that names the process that uses the servos.
     let second = bridge(&["scan"], &devices.config);
     assert_eq!(second.status.code(), Some(2));
     let message = stderr(&second);

@@ -1,4 +1,4 @@
-//! Scenarios with a user's own objects: they are played, or a reason is given; an interrupted search for their grasps
+//! Scenarios with a user's own objects: they are run, or a reason is given; an interrupted search for their grasps
 //! keeps its results.
 
 use std::fs;

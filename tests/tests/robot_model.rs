@@ -19,7 +19,7 @@ fn shipped(name: &str) -> PathBuf {
 
 const PLAIN_ROBOT_TOML: &str = "version = 1\nname = \"mine\"\narm = \"gen3\"\n[hand]\nparameters = \"ftac\"\n";
 
-/// Returns the error message for a robot file with this text, from a command that plays it.
+/// Returns the error message for a robot file with this text, from a command that runs it.
 fn refused(robot: &str) -> String {
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("mine.toml");

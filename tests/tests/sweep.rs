@@ -71,7 +71,7 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     fs::write(&other, SWEEP_TOML.replace("[41, 42]", "[41, 43]")).expect("written");
     refused(&["sweep", "run", text(&other), "--out", text(&out)], &["holds another sweep", "name another folder"]);
 
-    // A broken file is named and kept, and its unit is played again with the same results.
+    // A broken file is named and kept, and its unit is run again with the same results.
     let whole = fs::read(&first).expect("read");
     fs::write(&first, &whole[..whole.len() / 2]).expect("written");
     let broken = run(&["sweep", "merge", text(&out), "--json"]);
@@ -125,7 +125,7 @@ fn read_by_others(out: &Path) {
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
-/// The workflow plays a sweep file of this repository, which amounts to the whole table.
+/// The workflow runs a sweep file of this repository, which amounts to the whole table.
 #[test]
 fn the_whole_table_is_a_sweep_file() {
     let file = "twin/sweep/data/benchmark.toml";

@@ -1,4 +1,4 @@
-//! An individual robot: excited, interrupted, identified, used.
+//! A robot instance: excited, interrupted, identified, used.
 
 use std::fs;
 use std::path::Path;
@@ -54,7 +54,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
     }
 }
 
-/// From a hidden individual to a file that trials use, and errors for invalid files.
+/// From a hidden instance to a file that trials use, and errors for invalid files.
 #[test]
 fn a_robot_is_excited_identified_and_used() {
     let folder = tempdir().expect("a folder");
@@ -122,7 +122,7 @@ fn a_robot_is_excited_identified_and_used() {
 }
 
 /// Presses of pads on a ball identify arm and mount, and yield a calibration of the pads or the reason why there is
-/// none; a weighed object identifies the torque sensors.
+/// none; an object of known mass identifies the torque sensors.
 #[test]
 fn presses_on_a_ball_show_the_arm() {
     let folder = tempdir().expect("a folder");

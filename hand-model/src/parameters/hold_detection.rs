@@ -67,7 +67,8 @@ impl HandParameters {
 mod tests {
     use super::*;
 
-    /// A controller that needs the thresholds is told which table is missing. A wrong value is refused by its field.
+    /// A controller that needs the thresholds gets an error that names the missing table. A wrong value is rejected
+    /// with its field.
     #[test]
     fn missing_signs_are_named() {
         let without = HandParameters { hold: None, ..HandParameters::ftac() };

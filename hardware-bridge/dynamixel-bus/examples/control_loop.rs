@@ -1,7 +1,7 @@
 //! Moves a hand of 16 XL330 or XC330 servos (such as a LEAP Hand) by sines at 100 Hz, and prints statistics of the bus.
 //!
 //! `cargo run -p dynamixel-bus --example control_loop -- /dev/ttyUSB0` moves the servos 0 to 15 at 3 Mbaud by 0.2 rad about
-//! the places where they are. Without a port, this program plays the servos on a pseudo-terminal.
+//! the places where they are. Without a port, this program emulates them on a pseudo-terminal.
 
 use std::error::Error;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Finds the servos on a bus and reads their state.
 //!
 //! `cargo run -p dynamixel-bus --example scan -- /dev/ttyUSB0` tries all baud rates, and with `-- /dev/ttyUSB0 57600` one.
-//! Without a port it finds servos that this program plays on a pseudo-terminal.
+//! Without a port it finds servos that this program emulates on a pseudo-terminal.
 
 use std::error::Error;
 use std::path::PathBuf;

@@ -42,7 +42,7 @@
 //! # Limitations
 //! Nothing here has been run on a real servo: it was tested on emulated ones, and its packets against the manufacturer's
 //! published examples. Protocol 1.0, and the instructions clear, factory reset and control table backup, are missing.
-//! Only Unix systems; the program that has a port, and the latency timer, are found on Linux only.
+//! Only Unix systems. Port-owner lookup and the latency timer work only on Linux.
 
 #![deny(missing_docs, unreachable_pub)]
 

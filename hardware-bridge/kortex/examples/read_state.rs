@@ -1,4 +1,4 @@
-//! Reads everything that an arm tells without moving: devices, state, faults, joint angles and torques.
+//! Reads everything that an arm reports without moving: devices, state, faults, joint angles and torques.
 //!
 //! `cargo run -p kinova-kortex --features emulator --example read_state` reads an emulated arm, and with `-- ADDRESS USER
 //! PASSWORD` a real one.

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Length of a span. At least one whole span is remembered.
+/// Length of a span. The present span and the one before it are kept.
 const SPAN: Duration = Duration::from_millis(500);
 
 /// Cycles of one span.

@@ -265,8 +265,8 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// Converts a refusal to an error. The arm does not say why it no longer knows a session; this program's own
-    /// silence tells.
+    /// Converts a refusal to an error. The arm does not report why it no longer knows a session; the reason follows
+    /// from the time for which this program was silent.
     pub fn refused(&self, call: Call, refusal: Refusal) -> KortexError {
         let session = self.number;
         match (refusal.reason, self.neglected) {

@@ -66,7 +66,7 @@
 //! # Modules
 //! [`recorder::SessionRecorder`] wraps a robot and writes its session with a [`writer::SessionWriter`];
 //! [`tap::LinkTap`] adds the bytes of a link. [`reader::SessionReader`] reads a session event by event.
-//! [`replay::Replay`] is a robot that plays a session back and compares every command with the recorded one, bit by
+//! [`replay::Replay`] is a robot that replays a session and compares every command with the recorded one, bit by
 //! bit. [`comparison`] compares two sessions, [`frames`] resamples one for learning, and [`ros2`] exports one as a ROS
 //! 2 bag.
 //!

@@ -1,7 +1,7 @@
-//! A robot that plays a recorded session back.
+//! A robot that replays a recorded session.
 //!
 //! The control stack is a function of its observations. Driven by a replay, it must send the recorded commands in the
-//! recorded order, bit by bit; the replay keeps the first divergence. After a divergence, or after the end of the
+//! recorded order, bit by bit; the replay keeps the first difference. After a difference, or after the end of the
 //! recording, it repeats the last observation while time advances, so that a waiting controller gives up by its own
 //! rules.
 
@@ -57,7 +57,7 @@ pub struct Replay {
     tick: Tick,
     progress: ReplayProgress,
     difference: Option<ReplayDifference>,
-    /// True if the controller went on after a divergence or after the end of the recording.
+    /// True if the controller went on after a difference or after the end of the recording.
     ran_past_end: bool,
     error: Option<SessionLogError>,
 }
@@ -105,12 +105,12 @@ impl Replay {
         self.difference.is_some() || self.ran_past_end
     }
 
-    /// Returns the first divergence, if any.
+    /// Returns the first difference, if any.
     pub fn difference(&self) -> Option<&ReplayDifference> {
         self.difference.as_ref()
     }
 
-    /// Returns the final progress, and the first divergence, if any.
+    /// Returns the final progress, and the first difference, if any.
     ///
     /// # Errors
     /// The file could not be read to its end. (A file that was cut short is not an error: see

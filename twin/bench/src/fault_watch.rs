@@ -12,8 +12,8 @@ use fault_detection::FaultDetector;
 use fault_detection::fault::FaultRow;
 use fault_detection::measurements::TickMeasurements;
 
-/// Runs a trial with `recording` as its watcher, if any, and with fault detection if `fault detector`. If `tells`, for
-/// a real robot, each fault is printed at once. Returns the result of `play` and the detected faults. Those of a trial
+/// Runs a trial with `recording` as its watcher, if any, and with fault detection if `mirrors`. If `tells`, for a real
+/// robot, each fault is printed at once. Returns the result of `play` and the detected faults. Those of a trial
 /// that stopped are listed under `condition`.
 pub fn play_with_detector<T>(
     bench: &Bench,

@@ -5,7 +5,8 @@
 //! - [`synthesis`]: grasps of any object, given by its signed distance, with any hand, given by its kinematics and
 //!   surface: a Metropolis-adjusted Langevin chain samples a grasp energy.
 //! - [`synthesis::grasp_file`] and [`synthesis::collection`]: files of synthesized grasps.
-//! - [`Grasp`] and [`Repertoire`]: recipes to pick up an object from a table, ranked by success, and their files.
+//! - [`Grasp`] and [`Repertoire`]: grasps of an object on a table, with approach and tensions, ranked by success, and
+//!   their files.
 //!   [`sampler`] and [`mod@digit_sets`] propose them for hands with named digits and for parallel grippers.
 //! - [`taxonomy`]: 19 grasp types, with rules that assign a type to a held grasp.
 //!

@@ -9,7 +9,7 @@
 //!
 //! [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`] projects
 //! that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics is up
-//! to the caller. [`tabletop`] turns such postures into proposals for pick-ups from a table.
+//! to the caller. [`tabletop`] turns such postures into proposals for grasps of objects on a table.
 //!
 //! [`held`] is the result of a synthesis. [`grasp_file`] keeps the grasps of one search, and [`collection`] stores the
 //! grasps of many objects in one compact file. [`kind`] sorts grasps, and [`diversity`] measures how different they

@@ -109,7 +109,7 @@ impl CameraWatch {
             let same = |image: &Arc<TactileImage>| Arc::ptr_eq(image, &frame.image) || **image == *frame.image;
             camera.repeated = before.as_ref().is_some_and(|(_, image)| same(image));
             camera.repeats = if camera.repeated { camera.repeats + 1 } else { 0 };
-            // The first image of a camera brings it level with the others.
+            // A camera's first image sets its count to one above the median of all cameras.
             camera.taken = match &before {
                 None => usual + 1,
                 Some((sequence, _)) => {

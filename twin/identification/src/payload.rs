@@ -74,7 +74,7 @@ pub enum PayloadStep {
     Lifted,
 }
 
-/// Arm trajectory of a pick-up.
+/// Arm trajectory that picks up an object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PickUpPath {
     pub grasp: Grasp,

@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{failure, value_error};
 
-/// Returns the pick-ups of the benchmark by object.
+/// Returns the benchmark's grasps by object.
 #[pyfunction]
 pub fn repertoire(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {

@@ -68,7 +68,7 @@ impl Benchmark {
         Ok(Self(made.map_err(|error| failure(&error))?))
     }
 
-    /// Plays a trial under a host's policy, introduced by `introduction`, and returns its record as JSON.
+    /// Runs a trial under an external policy, introduced by `introduction`, and returns its record as JSON.
     fn play(
         &self,
         py: Python<'_>,
@@ -91,7 +91,7 @@ impl Benchmark {
         text(&record)
     }
 
-    /// Plays the same trial under a condition of the benchmark and returns its record as JSON.
+    /// Runs the same trial under a condition of the benchmark and returns its record as JSON.
     fn condition(&self, py: Python<'_>, name: &str, combination: usize, trial: usize) -> PyResult<String> {
         self.check(combination)?;
         let condition: Condition = name.parse().map_err(value_error)?;

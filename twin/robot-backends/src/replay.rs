@@ -17,7 +17,7 @@ use super::{
     BackendFactory, Detection, DetectionFailed, TrialBackend, TrialSetup, TrialStopped, TrialTask, pose_from_numbers,
 };
 
-/// Progress of a replay, and its divergence from the recording if there was one.
+/// Progress of a replay, and its difference from the recording if there was one.
 pub type ReplayReport = Rc<Cell<Option<(ReplayProgress, Option<ReplayDifference>)>>>;
 
 /// Shortest tick of a robot, s.

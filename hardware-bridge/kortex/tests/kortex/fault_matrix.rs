@@ -72,7 +72,7 @@ fn standstill(emulator: &Emulator, longest: u64) -> u64 {
         .unwrap_or(longest)
 }
 
-/// Plays one motion with one fault in it. Returns the time from the fault (for a silent host, from its last command)
+/// Runs one motion with one fault in it. Returns the time from the fault (for a silent host, from its last command)
 /// until the arm stands still, ms.
 fn one(emulator: &Emulator, kind: Kind, random: &mut ChaCha8Rng) -> u64 {
     for heal in [Injection::EmergencyStop(false), Injection::Deaf(false), Injection::LoseReplies(0.0)] {

@@ -6,8 +6,8 @@ use dynamixel_bus::xc330;
 use super::EmulatedServo;
 
 impl EmulatedServo {
-    /// Registers a write for [`EmulatedServo::execute_registered`], in place of an earlier one. A write that would be
-    /// refused is refused at once (interpretation).
+    /// Registers a write for [`EmulatedServo::execute_registered`], in place of an earlier one. Invalid writes are
+    /// rejected on registration; the e-Manual does not state when.
     pub fn register_write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
         self.decode_write(address, data)?;
         self.registered = Some((address, data.to_vec()));

@@ -53,7 +53,7 @@ fn replay_unit(
     options: &RunOptions,
 ) -> Result<Option<FailureCause>> {
     let alone = RunRequest { conditions: vec![condition], ablations: Vec::new(), ..request.clone() };
-    // Bodies that cannot be cloned append the condition themselves.
+    // Robot backends that cannot be cloned append the condition themselves.
     let cloned = request.robot == "sim";
     let name = if cloned { condition_recording_name(&unit_name(unit), condition) } else { unit_name(unit) };
     let results = play_unit(bench, &alone, (unit, &name), folder, options, true)?;

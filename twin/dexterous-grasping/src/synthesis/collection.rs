@@ -238,8 +238,8 @@ impl Collection {
         self.objects.iter().flat_map(|entry| &entry.grasps)
     }
 
-    /// Formats the collection as the file's text. Grasps that are not complete records of the F-TAC Hand are left out;
-    /// [`is_complete`] tells them.
+    /// Formats the collection as the file's text. Grasps that are not complete records of the F-TAC Hand
+    /// ([`is_complete`]) are left out.
     ///
     /// # Errors
     /// An error of the JSON formatter; none is known.
