@@ -62,7 +62,7 @@ impl Ablation {
             Self::PointsOnly => "points_only",
             Self::TruePose => "true_pose",
             Self::NoRetry => "no_retry",
-            Self::NoNewDetection => "no_new_look",
+            Self::NoNewDetection => "no_new_detection",
             Self::NoExploration => "no_exploration",
         }
     }
@@ -101,6 +101,8 @@ impl std::str::FromStr for Ablation {
     type Err = UnknownAblation;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        // Version 0.1 called this ablation `no_new_look`.
+        let text = if text == "no_new_look" { Self::NoNewDetection.name() } else { text };
         let known = Self::ALL.into_iter().find(|ablation| ablation.name() == text);
         known.ok_or_else(|| UnknownAblation { found: text.to_owned() })
     }

@@ -38,7 +38,7 @@ fn unknown_ablation() {
     refused(&["bench", "--ablations", "thumbs", "--out", text(&out)], &["thumbs", "no_retry", "true_pose"]);
     refused(&["bench", "--without", "ghosts", "--out", text(&out)], &["ghosts", "pads", "time"]);
     let emulated = ["bench", "--robot", "emulated", "--ablations", "palm_only", "--out", text(&out)];
-    refused(&emulated, &["--ablations", "emulated", "simulated"]);
+    refused(&emulated, &["--ablations", "emulated", "expected sim"]);
     refused(&["bench", "--noise-scale", "nan", "--out", text(&out)], &["--noise-scale", "NaN", "0 to 10"]);
     assert!(!out.exists(), "left a result folder behind");
 }

@@ -97,7 +97,7 @@ fn what_decides_never_reaches_a_body() {
 /// Policies exist only in `control`, which cannot name the true scene.
 #[test]
 fn policies_live_behind_the_wall() {
-    let is_policy = |(_, text): &(PathBuf, String)| text.contains("impl Policy for");
+    let is_policy = |(_, text): &(PathBuf, String)| text.contains("impl TrialPolicy for");
     assert!(rust_files(&e2e::root().join("twin/control/src")).iter().any(is_policy), "control has no policy");
     let elsewhere = [
         "twin/robot-backends/src",

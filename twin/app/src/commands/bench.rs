@@ -116,7 +116,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N")]
     pub plant: Option<u64>,
     /// Ablations of touch to run as well, all or those named: palm_only, fingertips, quarter_of_pads, coarse_images,
-    /// points_only, true_pose, no_retry, no_new_look, no_exploration.
+    /// points_only, true_pose, no_retry, no_new_detection, no_exploration.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
     pub ablations: Option<Vec<String>>,
     /// Stream every trial to a Rerun viewer as well (one thread).
