@@ -92,7 +92,7 @@ fn wires_change_nothing() {
     let arguments = ["trial", "0", "--trial", "1", "--policy", "blind", "--session", text(&sim), "--out", text(&out)];
     assert!(matches!(run(&arguments).status.code(), Some(0 | 1)));
     a_session_becomes_a_bag(&only_file(&sim), &folder.path().join("bag.mcap"));
-    let other = only_file(&folder.path().join("rounded-blind"));
+    let other = only_file(&folder.path().join("direct-blind"));
     let output = run(&["replay", text(&other), "--against", text(&only_file(&sim)), "--json"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(json(&output.stdout)["difference"].is_string());

@@ -183,6 +183,6 @@ fn a_wrong_disturbance_is_refused() {
     assert!(unknown.contains("mine.toml:") && unknown.contains("for_so_long"), "{unknown}");
     let strong = bench(&good.replace("-2.0", "-2000.0"), &[]);
     assert!(strong.contains("disturbance.push.force") && strong.contains("at most 100 N"), "{strong}");
-    let body = bench(&good, &["--robot", "direct"]);
-    assert!(body.contains("--robot direct") && body.contains("[disturbance]"), "{body}");
+    let refused = bench(&good, &["--robot", "direct"]);
+    assert!(refused.contains("--robot: found direct") && refused.contains("[disturbance]"), "{refused}");
 }
