@@ -72,7 +72,7 @@ pub struct HandParameters {
 }
 
 /// Prints everything that decides how the hand moves and touches, as [`crate::RobotModel::mechanics_text`] needs it.
-/// How the hand is used is left out.
+/// The use of the hand is left out.
 impl fmt::Debug for HandParameters {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("HandParameters")
