@@ -56,10 +56,12 @@ fn notice(former: &str, current: &str) -> String {
     )
 }
 
-/// Replaces a command's name: the first words that are no options.
+/// Replaces a command's name: the first words that are neither options nor the value of `--seed`, the only option of
+/// every command that has one.
 fn replace_command(arguments: &mut [OsString], notices: &mut Vec<String>) {
-    let is_word = |argument: &OsStr| argument.to_str().is_some_and(|text| !text.starts_with('-'));
-    let words: Vec<usize> = (1..arguments.len()).filter(|at| is_word(&arguments[*at])).take(2).collect();
+    let is_option = |argument: &OsStr| argument.to_str().is_none_or(|text| text.starts_with('-'));
+    let is_word = |at: &usize| !is_option(&arguments[*at]) && arguments[*at - 1] != "--seed";
+    let words: Vec<usize> = (1..arguments.len()).filter(is_word).take(2).collect();
     for Renamed { former, current } in &COMMANDS {
         let begins = words.len() >= former.len() && former.iter().zip(&words).all(|(word, at)| arguments[*at] == *word);
         if begins {
@@ -125,8 +127,9 @@ mod tests {
     #[test]
     fn former_names_are_replaced() {
         check("ftac twin excite DIR --individual 3", "ftac sysid excite DIR --instance 3", 2);
+        check("ftac --seed 3 twin identify a", "ftac --seed 3 sysid identify a", 1);
         check("ftac -q grasps pick-ups --out twin", "ftac -q grasps repertoire --out twin", 1);
-        check("ftac grasps plan --of a --prove", "ftac grasps pairs --pairs a --verify", 2);
+        check("ftac grasps plan --of a --prove", "ftac grasps pairs --pairs a --verify", 3);
         check("ftac bench --robot rounded --mirror", "ftac bench --robot direct --detect-faults", 2);
         check("ftac bench --robot=rounded --individual=a.toml", "ftac bench --robot=direct --instance=a.toml", 2);
         check("ftac bench --without pads,eyes", "ftac bench --without pads,detector", 1);

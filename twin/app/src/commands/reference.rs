@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn every_output_and_table_is_command_definition() {
+    fn every_output_and_table_is_described() {
         let pages = pages(command_definition(), OUTPUTS);
         assert!(pages[SUMMARY].contains("| `trials_per_combo` |"), "{}", pages[SUMMARY]);
         assert!(pages["json.md"].contains("\n## ftac trial\n") && pages["json.md"].contains("| `code` |"));

@@ -174,6 +174,20 @@ mod tests {
     use hand_model::Hand;
     use nalgebra::{Point3, UnitQuaternion};
 
+    /// Derivatives of `value` by the 21 coordinates of [`state`].
+    fn central_differences(mut value: impl FnMut(&HandState) -> f64) -> Vec<f64> {
+        let h = 1e-6;
+        (0..21)
+            .map(|n| {
+                let mut by = [0.0; 21];
+                by[n] = h;
+                let forth = value(&state().moved(&by));
+                by[n] = -h;
+                (forth - value(&state().moved(&by))) / (2.0 * h)
+            })
+            .collect()
+    }
+
     fn state() -> HandState {
         let rotation = UnitQuaternion::from_euler_angles(0.3, -1.0, 2.0);
         let object_from_palm = Isometry3::from_parts(Vector3::new(0.01, -0.05, 0.08).into(), rotation);
@@ -202,20 +216,11 @@ mod tests {
         }
         let mut frames = LinkFrames::new(&tree);
         let (local, pull) = (Vector3::new(0.02, 0.008, -0.003), Vector3::new(0.3, 1.0, -0.7));
-        let mut value = |state: &HandState| -> f64 {
+        let value = |state: &HandState| -> f64 {
             frames.set_state(state);
             (1..16).map(|link| pull.dot(&frames.point(link, &local))).sum()
         };
-        let h = 1e-6;
-        let slopes: Vec<f64> = (0..21)
-            .map(|n| {
-                let mut by = [0.0; 21];
-                by[n] = h;
-                let forth = value(&state().moved(&by));
-                by[n] = -h;
-                (forth - value(&state().moved(&by))) / (2.0 * h)
-            })
-            .collect();
+        let slopes = central_differences(value);
         frames.set_state(&state());
         for (link, pose) in tree.forward(&state().joints).iter().enumerate() {
             let expected = state().object_from_palm * pose * Point3::from(local);
@@ -240,20 +245,11 @@ mod tests {
         let pulls =
             [(0, Vector3::new(1.0, 2.0, -1.0)), (3, Vector3::new(-1.0, 0.5, 2.0)), (8, Vector3::new(0.3, 1.0, 1.0))];
         let local = Vector3::new(0.02, 0.008, -0.003);
-        let mut value = |state: &HandState| -> f64 {
+        let value = |state: &HandState| -> f64 {
             frames.set_state(state);
             pulls.iter().map(|(link, pull)| pull.dot(&frames.point(*link, &local))).sum()
         };
-        let h = 1e-6;
-        let slopes: Vec<f64> = (0..21)
-            .map(|n| {
-                let mut by = [0.0; 21];
-                by[n] = h;
-                let forth = value(&state().moved(&by));
-                by[n] = -h;
-                (forth - value(&state().moved(&by))) / (2.0 * h)
-            })
-            .collect();
+        let slopes = central_differences(value);
         frames.set_state(&state());
         for (link, pull) in &pulls {
             let x = frames.point(*link, &local);
