@@ -69,7 +69,7 @@ fn departures(guard: &[GuardedFigure], found: &[GuardedFigure]) -> Vec<String> {
 }
 
 /// Runs the trials and returns their outcomes.
-fn play() -> Vec<TrialOutcome> {
+fn run_guarded_combinations() -> Vec<TrialOutcome> {
     let folder = tempdir().expect("a folder");
     let out = folder.path().to_str().expect("UTF-8");
     let output = run(&[&["bench", "--record", "none", "--out", out], &RUN_SIZE_ARGS[..]].concat());
@@ -106,7 +106,7 @@ fn guard() -> Vec<GuardedFigure> {
 
 #[test]
 fn the_headline_holds() {
-    let left = departures(&guard(), &figures(&play()));
+    let left = departures(&guard(), &figures(&run_guarded_combinations()));
     assert!(left.is_empty(), "{}\nIf that is as it should be, measure it again: {}", left.join("\n"), file().display());
 }
 
@@ -116,7 +116,7 @@ fn measure() {
     let text = fs::read_to_string(file()).expect("the data file");
     let comments: String = text.lines().filter(|line| line.starts_with('#')).map(|line| format!("{line}\n")).collect();
     let row = |one: &GuardedFigure| format!("{},{:.4},{:.4},{:.4}\n", one.name, one.measured, one.low, one.high);
-    let rows: String = figures(&play()).iter().map(row).collect();
+    let rows: String = figures(&run_guarded_combinations()).iter().map(row).collect();
     fs::write(file(), format!("{comments}figure,measured,low,high\n{rows}")).expect("written");
 }
 

@@ -1,5 +1,8 @@
 //! The language of the code base: names and comments use the field's words and can be searched for.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use e2e::root;
 
 use crate::crate_graph::rust_files;
@@ -35,6 +38,38 @@ const FORMER_TERMS: [(&str, &str); 25] = [
     ("patience", "timeout"),
     ("venue", "source"),
 ];
+
+/// Words that no comment, message or page contains. The other former names have ordinary uses in prose.
+const FORMER_WORDS: [&str; 18] = [
+    "brain",
+    "glance",
+    "percept",
+    "rehearse",
+    "rehearsed",
+    "rehearsal",
+    "rehearsals",
+    "wish",
+    "wishes",
+    "guest",
+    "odds",
+    "proving",
+    "proven",
+    "belief",
+    "beliefs",
+    "foresight",
+    "patience",
+    "venue",
+];
+
+/// Returns the prose of a line of Rust: its comment, or its string literals of several words.
+fn prose(line: &str) -> String {
+    let trimmed = line.trim_start();
+    if trimmed.starts_with("//") {
+        return trimmed.to_owned();
+    }
+    let literals = line.split('"').skip(1).step_by(2).filter(|literal| literal.contains(' '));
+    literals.collect::<Vec<_>>().join(" ")
+}
 
 /// First lines of doc comments with their line numbers.
 fn openings(text: &str) -> Vec<(usize, &str)> {
@@ -121,6 +156,60 @@ fn names_use_the_fields_terms() {
         }
     }
     assert!(found.is_empty(), "{} names:\n{}", found.len(), found.join("\n"));
+}
+
+/// Comments, messages of the program and pages use the field's terms. Tests of former names are exempt, and so is the
+/// change log.
+#[test]
+fn prose_uses_the_fields_terms() {
+    let rust = rust_files(root()).into_iter().map(|(file, text)| (file, text.lines().map(prose).collect::<Vec<_>>()));
+    let pages = pages(root()).into_iter().map(|(file, text)| (file, text.lines().map(str::to_owned).collect()));
+    let mut found = Vec::new();
+    for (file, lines) in rust.chain(pages) {
+        let name = file.strip_prefix(root()).unwrap_or(&file).display().to_string();
+        if name.ends_with("former_names.rs") || name.ends_with("language.rs") {
+            continue;
+        }
+        for (number, line) in lines.iter().enumerate() {
+            let mut words = line.split(|c: char| !c.is_ascii_alphanumeric()).map(str::to_ascii_lowercase);
+            if let Some(word) = words.find(|word| FORMER_WORDS.contains(&word.as_str())) {
+                found.push(format!("{name}:{}: found `{word}`", number + 1));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
+}
+
+/// Returns the pages of the guide, of the front page and of the architecture, and the Python sources.
+fn pages(root: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.join("twin/guide/src"), root.join("twin/python"), root.join("hardware-bridge/docs")];
+    let mut files: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|name| root.join(name)).into();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("a folder of pages") {
+            let path = entry.expect("an entry").path();
+            let is_page = path.extension().is_some_and(|ending| ending == "md" || ending == "py");
+            if path.is_dir() {
+                folders.push(path);
+            } else if is_page {
+                files.push(path);
+            }
+        }
+    }
+    for file in files {
+        let text = fs::read_to_string(&file).expect("a page");
+        found.push((file, text));
+    }
+    found
+}
+
+/// Only comments and literals of several words are prose.
+#[test]
+fn prose_of_a_line() {
+    assert_eq!(prose("    /// A brain."), "/// A brain.");
+    assert_eq!(prose(r#"let odds = message("its odds", "odds");"#), "its odds");
+    assert_eq!(prose("let wish = 1;"), "");
 }
 
 /// Only the first line of a comment counts, and code does not.

@@ -129,8 +129,8 @@ fn a_robot_with_more_pads_plays_and_is_resumed_without_its_files() {
     fs::write(out.join("journal.jsonl"), "").expect("emptied");
     let again = run(&["bench", "--resume", text(&out), "--json"]);
     assert!(matches!(again.status.code(), Some(0 | 1)), "{}", stderr(&again));
-    let played_again = fs::read_to_string(out.join("trials.csv")).expect("trials");
-    assert_eq!(without_times(&played_again), without_times(&rows));
+    let run_again = fs::read_to_string(out.join("trials.csv")).expect("trials");
+    assert_eq!(without_times(&run_again), without_times(&rows));
     // A run cannot be resumed with another robot.
     let other = ftac(&["bench", "--resume", text(&out), "--robot-model", text(&shipped("ftac_right.toml"))]);
     let other = { other }.output().expect("runs");
@@ -185,11 +185,12 @@ fn two_objects_are_refused_for_a_gripper() {
     let trained = run(&["touch", "train", "--robot-model", text(&robot), "--presses", "6", "--out", text(&pads)]);
     assert_eq!(trained.status.code(), Some(0), "{}", stderr(&trained));
     let out = folder.path().join("out");
-    let played = ftac(&["bench", "--robot-model", text(&robot), "--combos", "1", "--trials", "1", "--out", text(&out)])
-        .output()
-        .expect("runs");
-    assert_eq!(played.status.code(), Some(2), "{}", stderr(&played));
-    assert!(stderr(&played).contains("gripper.toml: hand: found 2 digits, expected 4 or 5"), "{}", stderr(&played));
+    let finished =
+        ftac(&["bench", "--robot-model", text(&robot), "--combos", "1", "--trials", "1", "--out", text(&out)])
+            .output()
+            .expect("runs");
+    assert_eq!(finished.status.code(), Some(2), "{}", stderr(&finished));
+    assert!(stderr(&finished).contains("gripper.toml: hand: found 2 digits, expected 4 or 5"), "{}", stderr(&finished));
 }
 
 /// A gripper finds grasps of a single object from above, lifts it, and estimates its pose in the hand.

@@ -80,7 +80,7 @@ fn a_sweep_goes_on_after_a_kill_and_others_read_it() {
     assert!(reason.contains("no whole Parquet file"), "{reason}");
     assert_eq!(files(&out.join("corrupt")).len(), 2);
     let again = run(&["sweep", "run", text(&out), "--jobs", "2", "--json"]);
-    assert_eq!(json(&again)["played"], 1);
+    assert_eq!(json(&again)["run"], 1);
     assert_eq!(json(&again)["merged"]["digest"], merged["digest"]);
 
     let report = run(&["report", text(&out), "--json"]);

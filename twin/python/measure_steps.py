@@ -27,7 +27,7 @@ def measure(images: int | None, steps: int) -> float:
     while done < steps:
         observation, info = env.reset(seed=seed)
         grasp = ftac.grasps.repertoire()[info["objects"][0]][0]
-        script = Script(env, grasp, observation["seen"][0], info["yaws"][0])
+        script = Script(env, grasp, observation["detected"][0], info["yaws"][0])
         for _ in range(min(200, steps - done)):
             action = script.act(observation)
             begun = time.process_time()

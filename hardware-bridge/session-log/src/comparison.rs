@@ -121,12 +121,12 @@ fn event_name(event: &SessionEvent) -> &'static str {
     match event {
         SessionEvent::Observation(_) => "observation",
         SessionEvent::ObservationFailed(_) => "failed observation",
-        SessionEvent::RequestedCommand(_) => "command asked",
+        SessionEvent::RequestedCommand(_) => "command requested",
         SessionEvent::SentCommand(_) => "command sent",
         SessionEvent::SendFailed(_) => "command not sent",
         SessionEvent::Tick(_) => "tick",
-        SessionEvent::Detection(..) => "seen",
-        SessionEvent::DetectionFailed(_) => "failed look",
+        SessionEvent::Detection(..) => "detection",
+        SessionEvent::DetectionFailed(_) => "failed detection",
         SessionEvent::Outcome(_) => "outcome",
         SessionEvent::Raw { .. } => "raw",
     }
@@ -139,10 +139,10 @@ fn event_values(event: &SessionEvent) -> Vec<(String, u64)> {
         SessionEvent::RequestedCommand(command) | SessionEvent::SentCommand(command) => command_bits(command),
         SessionEvent::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
         SessionEvent::Detection(object, pose) => {
-            let seen = [("object".to_owned(), *object as u64), ("seen".to_owned(), u64::from(pose.is_some()))];
+            let flags = [("object".to_owned(), *object as u64), ("detected".to_owned(), u64::from(pose.is_some()))];
             let numbers = pose.iter().flat_map(|(pose, _)| pose).map(|value| ("pose".to_owned(), value.to_bits()));
             let sigma = pose.and_then(|(_, sigma)| sigma).map(|sigma| ("sigma".to_owned(), sigma.to_bits()));
-            seen.into_iter().chain(numbers).chain(sigma).collect()
+            flags.into_iter().chain(numbers).chain(sigma).collect()
         }
         SessionEvent::ObservationFailed(_)
         | SessionEvent::SendFailed(_)

@@ -233,7 +233,7 @@ impl SessionReader {
     }
 
     fn add_channel(&mut self, channel: mcap::records::Channel) {
-        self.topics.insert(channel.id, channel.topic);
+        self.topics.insert(channel.id, current_topic(channel.topic));
     }
 
     /// Returns the next record; `None` at the end of the file, even of one cut short.
@@ -359,6 +359,16 @@ fn chunk_records(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<R
 
 fn decode<M: Message + Default>(data: &[u8]) -> Result<M, InvalidField> {
     M::decode(data).map_err(|error| ("message", format!("{} bytes ({error})", data.len()), "its fields".to_owned()))
+}
+
+/// Returns the current name of a topic of an earlier version.
+fn current_topic(topic: String) -> String {
+    match topic.as_str() {
+        "command/asked" => REQUESTED_COMMAND_TOPIC.to_owned(),
+        "seen" => DETECTION_TOPIC.to_owned(),
+        "unseen" => DETECTION_FAILED_TOPIC.to_owned(),
+        _ => topic,
+    }
 }
 
 fn raw_topic(topic: &str) -> Option<(&str, Direction)> {

@@ -63,7 +63,7 @@ const MESSAGES: &[(&str, Fields)] = &[
             ("capture", One(Type::Bool)),
         ],
     ),
-    ("Seen", &[("object", One(Type::Uint32)), ("pose", List(Type::Double)), ("sigma", One(Type::Double))]),
+    ("Detection", &[("object", One(Type::Uint32)), ("pose", List(Type::Double)), ("sigma", One(Type::Double))]),
     ("Tick", &[("time", One(Type::Double)), ("lateness", One(Type::Double))]),
 ];
 
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));
         assert_eq!(message.unknown_fields().count(), 0);
 
-        let message = read("Seen", &DetectedObject::new(1, Some(&([0.5; 7], Some(0.003)))).encode_to_vec());
+        let message = read("Detection", &DetectedObject::new(1, Some(&([0.5; 7], Some(0.003)))).encode_to_vec());
         assert_eq!(numbers(&message, "pose"), [0.5; 7]);
         assert_eq!(message.unknown_fields().count(), 0);
 

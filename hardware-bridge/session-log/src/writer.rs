@@ -22,7 +22,7 @@ pub const FORMAT_VERSION: &str = "3";
 /// Topic of observations.
 pub const OBSERVATION_TOPIC: &str = "observation";
 /// Topic of commands as the controller requested them.
-pub const REQUESTED_COMMAND_TOPIC: &str = "command/asked";
+pub const REQUESTED_COMMAND_TOPIC: &str = "command/requested";
 /// Topic of commands as they were sent.
 pub const SENT_COMMAND_TOPIC: &str = "command/sent";
 /// Topic of ticks.
@@ -36,9 +36,9 @@ pub const CALIBRATION_TOPIC: &str = "calibration";
 /// Topic of the task.
 pub const TASK_TOPIC: &str = "task";
 /// Topic of poses from prior perception.
-pub const DETECTION_TOPIC: &str = "seen";
+pub const DETECTION_TOPIC: &str = "detection";
 /// Topic of failures of prior perception.
-pub const DETECTION_FAILED_TOPIC: &str = "unseen";
+pub const DETECTION_FAILED_TOPIC: &str = "detection/failed";
 /// Topic of observations that failed.
 pub const OBSERVATION_FAILED_TOPIC: &str = "observation/failed";
 /// Topic of commands that could not be sent.
@@ -250,7 +250,7 @@ impl SessionWriter {
     /// # Errors
     /// [`SessionLogError`].
     pub fn detection(&mut self, object: usize, seen: Option<&DetectedPose>) -> Result<(), SessionLogError> {
-        self.message(DETECTION_TOPIC, "Seen", &DetectedObject::new(object, seen))
+        self.message(DETECTION_TOPIC, "Detection", &DetectedObject::new(object, seen))
     }
 
     /// Writes the reason why prior perception failed; the trial ends with it.

@@ -13,24 +13,24 @@ use fault_detection::fault::FaultRow;
 use fault_detection::measurements::TickMeasurements;
 
 /// Runs a trial with `recording` as its watcher, if any, and with fault detection if `mirrors`. If `tells`, for a real
-/// robot, each fault is printed at once. Returns the result of `play` and the detected faults. Those of a trial
+/// robot, each fault is printed at once. Returns the result of `run_trial` and the detected faults. Those of a trial
 /// that stopped are listed under `condition`.
-pub fn play_with_detector<T>(
+pub fn run_with_detector<T>(
     bench: &Bench,
     recording: Option<&mut Recording>,
     (mirrors, tells, condition): (bool, bool, Condition),
-    play: impl FnOnce(&mut dyn Watcher) -> Result<T>,
+    run_trial: impl FnOnce(&mut dyn Watcher) -> Result<T>,
 ) -> (Result<T>, Option<Vec<FaultRow>>) {
     if mirrors {
         let mut mirroring = FaultDetectionWatcher::new(bench, recording).with_printing(tells);
-        let played = play(&mut mirroring);
-        return (played, Some(mirroring.finish(condition)));
+        let finished = run_trial(&mut mirroring);
+        return (finished, Some(mirroring.finish(condition)));
     }
-    let played = match recording {
-        Some(recording) => play(recording),
-        None => play(&mut NoWatcher),
+    let finished = match recording {
+        Some(recording) => run_trial(recording),
+        None => run_trial(&mut NoWatcher),
     };
-    (played, None)
+    (finished, None)
 }
 
 /// Fault detection in a trial: one detector for the part that conditions share, and one for each branch.

@@ -1,6 +1,6 @@
 //! Runs and judges trials.
 //!
-//! [`play_conditions`] runs one, and [`run`] runs those of a benchmark in parallel on the threads of [`workers`].
+//! [`run_each_condition`] runs one, and [`run`] runs those of a benchmark in parallel on the threads of [`workers`].
 //! [`journal`] keeps finished units, and [`results`] aggregates them. [`recording`] shows a trial in Rerun, and
 //! [`fault_watch`] lets fault detection observe it.
 

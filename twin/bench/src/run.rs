@@ -58,11 +58,11 @@ pub fn run_unit(
 ) -> Result<TrialResults> {
     // A trial on real devices cannot be repeated, so it is always recorded.
     let record = options.live || is_recorded(options.record, unit) || request.robot == HARDWARE_BACKEND;
-    play_unit(bench, request, (unit, &unit_name(unit)), folder, options, record)
+    run_unit_in_place(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
 /// Runs one unit and records it under `name` if `record`.
-fn play_unit(
+fn run_unit_in_place(
     bench: &Bench,
     request: &RunRequest,
     (unit, name): (WorkUnit, &str),
@@ -74,21 +74,21 @@ fn play_unit(
     if let Some(place) = (options.open_factory)(record)? {
         return run_conditions(bench, request, (unit, name), folder, options, (place, record));
     }
-    let play = |watcher: &mut dyn Watcher| match unit.trial {
+    let run_trial = |watcher: &mut dyn Watcher| match unit.trial {
         Some(trial) => {
-            bench.play_conditions(unit.combination, trial, &request.noisy_conditions(), &request.ablations, watcher)
+            bench.run_each_condition(unit.combination, trial, &request.noisy_conditions(), &request.ablations, watcher)
         }
-        None => bench.play_ideal(unit.combination, watcher).map(TrialResults::from),
+        None => bench.run_ideal(unit.combination, watcher).map(TrialResults::from),
     };
     if !record {
-        return play_with_watchers(bench, request, None, condition, play);
+        return run_with_watchers(bench, request, None, condition, run_trial);
     }
-    play_into_recording(name, folder, options.live, |targets| {
+    run_into_recording(name, folder, options.live, |targets| {
         let mut recording =
             Recording::open(targets, bench, &request.task(unit, condition, false), (TimeOrigin::Never, false))?;
         let mut filming = Filming::new(bench, condition, 4.0);
-        let results = play_with_watchers(bench, request, Some(&mut recording), condition, |watcher| {
-            play(&mut Watchers(vec![watcher, &mut filming]))
+        let results = run_with_watchers(bench, request, Some(&mut recording), condition, |watcher| {
+            run_trial(&mut Watchers(vec![watcher, &mut filming]))
         });
         recording.finish()?;
         if unit.trial.is_some() && results.is_ok() {
@@ -98,20 +98,20 @@ fn play_unit(
     })
 }
 
-/// Runs `play` with `recording` as its watcher, and with fault detection if `request` asks for it. `condition` labels
+/// Runs `run_trial` with `recording` as its watcher, and with fault detection if `request` asks for it. `condition` labels
 /// the faults of a trial that stops.
-fn play_with_watchers(
+fn run_with_watchers(
     bench: &Bench,
     request: &RunRequest,
     recording: Option<&mut Recording>,
     condition: Condition,
-    play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
+    run_trial: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
 ) -> Result<TrialResults> {
-    let (results, named) = fault_watch::play_with_detector(
+    let (results, named) = fault_watch::run_with_detector(
         bench,
         recording,
         (request.detects_faults, request.robot == "hardware", condition),
-        play,
+        run_trial,
     );
     Ok(TrialResults { faults: named.unwrap_or_default(), ..results? })
 }
@@ -140,12 +140,12 @@ fn run_conditions(
     for condition in conditions {
         let task = request.task(unit, condition, record);
         let began = if place.is_real() { TimeOrigin::Now } else { TimeOrigin::Never };
-        let play = |watcher: &mut dyn Watcher| bench.play(&task, place.as_mut(), watcher).map(TrialResults::from);
+        let run_trial = |watcher: &mut dyn Watcher| bench.run(&task, place.as_mut(), watcher).map(TrialResults::from);
         let one = match record {
-            false => play_with_watchers(bench, request, None, condition, play)?,
-            true => play_into_recording(&condition_recording_name(name, condition), folder, options.live, |targets| {
+            false => run_with_watchers(bench, request, None, condition, run_trial)?,
+            true => run_into_recording(&condition_recording_name(name, condition), folder, options.live, |targets| {
                 let mut recording = Recording::open(targets, bench, &task, (began, false))?;
-                let one = play_with_watchers(bench, request, Some(&mut recording), condition, play);
+                let one = run_with_watchers(bench, request, Some(&mut recording), condition, run_trial);
                 recording.finish()?;
                 one
             })?,
@@ -175,12 +175,12 @@ fn condition_recording_name(name: &str, condition: Condition) -> String {
     format!("{name}_{condition}")
 }
 
-/// Runs `play` into a recording that gets its name once it is complete, even if the trial was stopped.
-fn play_into_recording<T>(
+/// Runs `run_trial` into a recording that gets its name once it is complete, even if the trial was stopped.
+fn run_into_recording<T>(
     name: &str,
     folder: &Path,
     live: bool,
-    play: impl FnOnce(&[telemetry::RecordingTarget]) -> Result<T>,
+    run_trial: impl FnOnce(&[telemetry::RecordingTarget]) -> Result<T>,
 ) -> Result<T> {
     let file = folder.join("recordings").join(format!("{name}.rrd"));
     let partial = file.with_extension("partial.rrd");
@@ -188,7 +188,7 @@ fn play_into_recording<T>(
     if live {
         targets.push(telemetry::RecordingTarget::Spawn);
     }
-    let result = play(&targets);
+    let result = run_trial(&targets);
     let renamed = std::fs::rename(&partial, &file).with_context(|| file.display().to_string());
     let result = result?;
     renamed?;

@@ -43,7 +43,7 @@ use world::Sensing;
 use world::layout::MAX_OBJECTS;
 use world::objects::ObjectModel;
 
-use self::branch::{BranchSettings, note_decision, play, predict_decision};
+use self::branch::{BranchSettings, note_decision, predict_decision, run_branch};
 use self::simulated_detector::DetectionNoise;
 
 pub use self::branch::TrialOutcome;
@@ -64,7 +64,7 @@ const EXTERNAL_POLICY_DOMAIN: u64 = 0x6f77_6e5f_706f_6c69;
 
 impl Bench {
     /// Runs one trial under one condition on a backend from `source`.
-    pub fn play(
+    pub fn run(
         &self,
         task: &TrialTask,
         source: &mut dyn BackendFactory,
@@ -91,20 +91,20 @@ impl Bench {
             _ if self.skips_planned_grasp(task.condition) => {
                 setup.begin_at_rest(self, Some((source, task)), watcher)?
             }
-            _ => setup.play_first_grasp(self, Some((source, task)), watcher)?,
+            _ => setup.run_first_grasp(self, Some((source, task)), watcher)?,
         };
         let mut body = start.run.snapshot.robot.clone();
-        let played = match means {
+        let run = match means {
             _ if task.condition == Condition::External => {
-                self.play_external_policy(&start, self.branch_settings(id, detections), watcher)
+                self.run_external_policy(&start, self.branch_settings(id, detections), watcher)
             }
-            Some(means) => self.play_touch(&start, self.branch_settings(id, detections), means, watcher),
-            None => self.play_blind(&start, self.branch_settings(id, detections), watcher),
+            Some(means) => self.run_touch(&start, self.branch_settings(id, detections), means, watcher),
+            None => self.run_blind(&start, self.branch_settings(id, detections), watcher),
         };
         // The recording is finished in any case.
-        let why = played.as_ref().err().map(|error| format!("{error:#}"));
-        let finished = body.finish(played.as_ref().ok().map(|outcome| &outcome.record), why.as_deref());
-        let outcome = played?;
+        let why = run.as_ref().err().map(|error| format!("{error:#}"));
+        let finished = body.finish(run.as_ref().ok().map(|outcome| &outcome.record), why.as_deref());
+        let outcome = run?;
         // A full disk must not lose the operator's verdict.
         finished.with_context(|| {
             format!(
@@ -117,7 +117,7 @@ impl Bench {
 
     /// Runs one trial in which an external policy, represented by `server`, decides. The errors are the same as for every
     /// other condition of the trial.
-    pub fn play_with_server(
+    pub fn run_with_server(
         &self,
         combination: usize,
         trial: usize,
@@ -127,25 +127,25 @@ impl Bench {
         let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
         let start = match introduction.level {
             DecisionLevel::Act => setup.begin_at_rest(self, None, &mut NoWatcher)?,
-            DecisionLevel::Choose => setup.play_first_grasp(self, None, &mut NoWatcher)?,
+            DecisionLevel::Choose => setup.run_first_grasp(self, None, &mut NoWatcher)?,
         };
         let options = self.branch_settings(TrialId { combination, trial, condition: Condition::External }, detections);
-        self.play_server_branch(&start, introduction, server, BranchSettings { pace, ..options }, &mut NoWatcher)
+        self.run_server_branch(&start, introduction, server, BranchSettings { pace, ..options }, &mut NoWatcher)
     }
 
     /// Runs the ideal run of a combination: no noise, blind.
-    pub fn play_ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    pub fn run_ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let start = InitialConditions::planned(self, combination, TrialNoise::none(), 0)
-            .play_first_grasp(self, None, watcher)?;
+            .run_first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
         let detections = DetectionNoise::new(trial_rng(self.seed, combination, 0), None);
-        let mut outcome = self.play_blind(&start, self.branch_settings(id, detections.clone()), watcher)?;
+        let mut outcome = self.run_blind(&start, self.branch_settings(id, detections.clone()), watcher)?;
         self.note_prediction(&start, self.branch_settings(id, detections), &mut outcome.record)?;
         Ok(outcome)
     }
 
     /// Runs one trial: all `conditions` with the same errors, and then, unwatched, `touch` under `ablations`.
-    pub fn play_conditions(
+    pub fn run_each_condition(
         &self,
         combination: usize,
         trial: usize,
@@ -154,12 +154,12 @@ impl Bench {
         watcher: &mut dyn Watcher,
     ) -> Result<TrialResults> {
         let (setup, detections) = InitialConditions::noisy(self, combination, trial)?;
-        let start = setup.play_first_grasp(self, None, watcher)?;
+        let start = setup.run_first_grasp(self, None, watcher)?;
         let branches = Branches { bench: self, setup: &setup, start, detection_noise: detections };
         let id = |condition| TrialId { combination, trial, condition };
         let mut results = TrialResults::default();
         for &condition in conditions {
-            results.add(branches.play(id(condition), watcher)?);
+            results.add(branches.run(id(condition), watcher)?);
         }
         for record in results.records.iter_mut().filter(|record| record.condition == Condition::Blind) {
             self.note_prediction(
@@ -169,7 +169,7 @@ impl Bench {
             )?;
         }
         for &ablation in ablations {
-            let outcome = branches.play_deciding_policy(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
+            let outcome = branches.run_deciding_policy(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
             results.ablated.push(AblatedTrial { ablation, record: outcome.record });
         }
         Ok(results)
@@ -207,17 +207,22 @@ impl Bench {
     }
 
     /// Runs the branch of the policy `blind`.
-    fn play_blind(
+    fn run_blind(
         &self,
         start: &PreparedTrial,
         options: BranchSettings,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialOutcome> {
-        play(start, &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()), options, watcher)
+        run_branch(
+            start,
+            &mut BlindPolicy::new(start.grasps.planned().into_iter().cloned().collect()),
+            options,
+            watcher,
+        )
     }
 
     /// Runs the branch of the policy `touch`, with the `means` that are left to it.
-    fn play_touch(
+    fn run_touch(
         &self,
         start: &PreparedTrial,
         options: BranchSettings,
@@ -229,18 +234,18 @@ impl Bench {
         let options = BranchSettings { inject_truth, ..options };
         if start.objects.len() > 2 {
             let senses = TouchPerception::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
-            return play(
+            return run_branch(
                 start,
                 &mut SequentialPolicy::new(knowledge, senses, &start.grasps.planned()),
                 options,
                 watcher,
             );
         }
-        play(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
+        run_branch(start, &mut self.touch_policy(start, knowledge, means)?, options, watcher)
     }
 
     /// Runs the branch of the external policy.
-    fn play_external_policy(
+    fn run_external_policy(
         &self,
         start: &PreparedTrial,
         options: BranchSettings,
@@ -249,11 +254,11 @@ impl Bench {
         let own =
             self.external_policy.as_ref().context("--policy: found none, expected one for the condition `external`")?;
         let options = BranchSettings { pace: own.source.pace, ..options };
-        own.with_process(|server| self.play_server_branch(start, &own.introduction, server, options, watcher))
+        own.with_process(|server| self.run_server_branch(start, &own.introduction, server, options, watcher))
     }
 
     /// Runs the branch of a policy represented by `server`.
-    fn play_server_branch(
+    fn run_server_branch(
         &self,
         start: &PreparedTrial,
         introduction: &PolicyIntroduction,
@@ -278,7 +283,7 @@ impl Bench {
             limits: &limits,
         });
         if introduction.level == DecisionLevel::Act {
-            return external_trial::play_external_trial(
+            return external_trial::run_external_trial(
                 self,
                 start,
                 (server, &reset, introduction.images),
@@ -291,7 +296,7 @@ impl Bench {
         let (knowledge, senses) =
             (self.prior_knowledge(start.prior_knowledge(), means)?, TouchPerception::new(pipeline, Sensing::Full)?);
         let mut chooser = ExternalChooser::new(server, &self.world.cell.robot.hand, pipeline.backgrounds(), reset);
-        play(start, &mut ChooserPolicy::new(knowledge, senses, &mut chooser), options, watcher)
+        run_branch(start, &mut ChooserPolicy::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
     /// Notes the prediction of touch for the planned grasp after the first one. Notes nothing if touch does not detect

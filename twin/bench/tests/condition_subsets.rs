@@ -56,7 +56,7 @@ fn request(conditions: &[Condition], record: RecordingSelection) -> RunRequest {
     }
 }
 
-fn play(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
+fn run_request(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
     let options = RunOptions { jobs: 1, record: request.record, quiet: true, live: false, open_factory: &|_| Ok(None) };
     run::run(bench(), request, journal, folder, &options)
         .unwrap_or_else(|error| panic!("{:?} with --record {:?}: {error:#}", request.conditions, request.record))
@@ -71,11 +71,11 @@ fn trials(folder: &Path) -> Vec<scenarios::TrialRecord> {
 }
 
 /// Runs, checks the results, and runs the last unit again from the journal.
-fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
+fn run_and_resumed(conditions: &[Condition], record: RecordingSelection) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let asked = request(conditions, record);
-    let summary = play(&asked, Journal::create(folder, &asked).expect("a journal"), folder);
+    let summary = run_request(&asked, Journal::create(folder, &asked).expect("a journal"), folder);
     let what = format!("{conditions:?} with --record {record:?}");
     let rows = trials(folder);
     let found: BTreeSet<Condition> = rows.iter().map(|row| row.condition).collect();
@@ -110,7 +110,7 @@ fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
     fs::remove_dir_all(folder.join("recordings")).expect("removed");
     let (journal, again) = Journal::resume(folder).expect("resumed");
     assert_eq!(again, asked, "{what}");
-    play(&again, journal, folder);
+    run_request(&again, journal, folder);
     assert_eq!(trials(folder), rows, "{what}");
     assert!(recordings().is_subset(&first), "{what}");
     assert_eq!(recordings().is_empty(), expected == 0, "{what}: {first:?}");
@@ -120,11 +120,11 @@ fn played_and_resumed(conditions: &[Condition], record: RecordingSelection) {
 #[test]
 fn a_run_without_touch_is_recorded_and_resumed() {
     use Condition::{Blind, Ideal, Reflex};
-    played_and_resumed(&[Blind], RecordingSelection::Sample);
-    played_and_resumed(&[Blind], RecordingSelection::Causes);
-    played_and_resumed(&[Reflex], RecordingSelection::All);
-    played_and_resumed(&[Ideal], RecordingSelection::All);
-    played_and_resumed(&[Ideal, Blind], RecordingSelection::None);
+    run_and_resumed(&[Blind], RecordingSelection::Sample);
+    run_and_resumed(&[Blind], RecordingSelection::Causes);
+    run_and_resumed(&[Reflex], RecordingSelection::All);
+    run_and_resumed(&[Ideal], RecordingSelection::All);
+    run_and_resumed(&[Ideal, Blind], RecordingSelection::None);
 }
 
 #[test]
@@ -132,6 +132,6 @@ fn a_run_without_touch_is_recorded_and_resumed() {
 fn every_set_of_conditions_with_every_record() {
     for set in 1..16_usize {
         let conditions: Vec<Condition> = (0..4).filter(|n| set >> n & 1 == 1).map(|n| Condition::BUILT_IN[n]).collect();
-        RECORDING_SELECTIONS.into_iter().for_each(|record| played_and_resumed(&conditions, record));
+        RECORDING_SELECTIONS.into_iter().for_each(|record| run_and_resumed(&conditions, record));
     }
 }

@@ -61,14 +61,14 @@ fn a_session_that_ends_in_a_failed_look_replays() {
         let file = folder.path().join(format!("{combination}.mcap"));
         let task = TrialTask::new("sim", 1, [combination, 0, 4], Condition::Reflex);
         // Trials without a second detection do not count.
-        let Err(error) = bench.play(&task, &mut FailedDetectorFactory(&file), &mut NoWatcher) else { continue };
+        let Err(error) = bench.run(&task, &mut FailedDetectorFactory(&file), &mut NoWatcher) else { continue };
         assert!(error.chain().any(|cause| cause.to_string().contains(FAILURE_MESSAGE)), "{error:#}");
         ended += 1;
         let replay =
             Replay::new(SessionReader::open(&file, RobotSizes::from_robot(&RobotModel::ftac_gen3())).expect("whole"))
                 .expect("readable");
         let (mut source, report) = ReplayFactory::new(replay, false);
-        let again = bench.play(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
+        let again = bench.run(&task, &mut source, &mut NoWatcher).expect_err("the same failure");
         let failed = again.chain().find_map(|cause| cause.downcast_ref::<DetectionFailed>());
         assert_eq!(failed.map(|failed| failed.0.as_str()), Some(FAILURE_MESSAGE), "{again:#}");
         assert_eq!(format!("{again:#}"), format!("{error:#}"));

@@ -17,7 +17,7 @@ fn all_built_in_plans_are_ideal() {
     assert_eq!(combinations.len(), 60);
     let failed = Mutex::new(Vec::new());
     workers::for_each(workers::available_threads(), &combinations, |_, combination| {
-        let record = bench.play_ideal(*combination, &mut NoWatcher)?.record;
+        let record = bench.run_ideal(*combination, &mut NoWatcher)?.record;
         if !record.success || record.contact {
             failed.lock().expect("no panic").push((record.first, record.second, record.cause, record.contact));
         }

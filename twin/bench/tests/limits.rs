@@ -18,7 +18,7 @@ fn no_normal_trial_is_stopped() {
         let mut source = DirectEmulationFactory { robot: cell.robot.clone(), sessions: None };
         let task = TrialTask::new("direct", 1, [combination, 0, 2], condition);
         // A robot that stops fails the test.
-        let record = bench.play(&task, &mut source, &mut NoWatcher).expect("no stop").record;
+        let record = bench.run(&task, &mut source, &mut NoWatcher).expect("no stop").record;
         assert_ne!(record.cause, Some(FailureCause::RobotFault), "{}", record.reason);
     }
 }

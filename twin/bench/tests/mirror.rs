@@ -273,9 +273,10 @@ impl Watcher for RecordedStates {
 fn a_mirror_changes_no_bit_of_a_trial() {
     let bench = make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("a bench");
     let (mut alone, mut beside) = (RecordedStates::default(), RecordedStates::default());
-    let without = bench.play_conditions(0, 0, &[Condition::Blind], &[], &mut alone).expect("a trial");
+    let without = bench.run_each_condition(0, 0, &[Condition::Blind], &[], &mut alone).expect("a trial");
     let mut mirroring = FaultDetectionWatcher::new(&bench, None);
-    let with = bench.play_conditions(0, 0, &[Condition::Blind], &[], &mut Watchers(vec![&mut mirroring, &mut beside]));
+    let with =
+        bench.run_each_condition(0, 0, &[Condition::Blind], &[], &mut Watchers(vec![&mut mirroring, &mut beside]));
     assert_eq!(without.records, with.expect("a trial").records);
     assert!(mirroring.effort().0 as usize == beside.0.len(), "the fault detector observed every tick");
     assert_eq!(mirroring.gaps(), 0);

@@ -19,7 +19,7 @@ fn feeling_costs_nothing_where_nothing_is_wrong() {
     assert!(scenario.is_ideal());
     let mut bench = make_bench(&RobotModel::ftac_gen3(), scenario, 1, 1, true).expect("a bench");
     set_expected_errors(&mut bench, None, Path::new("uncertainty"), "sim").expect("set");
-    let results = bench.play_conditions(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
+    let results = bench.run_each_condition(0, 0, &[Condition::Touch], &[], &mut NoWatcher).expect("a trial");
     let record = &results.records[0];
     assert!(record.clean_success, "{record:?}");
     assert!(!record.reason.contains("is touched from above"), "{}", record.reason);

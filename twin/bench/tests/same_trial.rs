@@ -9,8 +9,8 @@ use scenarios::record::{Condition, TrialRecord};
 use serde_json::Value;
 
 /// Returns the results of touch in the first trial of a combination, without its decision times.
-fn played(bench: &Bench, combination: usize, watcher: &mut dyn Watcher) -> Value {
-    let results = bench.play_conditions(combination, 0, &[Condition::Touch], &[], watcher).expect("a trial");
+fn finished(bench: &Bench, combination: usize, watcher: &mut dyn Watcher) -> Value {
+    let results = bench.run_each_condition(combination, 0, &[Condition::Touch], &[], watcher).expect("a trial");
     let record = TrialRecord { decision_ms: None, ..results.records[0].clone() };
     serde_json::to_value((record, &results.tries)).expect("JSON")
 }
@@ -21,9 +21,9 @@ fn a_trial_that_is_recorded_is_the_same_one() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 2, 1, true).expect("the built-in benchmark");
     let mut filming = Filming::new(&bench, Condition::Touch, 4.0);
-    let recorded = played(&bench, 1, &mut filming);
+    let recorded = finished(&bench, 1, &mut filming);
     assert!(!filming.film.frames.is_empty());
-    assert_eq!(recorded, played(&bench, 1, &mut NoWatcher));
+    assert_eq!(recorded, finished(&bench, 1, &mut NoWatcher));
 }
 
 /// Its objects are meshes that are cut into convex parts when they are first needed.
@@ -31,7 +31,7 @@ fn a_trial_that_is_recorded_is_the_same_one() {
 fn what_was_played_before_does_not_matter() {
     let bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 5, 1, true).expect("the built-in benchmark");
-    let first = played(&bench, 4, &mut NoWatcher);
-    bench.play_ideal(4, &mut NoWatcher).expect("an ideal run");
-    assert_eq!(first, played(&bench, 4, &mut NoWatcher));
+    let first = finished(&bench, 4, &mut NoWatcher);
+    bench.run_ideal(4, &mut NoWatcher).expect("an ideal run");
+    assert_eq!(first, finished(&bench, 4, &mut NoWatcher));
 }

@@ -92,9 +92,9 @@ impl BackendFactory for StoppingRobotFactory {
 
 const NEVER_SILENT: Range<f64> = 0.0..0.0;
 
-fn play(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> Result<TrialRecord> {
+fn run_stopping_trial(bench: &Bench, condition: Condition, after: f64, silent: Range<f64>) -> Result<TrialRecord> {
     let task = TrialTask::new("sim", 1, [0, 0, 1], condition);
-    Ok(bench.play(&task, &mut StoppingRobotFactory { after, silent }, &mut NoWatcher)?.record)
+    Ok(bench.run(&task, &mut StoppingRobotFactory { after, silent }, &mut NoWatcher)?.record)
 }
 
 #[test]
@@ -103,19 +103,19 @@ fn a_trial_whose_body_stops_is_none_or_has_failed() {
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     for condition in [Condition::Blind, Condition::Touch] {
         bench.continues_after_faults = false;
-        let error = play(&bench, condition, 2.0, NEVER_SILENT).expect_err("stopped");
+        let error = run_stopping_trial(&bench, condition, 2.0, NEVER_SILENT).expect_err("stopped");
         assert!(error.downcast_ref::<TrialStopped>().is_some_and(|why| why.0.contains("leans")), "{error:#}");
         bench.continues_after_faults = true;
         // An object that was dropped before counts first.
         let causes =
             [(2.0, vec![FailureCause::RobotFault]), (9.0, vec![FailureCause::RobotFault, FailureCause::FirstDropped])];
         for (after, causes) in causes {
-            let record = play(&bench, condition, after, NEVER_SILENT).expect("a record");
+            let record = run_stopping_trial(&bench, condition, after, NEVER_SILENT).expect("a record");
             assert!(!record.success && record.cause.is_some_and(|cause| causes.contains(&cause)), "{:?}", record.cause);
             assert!(record.reason.contains("the arm leans on the table"), "{}", record.reason);
             assert!((after..after + 0.1).contains(&record.sim_seconds), "{}", record.sim_seconds);
         }
-        let whole = play(&bench, condition, f64::INFINITY, NEVER_SILENT).expect("a record");
+        let whole = run_stopping_trial(&bench, condition, f64::INFINITY, NEVER_SILENT).expect("a record");
         assert_ne!(whole.cause, Some(FailureCause::RobotFault));
     }
 }
@@ -127,7 +127,8 @@ fn a_robot_that_cannot_be_reached_is_borne_for_a_while() {
     let mut bench =
         make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 1, 1, true).expect("the built-in benchmark");
     bench.continues_after_faults = true;
-    let of = |silent: Range<f64>| play(&bench, Condition::Blind, f64::INFINITY, silent).expect("a record");
+    let of =
+        |silent: Range<f64>| run_stopping_trial(&bench, Condition::Blind, f64::INFINITY, silent).expect("a record");
     let (sound, held, lost) = (of(NEVER_SILENT), of(2.0..2.3), of(2.0..f64::INFINITY));
     let late = held.sim_seconds - sound.sim_seconds;
     assert!((0.2..0.4).contains(&late) && held.cause != Some(FailureCause::RobotFault), "{late} s, {:?}", held.cause);

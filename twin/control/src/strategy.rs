@@ -296,8 +296,8 @@ pub fn choose(situation: &DecisionContext, candidates: &[GraspCandidate]) -> Res
     let switched = grasp.id != planned.grasp.id;
     let mut reason = reason(situation.held.name, (&planned.grasp, &plan_assessment), (&aiming, &assessment));
     match foreseen {
-        Some(RolloutCounts { rollouts: played, held, contact }) => {
-            reason.push_str(&format!("; of {played} rollouts {held} hold and {contact} make contact"));
+        Some(RolloutCounts { rollouts, held, contact }) => {
+            reason.push_str(&format!("; of {rollouts} rollouts {held} hold and {contact} make contact"));
         }
         None if situation.look_ahead.is_some() => reason.push_str("; no rollouts: the model has no such hold or path"),
         None => {}

@@ -62,7 +62,7 @@ pub fn choose_question(hand: &Hand, situation: &ChooserSituation) -> Value {
         let matrix = &felt.estimate.covariance;
         (0..6).map(|row| (0..6).map(|column| matrix[(row, column)]).collect()).collect::<Vec<Vec<f64>>>()
     });
-    let candidate = |candidate: &GraspCandidate| json!({ "grasp": candidate.grasp, "worth": candidate.score });
+    let candidate = |candidate: &GraspCandidate| json!({ "grasp": candidate.grasp, "score": candidate.score });
     json!({
         "ask": "choose",
         "cameras": situation.images.iter().map(|frame| camera(frame.camera)).collect::<Vec<_>>(),
@@ -76,12 +76,12 @@ pub fn choose_question(hand: &Hand, situation: &ChooserSituation) -> Value {
             "arm": arm_rows(situation.arm),
             "palm": pose_row(&situation.palm),
             "objects": situation.objects,
-            "seen": situation.detected.iter().map(|seen| pose_row(&seen.pose())).collect::<Vec<_>>(),
-            "yaws": situation.detected.iter().map(|seen| seen.yaw).collect::<Vec<_>>(),
-            "sees_second": situation.second_is_visible,
-            "held": situation.felt.map(|felt| pose_row(&felt.estimate.palm_from_object)),
-            "held_covariance": covariance,
-            "grip": (0..situation.objects.len()).map(|object| situation.hold_state.holds(object)).collect::<Vec<_>>(),
+            "detected": situation.detected.iter().map(|object| pose_row(&object.pose())).collect::<Vec<_>>(),
+            "yaws": situation.detected.iter().map(|object| object.yaw).collect::<Vec<_>>(),
+            "second_is_visible": situation.second_is_visible,
+            "in_hand": situation.felt.map(|felt| pose_row(&felt.estimate.palm_from_object)),
+            "in_hand_covariance": covariance,
+            "holding": (0..situation.objects.len()).map(|object| situation.hold_state.holds(object)).collect::<Vec<_>>(),
             "first": situation.first,
             "candidates": situation.candidates.iter().map(candidate).collect::<Vec<_>>(),
         },
@@ -112,7 +112,7 @@ pub fn act_question(observed: &PolicyObservation) -> Value {
             "servos": servo_rows(observed.servos),
             "arm": arm_rows(observed.arm),
             "palm": pose_row(&observed.palm),
-            "seen": observed.detected_poses.iter().map(pose_row).collect::<Vec<_>>(),
+            "detected": observed.detected_poses.iter().map(pose_row).collect::<Vec<_>>(),
         },
     })
 }

@@ -22,24 +22,24 @@ impl ExternalPolicy {
         Ok(Self { source, introduction: guest, idle: Mutex::new(vec![process]) })
     }
 
-    /// Calls `play` with an idle process. A process that failed is not used again.
+    /// Calls `answer` with an idle process. A process that failed is not used again.
     ///
     /// # Errors
-    /// Those of `play`, and [`PolicyInterrupted`] if the operator requested a stop while the policy was computing; the
+    /// Those of `answer`, and [`PolicyInterrupted`] if the operator requested a stop while the policy was computing; the
     /// trial then does not count.
-    pub fn with_process<T>(&self, play: impl FnOnce(&mut dyn PolicyServer) -> Result<T>) -> Result<T> {
+    pub fn with_process<T>(&self, answer: impl FnOnce(&mut dyn PolicyServer) -> Result<T>) -> Result<T> {
         let waiting = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut process = match waiting {
             Some(process) => process,
             None => PolicyProcess::start(&self.source)?.0,
         };
-        let played = play(&mut process);
+        let answered = answer(&mut process);
         if process.was_interrupted() {
             bail!(PolicyInterrupted);
         }
         if process.is_healthy() {
             self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(process);
         }
-        played
+        answered
     }
 }

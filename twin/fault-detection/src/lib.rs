@@ -229,6 +229,6 @@ impl FaultDetector {
 
     /// Returns the pose estimate of the object in the hand, and the `world_from_object` derived from it.
     pub fn held_object(&self) -> Option<(&HeldPose, Isometry3<f64>)> {
-        self.held_pose.object().map(|belief| (belief, self.reference_model.palm() * belief.palm_from_object))
+        self.held_pose.object().map(|estimate| (estimate, self.reference_model.palm() * estimate.palm_from_object))
     }
 }

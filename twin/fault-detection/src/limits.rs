@@ -4,10 +4,10 @@ use serde::Deserialize;
 
 /// Error in a file of limits.
 #[derive(Debug, thiserror::Error)]
-#[error("data/mirror.toml: {0}")]
+#[error("data/residual_limits.toml: {0}")]
 pub struct LimitsError(#[from] toml::de::Error);
 
-/// All limits; see `data/mirror.toml`.
+/// All limits; see `data/residual_limits.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DetectionLimits {
@@ -103,6 +103,6 @@ pub struct CameraLimits {
 impl DetectionLimits {
     /// Returns the built-in limits.
     pub fn standard() -> Result<Self, LimitsError> {
-        Ok(toml::from_str(include_str!("../data/mirror.toml"))?)
+        Ok(toml::from_str(include_str!("../data/residual_limits.toml"))?)
     }
 }

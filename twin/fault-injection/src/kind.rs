@@ -205,7 +205,7 @@ impl InjectedFault {
     }
 
     /// Runs one tick after the fault. Returns the sent command, if the controller took part.
-    pub fn play_tick(
+    pub fn run_tick(
         self,
         recorder: &mut SessionRecorder<LockstepRobot>,
         executor: &mut Executor,

@@ -310,7 +310,7 @@ impl Experiment {
     }
 
     fn tick(&mut self) -> Result<()> {
-        let sent = self.kind.play_tick(&mut self.recorder, &mut self.executor)?;
+        let sent = self.kind.run_tick(&mut self.recorder, &mut self.executor)?;
         self.alive = self.alive && !self.kind.ends_host_program();
         self.ticks += u64::from(self.alive);
         self.limit_watch.check(self.recorder.robot());

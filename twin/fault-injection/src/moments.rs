@@ -54,8 +54,8 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut lengths = Counts::default();
     let mut count = |watched: &TrialSnapshot| *lengths.count_mut(watched.phase()) += 1;
-    play_put_down((bench, combination, false), &mut count)?;
-    play_ideal((bench, combination, false), &mut count)?;
+    run_put_down((bench, combination, false), &mut count)?;
+    run_ideal((bench, combination, false), &mut count)?;
     let before = ticks_before(mirrored);
     // The last ticks are excluded: the fault must be injected within the phase.
     let mut drawn = lengths;
@@ -71,8 +71,8 @@ pub fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> 
             moments.push((phase, watched.clone()));
         }
     };
-    play_ideal((bench, combination, mirrored), &mut take)?;
-    play_put_down((bench, combination, mirrored), &mut take)?;
+    run_ideal((bench, combination, mirrored), &mut take)?;
+    run_put_down((bench, combination, mirrored), &mut take)?;
     Ok(moments)
 }
 
@@ -91,7 +91,7 @@ impl Counts {
 }
 
 /// Runs the ideal run of a combination in simulation, with or without fault detection. Calls `see` in every tick.
-fn play_ideal(
+fn run_ideal(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),
 ) -> Result<()> {
@@ -106,7 +106,7 @@ fn play_ideal(
 
 /// Runs up to the decision and puts the first object down again, as the touch condition does after losing its grip.
 /// Calls `see` in every tick of the put-down.
-fn play_put_down(
+fn run_put_down(
     (bench, combination, mirrored): (&Bench, usize, bool),
     see: &mut impl FnMut(&TrialSnapshot),
 ) -> Result<()> {

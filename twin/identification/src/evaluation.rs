@@ -266,7 +266,7 @@ pub fn compare(
     let mut differences = vec![MotionDifferences::default(); hands.len()];
     for actuator in 0..hand.servos.len() {
         let mut robot = simulated_robot(truth, nominal, losses, start);
-        let (motion, angles) = play_stairs(&mut robot, actuator, nominal);
+        let (motion, angles) = run_stairs(&mut robot, actuator, nominal);
         for (own, differences) in hands.iter().zip(&mut differences) {
             add_differences(own, &real, &motion, &angles, losses, differences);
         }
@@ -278,7 +278,7 @@ type Angles = Vec<HandVector>;
 
 /// Runs the stairs with one actuator. Returns the measured motion, and the true joint angles before each tick after the
 /// lead-in.
-fn play_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
+fn run_stairs(robot: &mut SimulatedRobot, actuator: usize, nominal: &RobotModel) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
         actuator,

@@ -97,7 +97,7 @@ impl ExcitationProgress {
 ///
 /// # Errors
 /// Errors of `heard`, and [`ExcitationError`].
-pub fn play_script<R: RobotBackend, E: From<ExcitationError>>(
+pub fn run_script<R: RobotBackend, E: From<ExcitationError>>(
     robot: &mut R,
     means: &ExcitationSetup,
     first: usize,
@@ -129,14 +129,14 @@ pub fn play_script<R: RobotBackend, E: From<ExcitationError>>(
         heard(ExcitationProgress::Begins(n))?;
         let (went_on, back) = match (step, &mut aim) {
             (ExcitationStep::Press(_, press), Some(aim)) => match aim.plan_press(press, &player.arm) {
-                Some(approach) => (player.play_press(press, &approach, aim, &mut goes_on), Some(approach.hover)),
+                Some(approach) => (player.run_press(press, &approach, aim, &mut goes_on), Some(approach.hover)),
                 None => {
                     heard(ExcitationProgress::OutOfReach(n))?;
                     continue;
                 }
             },
             (ExcitationStep::Motion(posture, motion), _) => {
-                (player.play_motion((&means.robot.hand, &means.ready), posture, motion, &mut goes_on), None)
+                (player.run_motion((&means.robot.hand, &means.ready), posture, motion, &mut goes_on), None)
             }
             (ExcitationStep::Press(..), None) => (true, None),
             (ExcitationStep::CalibratePayload(weight, part), aim) => {
@@ -272,7 +272,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         true
     }
 
-    fn play_motion(
+    fn run_motion(
         &mut self,
         (hand, ready): (&Hand, &[f64]),
         posture: &ScriptPosture,
@@ -300,7 +300,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
 
     /// Presses a pad on the ball, deeper from snapshot to snapshot until it is deep enough, slides over the ball, and
     /// retreats.
-    fn play_press(
+    fn run_press(
         &mut self,
         press: &PadPress,
         approach: &PressApproach,

@@ -3,7 +3,7 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, RobotModel};
 use identification::evaluation::{compare, coverage, simulated_robot};
-use identification::excitation::{ExcitationError, play_script as excite};
+use identification::excitation::{ExcitationError, run_script as excite};
 use identification::excitation_setup::ExcitationSetup;
 use identification::trace::{Trace, TraceRecorder};
 use identification::{ExcitationScript, identify};
@@ -39,8 +39,8 @@ fn excited(truth: &RobotInstance, script: &ExcitationScript) -> Trace {
     let pads = builtin_calibration();
     let friction = losses.friction;
     let means = ExcitationSetup { robot: &robot, pads: &pads, script, grasps: &[], friction, ready: Arm::gen3().home };
-    let played = excite::<_, ExcitationError>(&mut kept, &means, 0, |_| Ok(()), |_| true);
-    assert_eq!(played, Ok(true));
+    let finished = excite::<_, ExcitationError>(&mut kept, &means, 0, |_| Ok(()), |_| true);
+    assert_eq!(finished, Ok(true));
     kept.trace(&robot, "sim", script)
 }
 

@@ -198,7 +198,7 @@ fn main() -> Result<()> {
                 .filter(|candidate| !candidate.rollouts.is_empty()),
         );
     }
-    let belief = AimPosterior::new(&Uncertainty::standard());
+    let posterior = AimPosterior::new(&Uncertainty::standard());
     let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads: Vec<usize> = (0..).map(|n| 1 << n).take_while(|count| *count <= cores).collect();
@@ -223,7 +223,7 @@ fn main() -> Result<()> {
         Growth::measure("candidates", ["candidates evaluated", "ms"], &[1, 3, 10, 30, 100, 300, 1000], |count| {
             let judged = candidates(count, &known);
             Ok(timed(|| {
-                black_box(best_candidate_score(&judged, &belief));
+                black_box(best_candidate_score(&judged, &posterior));
             }))
         })?,
         Growth::measure("threads", ["threads, 8 scenes of two objects", "ms"], &threads, |count| {

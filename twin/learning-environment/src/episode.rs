@@ -266,7 +266,7 @@ fn begin_after_grasp(
         let trial = trial ^ (attempt << 48) as usize;
         let (setup, _) = InitialConditions::noisy(bench, combination, trial)?;
         let untouched = side.map(|side| cameras_for_images(bench, &setup, side)).transpose()?;
-        let start = setup.play_first_grasp(bench, None, &mut NoWatcher)?;
+        let start = setup.run_first_grasp(bench, None, &mut NoWatcher)?;
         let snapshot = start.run.snapshot;
         let Backend::Simulated(mut robot) = snapshot.robot else { continue };
         if !in_hand(&robot.truth(), 0) {

@@ -52,7 +52,7 @@ def make(combination, tactile=True):
 
 
 def script_of(env, observation, info):
-    return Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["seen"][0], info["yaws"][0])
+    return Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["detected"][0], info["yaws"][0])
 
 
 def touch(observation, untouched):
@@ -64,7 +64,7 @@ def touch(observation, untouched):
 
 def felt_elsewhere(observation):
     """Where the palm is as the object was seen, what the servos measure, and what was asked for last."""
-    seen, palm = (pose_matrix(pose.astype(np.float64)) for pose in (observation["seen"][0], observation["palm"]))
+    seen, palm = (pose_matrix(pose.astype(np.float64)) for pose in (observation["detected"][0], observation["palm"]))
     near = np.linalg.inv(seen) @ palm
     servos = observation["servos"][:, [0, 2]].ravel()
     return np.concatenate([near[:3, :].ravel(), palm[2:3, 3], servos, observation["command"]]).astype(np.float32)

@@ -76,7 +76,7 @@ class Corrected(gymnasium.Env):
         """A script that aims beside what was seen."""
         name = self.info["objects"][0]
         grasp, yaw = ftac.grasps.repertoire()[name][0], self.info["yaws"][0]
-        self.script = Script(self.env, grasp, self.seen["seen"][0], yaw + correction[3])
+        self.script = Script(self.env, grasp, self.seen["detected"][0], yaw + correction[3])
         shift = self.script.rotation @ correction[:3]
         for goal in self.script.goals:
             goal += shift
@@ -93,7 +93,7 @@ class Corrected(gymnasium.Env):
         return total, False
 
     def observed(self):
-        seen = pose_matrix(self.seen["seen"][0].astype(np.float64))
+        seen = pose_matrix(self.seen["detected"][0].astype(np.float64))
         palm = pose_matrix(self.seen["palm"].astype(np.float64))
         yaw, off = self.info["yaws"][0], np.zeros(3)
         if self.script is not None:

@@ -289,7 +289,10 @@ impl Episode {
         let stepped = lock_stepped(&self.0)?;
         let episode = &stepped.scene;
         let measured = observation(py, &episode.scene)?;
-        measured.set_item("seen", array_of_rows(py, episode.detections().iter().map(|seen| pose_row(&seen.pose()))))?;
+        measured.set_item(
+            "detected",
+            array_of_rows(py, episode.detections().iter().map(|object| pose_row(&object.pose()))),
+        )?;
         Ok(measured)
     }
 
@@ -329,7 +332,7 @@ impl Episode {
 
     /// Returns the yaw (rad) of each object about the vertical from its rest pose, as seen by vision.
     fn yaws(&self) -> PyResult<Vec<f64>> {
-        Ok(lock_stepped(&self.0)?.scene.detections().iter().map(|seen| seen.yaw).collect())
+        Ok(lock_stepped(&self.0)?.scene.detections().iter().map(|object| object.yaw).collect())
     }
 
     fn combination(&self) -> PyResult<usize> {

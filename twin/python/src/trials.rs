@@ -69,7 +69,7 @@ impl Benchmark {
     }
 
     /// Runs a trial under an external policy, introduced by `introduction`, and returns its record as JSON.
-    fn play(
+    fn run(
         &self,
         py: Python<'_>,
         host: Py<PyAny>,
@@ -82,12 +82,12 @@ impl Benchmark {
         let introduction: PolicyIntroduction = serde_json::from_str(introduction).map_err(value_error)?;
         let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
         let mut asked = PythonPolicyServer { server: &host, interrupt: None };
-        let played = py.detach(|| self.0.play_with_server(combination, trial, (&introduction, pace), &mut asked));
+        let finished = py.detach(|| self.0.run_with_server(combination, trial, (&introduction, pace), &mut asked));
         if let Some(error) = asked.interrupt {
             return Err(error);
         }
         py.check_signals()?;
-        let TrialOutcome { record, .. } = played.map_err(|error| failure(&error))?;
+        let TrialOutcome { record, .. } = finished.map_err(|error| failure(&error))?;
         text(&record)
     }
 
@@ -95,15 +95,15 @@ impl Benchmark {
     fn condition(&self, py: Python<'_>, name: &str, combination: usize, trial: usize) -> PyResult<String> {
         self.check(combination)?;
         let condition: Condition = name.parse().map_err(value_error)?;
-        let played = py.detach(|| match condition {
-            Condition::Ideal => self.0.play_ideal(combination, &mut NoWatcher).map(|outcome| outcome.record),
+        let finished = py.detach(|| match condition {
+            Condition::Ideal => self.0.run_ideal(combination, &mut NoWatcher).map(|outcome| outcome.record),
             _ => {
-                let results = self.0.play_conditions(combination, trial, &[condition], &[], &mut NoWatcher)?;
-                results.records.into_iter().next().ok_or_else(|| anyhow::anyhow!("no trial was played"))
+                let results = self.0.run_each_condition(combination, trial, &[condition], &[], &mut NoWatcher)?;
+                results.records.into_iter().next().ok_or_else(|| anyhow::anyhow!("no trial was finished"))
             }
         });
         py.check_signals()?;
-        text(&played.map_err(|error| failure(&error))?)
+        text(&finished.map_err(|error| failure(&error))?)
     }
 }
 

@@ -50,18 +50,18 @@ class Lowers:
 class Bench(unittest.TestCase):
     def test_a_policy_is_told_what_is_known_and_plays_its_trial(self):
         policy = Answers(lambda situation: 0 if situation.phase == "decide" else None)
-        rows = bench.play(policy, combinations=[3], trials=2, beside=["blind"])
+        rows = bench.run(policy, combinations=[3], trials=2, beside=["blind"])
         self.assertEqual([row["policy"] for row in rows], ["Answers", "blind"] * 2)
         self.assertTrue(all(COLUMNS <= set(row) for row in rows))
         self.assertEqual([info["trial"] for info in policy.told], [0, 1])
         first = policy.situations[0]
-        self.assertEqual((first.phase, first.tries, first.seen.shape, first.servos.shape), ("decide", 0, (2, 7), (6, 3)))
+        self.assertEqual((first.phase, first.tries, first.detected.shape, first.servos.shape), ("decide", 0, (2, 7), (6, 3)))
         self.assertEqual((len(first.tactile), first.tactile["index_distal"].shape), (18, (240, 240, 3)))
-        self.assertEqual((first.held.shape, first.held_covariance.shape), ((7,), (6, 6)))
+        self.assertEqual((first.in_hand.shape, first.in_hand_covariance.shape), ((7,), (6, 6)))
         self.assertTrue(all(grasp.object == first.objects[1] for grasp in first.candidates))
         self.assertEqual(set(bench.rates(rows)), {"Answers", "blind"})
         bench._benchmark.cache_clear()
-        (again,) = bench.play(policy, combinations=[3])
+        (again,) = bench.run(policy, combinations=[3])
         # How long a decision took is measured in wall time; all else is the same on every run.
         same = {name: value for name, value in again.items() if name != "decision_ms"}
         self.assertEqual(same, {name: rows[0][name] for name in same})
@@ -76,19 +76,19 @@ class Bench(unittest.TestCase):
             (lambda situation: (0, (float("nan"), 0.0, 0.0)), "NaN"),
             (lambda situation: "the left one", "Error"),
         ]:
-            (row,) = bench.play(Answers(answer), combinations=[0])
+            (row,) = bench.run(Answers(answer), combinations=[0])
             self.assertEqual((row["cause"], row["success"]), ("policy_failed", False))
             self.assertIn(words, row["reason"])
 
     def test_a_policy_that_acts_sees_what_is_measured_and_moves_the_robot(self):
         policy = Lowers()
-        (row,) = bench.play(policy, combinations=[0])
+        (row,) = bench.run(policy, combinations=[0])
         self.assertEqual((row["policy"], row["cause"], row["reason"]), ("Lowers", "not_finished", "the policy has finished"))
         self.assertAlmostEqual(row["sim_seconds"], (len(policy.seen) - 1) / 20, places=6)
         self.assertEqual(policy.told["objects"], ("salt_mill", "lemon"))
         first, last = policy.seen[0], policy.seen[-1]
         self.assertEqual((first["tactile"].shape, first["tactile"].dtype), ((17, 16, 16, 3), np.uint8))
-        self.assertEqual((first["servos"].shape, first["arm"].shape, first["seen"].shape), ((6, 3), (7, 3), (2, 7)))
+        self.assertEqual((first["servos"].shape, first["arm"].shape, first["detected"].shape), ((6, 3), (7, 3), (2, 7)))
         np.testing.assert_allclose(first["command"][:5], -1.0)
         np.testing.assert_allclose(last["command"], Lowers.ACTION[6:], atol=1e-6)
         # Down at 0.2 of the greatest speed.
@@ -103,7 +103,7 @@ class Bench(unittest.TestCase):
             (np.full(12, 1.5), "expected 12 numbers from -1 to 1"),
             ("left", "expected 12 numbers from -1 to 1"),
         ]:
-            (row,) = bench.play(Acts(action), combinations=[0])
+            (row,) = bench.run(Acts(action), combinations=[0])
             self.assertEqual(row["cause"], "policy_failed")
             self.assertIn(words, row["reason"])
 
@@ -112,7 +112,7 @@ class Bench(unittest.TestCase):
             raise KeyboardInterrupt
 
         with self.assertRaises(KeyboardInterrupt):
-            bench.play(Answers(interrupts), combinations=[0])
+            bench.run(Answers(interrupts), combinations=[0])
 
     def test_what_cannot_be_played_is_refused_in_words(self):
         policy = Answers(lambda situation: None)
@@ -126,7 +126,7 @@ class Bench(unittest.TestCase):
             ({"policy": policy, "combinations": [60]}, "combination: found 60, expected 0 to 59"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
-                bench.play(**asked)
+                bench.run(**asked)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from ftac import grasps, hand, optics, touch
 
 class Package(unittest.TestCase):
     def test_its_parts_are_there_as_the_pages_write_them(self):
-        for name in ("ftac.lerobot.export", "ftac.scripted.Script", "ftac.bench.play", "ftac.envs.Pick", "ftac.touch.surface"):
+        for name in ("ftac.lerobot.export", "ftac.scripted.Script", "ftac.bench.run", "ftac.envs.Pick", "ftac.touch.surface"):
             asked = [sys.executable, "-c", f"import ftac; assert callable({name})"]
             done = subprocess.run(asked, capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stderr)

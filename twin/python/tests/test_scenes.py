@@ -158,13 +158,13 @@ class Environments(unittest.TestCase):
     def test_observations_hold_nothing_of_the_truth(self):
         env = envs.Pick("pick_one", images=16)
         observation, info = env.reset(seed=5)
-        measured = {"servos", "arm", "palm", "command", "seen", "tactile"}
+        measured = {"servos", "arm", "palm", "command", "detected", "tactile"}
         self.assertEqual(set(observation), measured)
         self.assertEqual(set(info), {"objects", "yaws", "combination", "untouched"})
         np.testing.assert_array_equal(info["untouched"], observation["tactile"])
         true = env._episode.true_state()["objects"][0]
         # Vision errs: what is seen is not where the object is.
-        self.assertGreater(np.abs(observation["seen"][0, :3] - true[:3]).max(), 1e-5)
+        self.assertGreater(np.abs(observation["detected"][0, :3] - true[:3]).max(), 1e-5)
         _, _, _, _, info = env.step(env.action_space.sample())
         self.assertEqual(set(info), {"held", "is_success"})
 
@@ -213,7 +213,7 @@ class Environments(unittest.TestCase):
     def test_an_episode_that_is_over_is_not_stepped(self):
         env = envs.Pick(combination=0, reality=False)
         observation, info = env.reset(seed=3)
-        script = Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["seen"][0], info["yaws"][0])
+        script = Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["detected"][0], info["yaws"][0])
         over = False
         while not over:
             observation, _, over, _, info = env.step(script.act(observation))
@@ -233,7 +233,7 @@ class Environments(unittest.TestCase):
         for mine, its in zip(env.step(action)[0].values(), twin.step(action)[0].values()):
             np.testing.assert_array_equal(mine, its)
         # What is drawn next is drawn alike.
-        np.testing.assert_array_equal(env.reset()[0]["seen"], twin.reset()[0]["seen"])
+        np.testing.assert_array_equal(env.reset()[0]["detected"], twin.reset()[0]["detected"])
 
     def test_a_copied_environment_goes_on_alike(self):
         env = envs.Pick("pick_one", images=16)

@@ -231,7 +231,7 @@ impl<'a> Registrar<'a> {
             senses.uses_pad(&hand, pad)
         });
         executor.palpate(0, touching.approach, guarded);
-        play(body, executor, Phase::decide(Skill::Palpate, 0))?;
+        run_phase(body, executor, Phase::decide(Skill::Palpate, 0))?;
         let kinematics = self.world.cell.kinematics();
         // By the encoders, not as commanded.
         let palm = kinematics.palm_pose(&executor.motion().arm().position);
@@ -242,7 +242,7 @@ impl<'a> Registrar<'a> {
         };
         let found = estimate_touched_pose(senses, &executor.motion().snapshot(), &self.ball, &prior, None)?;
         executor.step_aside(0)?;
-        play(body, executor, Phase::decide(Skill::StepAside, 0))?;
+        run_phase(body, executor, Phase::decide(Skill::StepAside, 0))?;
         Ok(found.map(|found| {
             let turn = palm.rotation.to_rotation_matrix().into_inner();
             let covariance = turn * found.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
@@ -252,7 +252,7 @@ impl<'a> Registrar<'a> {
 }
 
 /// Runs until `phase`.
-fn play(body: &mut dyn TrialBackend, executor: &mut Executor, phase: Phase) -> Result<()> {
+fn run_phase(body: &mut dyn TrialBackend, executor: &mut Executor, phase: Phase) -> Result<()> {
     let mut left = (MOTION_TIMEOUT / body.tick_length()) as u64;
     let mut outage = Outage::default();
     while executor.phase() != phase {

@@ -41,7 +41,7 @@ impl Comparison<'_> {
 }
 
 /// Lists the comparisons whose two conditions were both run.
-pub fn played_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
+pub fn available_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
     use Condition::{Blind, Ideal, Reflex, Touch};
     let (tests, differences) = (&summary.t_test, &summary.differences);
     let all = [
@@ -51,11 +51,11 @@ pub fn played_comparisons(summary: &Summary) -> Vec<Comparison<'_>> {
         ([Touch, Reflex], Rate::CleanSuccess, &tests.touch_over_reflex, &differences.touch_over_reflex),
     ];
     let compared = all.map(|(conditions, rate, test, difference)| Comparison { conditions, rate, test, difference });
-    let played = |one: &Comparison| {
+    let finished = |one: &Comparison| {
         let both = one.conditions.iter().all(|condition| summary.conditions.get(*condition).trials > 0);
-        both && one.test.untested != Some(NoTestReason::NotPlayed)
+        both && one.test.untested != Some(NoTestReason::NotRun)
     };
-    compared.into_iter().filter(played).collect()
+    compared.into_iter().filter(finished).collect()
 }
 
 /// Formats an optional number.
@@ -80,7 +80,7 @@ pub fn format_with_interval(of: &ConfidenceInterval, decimals: usize) -> String 
 
 /// Returns the tables; empty if nothing can be compared.
 pub fn section(summary: &Summary) -> Markup {
-    let compared = played_comparisons(summary);
+    let compared = available_comparisons(summary);
     html! { @if !compared.is_empty() {
         (tests(summary, &compared)) (differences(&compared)) (mixed_model_table(summary)) (trial_by_trial(summary))
     } }
@@ -144,12 +144,12 @@ fn mixed_model_table(summary: &Summary) -> Markup {
         ("clean success, touch less reflex", &of.touch_over_reflex),
         ("contacts, blind less touch", &of.contact),
     ];
-    let played: Vec<_> = all.into_iter().filter(|(_, mixed)| mixed.trials > 0).collect();
-    if played.is_empty() {
+    let finished: Vec<_> = all.into_iter().filter(|(_, mixed)| mixed.trials > 0).collect();
+    if finished.is_empty() {
         return Markup::default();
     }
     let mut table = HtmlTable::new("Mixed model: paired trials within combinations", &head);
-    for (name, mixed) in played {
+    for (name, mixed) in finished {
         table.row(&[
             name.to_string(),
             format_with_interval(&mixed.difference, 3),

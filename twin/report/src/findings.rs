@@ -62,12 +62,12 @@ fn figure(
         Rate::Success => "Success rate",
         Rate::CleanSuccess => "Clean success rate",
     };
-    let played = summary.conditions.conditions_with_trials();
-    let groups: Vec<Group> = played
+    let finished = summary.conditions.conditions_with_trials();
+    let groups: Vec<Group> = finished
         .iter()
         .map(|condition| group(*condition, rate.over_all(summary.conditions.get(*condition)), records, rate))
         .collect();
-    let column = |condition: Condition| played.iter().position(|one| *one == condition);
+    let column = |condition: Condition| finished.iter().position(|one| *one == condition);
     let columns_compared = column(compared.0).zip(column(compared.1));
     let columns: Vec<String> = groups
         .iter()

@@ -19,15 +19,15 @@ const SHOWN_CONDITIONS: [(usize, Condition); 2] = [(1, Condition::Blind), (3, Co
 /// Returns the section; empty without records of these conditions.
 pub fn section(records: &[TrialRecord]) -> Markup {
     let lines = combination_lines(records);
-    let played = |index: usize| lines.iter().any(|line| line.rates[index].is_some());
-    html! { @if SHOWN_CONDITIONS.iter().any(|(index, _)| played(*index)) {
+    let finished = |index: usize| lines.iter().any(|line| line.rates[index].is_some());
+    html! { @if SHOWN_CONDITIONS.iter().any(|(index, _)| finished(*index)) {
         h2 id="map" { "First against second object" }
         p {
             "Clean success of every combination, from red (none) over yellow to green (all trials); numbers show under the pointer. \
             Blank pairs are not among the combinations."
         }
         div.maps {
-            @for (index, condition) in SHOWN_CONDITIONS.into_iter().filter(|(index, _)| played(*index)) {
+            @for (index, condition) in SHOWN_CONDITIONS.into_iter().filter(|(index, _)| finished(*index)) {
                 figure { (map(&lines, index, condition)) figcaption { (condition) } }
             }
         }

@@ -156,18 +156,18 @@ fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
         ("first object".to_string(), ColumnAlignment::Words),
         ("second object".to_string(), ColumnAlignment::Words),
     ];
-    let played = summary.conditions.conditions_with_trials();
+    let finished = summary.conditions.conditions_with_trials();
     for rate in ["contact", "clean success"] {
-        head.extend(played.iter().map(|condition| (format!("{rate}, {condition}"), ColumnAlignment::Numbers)));
+        head.extend(finished.iter().map(|condition| (format!("{rate}, {condition}"), ColumnAlignment::Numbers)));
     }
-    let touched = played.contains(&Condition::Touch);
+    let touched = finished.contains(&Condition::Touch);
     if touched {
         head.push(("switched".to_string(), ColumnAlignment::Numbers));
     }
     let head: Vec<(&str, ColumnAlignment)> = head.iter().map(|(name, column)| (name.as_str(), *column)).collect();
     let ranks: Vec<&str> = findings::RANKING_CONDITIONS
         .iter()
-        .filter(|condition| played.contains(condition))
+        .filter(|condition| finished.contains(condition))
         .map(|condition| condition.name())
         .collect();
     let by =
@@ -178,7 +178,7 @@ fn combinations(summary: &Summary, records: &[TrialRecord]) -> Markup {
         for rate in [Rate::Contact, Rate::CleanSuccess] {
             // In the order of `Condition::ALL`.
             let rates = Condition::ALL.into_iter().zip(&line.rates);
-            let rates = rates.filter(|(condition, _)| played.contains(condition));
+            let rates = rates.filter(|(condition, _)| finished.contains(condition));
             cells.extend(
                 rates.map(|(_, rates)| format_optional(rates.as_ref().map(|rates| rate.of_combination(rates)), 2)),
             );

@@ -225,7 +225,7 @@ fn little_or_nothing_still_makes_a_report() {
 /// Every non-empty subset of the conditions makes a report that names only the conditions that were run, and compares
 /// only pairs of them.
 #[test]
-fn nothing_is_said_of_conditions_that_were_not_played() {
+fn nothing_is_said_of_conditions_that_were_not_run() {
     let all = synthetic_records(6, 2);
     for subset in 1..16_usize {
         let set: Vec<Condition> = (0..4).filter(|n| subset >> n & 1 == 1).map(|n| Condition::BUILT_IN[n]).collect();
@@ -233,12 +233,16 @@ fn nothing_is_said_of_conditions_that_were_not_played() {
         let [page, contact, clean] = report(&records);
         let data = page.split_once("<h2 id=\"differs\">").unwrap().0;
         for condition in Condition::BUILT_IN {
-            let played = set.contains(&condition);
-            assert_eq!(data.contains(&format!("<th scope=\"row\">{condition}</th>")), played, "{condition} in {set:?}");
-            assert_eq!(dots(&contact, condition.name()) > 0, played, "{condition} in {set:?}");
-            assert_eq!(dots(&clean, condition.name()) > 0, played, "{condition} in {set:?}");
+            let finished = set.contains(&condition);
+            assert_eq!(
+                data.contains(&format!("<th scope=\"row\">{condition}</th>")),
+                finished,
+                "{condition} in {set:?}"
+            );
+            assert_eq!(dots(&contact, condition.name()) > 0, finished, "{condition} in {set:?}");
+            assert_eq!(dots(&clean, condition.name()) > 0, finished, "{condition} in {set:?}");
             let named = data.contains(&format!("clean success, {condition}"));
-            assert_eq!(named, played, "{condition} in {set:?}");
+            assert_eq!(named, finished, "{condition} in {set:?}");
         }
         let compared = |one, other| set.contains(&one) && set.contains(&other);
         let touched = compared(Condition::Touch, Condition::Blind);

@@ -17,7 +17,7 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> Markup {
     if records.is_empty() {
         return html! { p.verdict.short { "No finished trial yet: there is nothing to report." } };
     }
-    let compared = comparisons::played_comparisons(summary);
+    let compared = comparisons::available_comparisons(summary);
     let (headline, all_shown) = headline(&compared);
     html! {
         p.verdict.short[!all_shown] {

@@ -23,7 +23,8 @@ pub const CONSTANT_SD_TOLERANCE: f64 = 1e-12;
 #[serde(rename_all = "snake_case")]
 pub enum NoTestReason {
     /// The two conditions have no combination in common.
-    NotPlayed,
+    #[serde(alias = "not_played")]
+    NotRun,
     /// There are fewer than [`MIN_SAMPLES`] pairs.
     TooFew,
     /// All differences are equal, which gives no information on the variation among combinations.
@@ -48,7 +49,7 @@ impl TTest {
     pub fn reason(&self) -> Option<String> {
         let pairs = self.df + 1;
         self.untested.map(|untested| match untested {
-            NoTestReason::NotPlayed => "not run".to_owned(),
+            NoTestReason::NotRun => "not run".to_owned(),
             NoTestReason::TooFew => format!("{pairs} of at least {MIN_SAMPLES} combinations"),
             NoTestReason::NoSpread => format!("the differences of all {pairs} combinations are equal"),
         })
@@ -61,7 +62,7 @@ pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
     let df = pairs.len().saturating_sub(1);
     let without = |reason: NoTestReason| TTest { df, untested: Some(reason), ..TTest::default() };
     match (pairs.len(), MeanSd::from_values(&differences)) {
-        (0, _) => without(NoTestReason::NotPlayed),
+        (0, _) => without(NoTestReason::NotRun),
         (MIN_SAMPLES.., MeanSd { mean: Some(mean), sd: Some(sd) }) => {
             if sd < CONSTANT_SD_TOLERANCE {
                 return without(NoTestReason::NoSpread);

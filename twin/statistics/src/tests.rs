@@ -46,7 +46,7 @@ fn no_significance_comes_out_of_nothing() {
     for equal in [(1.0, 0.0), (0.0, 1.0), (0.3, 0.3)] {
         assert_eq!(untested(&[equal; 60]).0, NoTestReason::NoSpread);
     }
-    assert_eq!(untested(&[]), (NoTestReason::NotPlayed, "not run".to_owned()));
+    assert_eq!(untested(&[]), (NoTestReason::NotRun, "not run".to_owned()));
     let tested = paired_t_test(&[(1.0, 0.0), (0.9, 0.1), (1.0, 0.2), (0.9, 0.0), (0.8, 0.0)]);
     assert!(tested.p.is_some_and(|p| p < 0.05) && tested.reason().is_none());
 }

@@ -156,7 +156,7 @@ mod tests {
 
     /// Fills in results: even pairs always succeed with touch and never blind, odd pairs never with either. Without
     /// noise all succeed.
-    fn play(outcomes: &mut Outcomes) {
+    fn add_outcomes(outcomes: &mut Outcomes) {
         for pair in 0..outcomes.combos {
             let places: Vec<TrialPlace> = outcomes.places(pair).collect();
             for (point, place) in (0..6).flat_map(|point| places.iter().map(move |place| (point, *place))) {
@@ -171,8 +171,8 @@ mod tests {
     #[test]
     fn rates_and_contrasts_are_over_pairs() {
         let mut outcomes = outcomes(6);
-        play(&mut outcomes);
-        assert_eq!(outcomes.played(), 288);
+        add_outcomes(&mut outcomes);
+        assert_eq!(outcomes.trial_count(), 288);
         let noisy = rate(&outcomes, Some((0, 1)), 1, ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((noisy.value, noisy.n), (0.5, 48));
         // The means are 0 and 1 in turn: Student's t of five degrees of freedom is 2.5706, the variance 0.3; clipped to
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn no_interval_comes_out_of_nothing() {
         let mut six = outcomes(6);
-        play(&mut six);
+        add_outcomes(&mut six);
         let lost = contrast_levels(&six, 0, (2, 0), 0, ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((lost.value, lost.low, lost.high, lost.n), (-1.0, None, None, 48));
         assert_eq!(
@@ -198,7 +198,7 @@ mod tests {
             Some((0.0, None))
         );
         let mut four = outcomes(4);
-        play(&mut four);
+        add_outcomes(&mut four);
         let gain = contrast_arms(&four, None, (1, 0), ReportedOutcome::CleanSuccess).expect("run");
         assert_eq!((gain.low, gain.high), (None, None));
     }

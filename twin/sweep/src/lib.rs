@@ -2,7 +2,7 @@
 //!
 //! [`mod@file`] is the user's description of a sweep, and [`axis`] defines the fields that can vary. [`plan`] derives
 //! the units of work. [`folder`] is the result folder, the only thing that workers share, and [`claim`] keeps two of
-//! them from running the same unit. [`play`] runs one unit, and [`work`] all that are left. [`columns`] defines the
+//! them from running the same unit. [`execution`] runs one unit, and [`work`] all that are left. [`columns`] defines the
 //! results that are kept of a trial, [`table`] stores them as Parquet, and [`rows`] makes them from records. [`merge`]
 //! joins the units' files, [`slurm`] submits the work to a cluster, and [`status`] reports its progress. [`outcomes`],
 //! [`curve`] and [`page`] make the report. [`makespan`] replays recorded unit times on more cores.
@@ -15,6 +15,7 @@ pub mod axis;
 pub mod claim;
 pub mod columns;
 pub mod curve;
+pub mod execution;
 mod figure;
 pub mod file;
 pub mod folder;
@@ -24,7 +25,6 @@ mod near;
 pub mod outcomes;
 pub mod page;
 pub mod plan;
-pub mod play;
 pub mod rows;
 pub mod slurm;
 pub mod status;

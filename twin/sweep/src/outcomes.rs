@@ -51,7 +51,7 @@ impl ReportedOutcome {
 }
 
 /// Bit that is set if a trial was run.
-const PLAYED_BIT: u8 = 1;
+const FINISHED_BIT: u8 = 1;
 
 /// Grid of outcomes.
 #[derive(Debug, Clone)]
@@ -148,7 +148,7 @@ impl Outcomes {
                 let bit = |flag: &[Option<bool>], outcome: ReportedOutcome| {
                     if flag[row] == Some(true) { outcome.bit() } else { 0 }
                 };
-                self.bits[at] = PLAYED_BIT
+                self.bits[at] = FINISHED_BIT
                     | bit(contact, ReportedOutcome::Contact)
                     | bit(success, ReportedOutcome::Success)
                     | bit(clean, ReportedOutcome::CleanSuccess);
@@ -168,17 +168,17 @@ impl Outcomes {
     #[cfg(test)]
     pub fn set(&mut self, point: usize, place: TrialPlace, arm: usize, outcomes: &[ReportedOutcome]) {
         let at = self.at(point, place, arm).expect("in the grid");
-        self.bits[at] = outcomes.iter().fold(PLAYED_BIT, |bits, outcome| bits | outcome.bit());
+        self.bits[at] = outcomes.iter().fold(FINISHED_BIT, |bits, outcome| bits | outcome.bit());
     }
 
     /// Returns an outcome of a trial; none if the trial was not run.
     pub fn get(&self, point: usize, place: TrialPlace, arm: usize, outcome: ReportedOutcome) -> Option<bool> {
         let bits = *self.bits.get(self.at(point, place, arm)?)?;
-        (bits & PLAYED_BIT != 0).then_some(bits & outcome.bit() != 0)
+        (bits & FINISHED_BIT != 0).then_some(bits & outcome.bit() != 0)
     }
 
     /// Returns the number of trials that were run.
-    pub fn played(&self) -> usize {
+    pub fn trial_count(&self) -> usize {
         self.bits.iter().filter(|bits| **bits != 0).count()
     }
 

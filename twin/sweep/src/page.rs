@@ -61,8 +61,8 @@ pub struct CurveRow {
 pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
     let outcomes = Outcomes::read(folder, true)?;
     let plan = &folder.plan;
-    let played = outcomes.played();
-    if played == 0 {
+    let trials = outcomes.trial_count();
+    if trials == 0 {
         bail!("{}: no trial is finished", folder.path.display());
     }
     let curves = curves(&outcomes, &plan.axes);
@@ -71,7 +71,7 @@ pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
     let page = html! {
         p.byline {
             (count_with_noun(plan.points(), "point")) ", " (count_with_noun(plan.seeds.len(), "seed")) ", " (count_with_noun(plan.combos, "pair")) " of objects, "
-            (count_with_noun(plan.trials, "trial")) " of each pair; " (count_with_noun(played, "trial")) " under one policy each"
+            (count_with_noun(plan.trials, "trial")) " of each pair; " (count_with_noun(trials, "trial")) " under one policy each"
         }
         @if finished < units { ul.warnings { li { (units - finished) " of " (units) " units of work are missing" } } }
         h2 { "Rates" }
@@ -95,7 +95,7 @@ pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
         &comma_separated((["contrast", "at", "outcome"], "difference"), rows)?,
     )?;
     let mut text =
-        format!("{played} trials in {finished} of {units} units\n\n{:44} {:>7}  {:>18} {:>9}\n", "", "", "95 %", "n");
+        format!("{trials} trials in {finished} of {units} units\n\n{:44} {:>7}  {:>18} {:>9}\n", "", "", "95 %", "n");
     for (arm, name) in outcomes.arms.iter().enumerate() {
         if let Some(rate) = curve::rate(&outcomes, None, arm, ReportedOutcome::CleanSuccess) {
             let _ = writeln!(text, "{}", line(&format!("clean success, {name}"), &rate));
@@ -106,8 +106,7 @@ pub fn report(folder: &SweepFolder, out: &Path) -> Result<SweepReport> {
     {
         let _ = writeln!(text, "{}", line(&format!("clean success, {}", contrast.what), &contrast.estimate));
     }
-    let results =
-        Results { sweep: plan.name.clone(), trials: played, units: finished, of_units: units, curves, contrasts };
+    let results = Results { sweep: plan.name.clone(), trials, units: finished, of_units: units, curves, contrasts };
     Ok(SweepReport { text, results, folder: out.to_owned() })
 }
 

@@ -56,9 +56,9 @@ impl TrialCost {
         body * match unit.trial {
             None => self.trial_time(Condition::Ideal),
             Some(_) => {
-                let played: f64 =
+                let conditions_s: f64 =
                     request.noisy_conditions().into_iter().map(|condition| self.trial_time(condition)).sum();
-                played + request.ablations.len() as f64 * self.trial_time(Condition::Touch)
+                conditions_s + request.ablations.len() as f64 * self.trial_time(Condition::Touch)
             }
         }
     }

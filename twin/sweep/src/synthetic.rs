@@ -87,7 +87,7 @@ fn what_is_kept_is_reported() {
     let merged = merge(&folder, true).expect("merged");
     assert_eq!((merged.trials, merged.missing, merged.broken.len()), (folder.plan.rows(), 0, 0));
     let outcomes = Outcomes::read(&folder, true).expect("read");
-    assert_eq!(outcomes.played(), 2 * 11 * 600 * 3);
+    assert_eq!(outcomes.trial_count(), 2 * 11 * 600 * 3);
     let made = crate::page::report(&folder, one.path()).expect("a report");
     assert_eq!(made.results.trials, 2 * 11 * 600 * 3);
     let reversed = SweepFolder::join(other.path(), folder.plan.clone()).expect("a folder");

@@ -11,9 +11,9 @@ use progress::interrupt::{Interrupt, Interrupted};
 
 use crate::claim::Claims;
 use crate::columns::TableKind;
+use crate::execution::{BenchCache, run_trial_unit};
 use crate::folder::{Failure, SweepFolder};
 use crate::plan::SweepUnit;
-use crate::play::{BenchCache, play};
 
 /// Polling interval for units that others run.
 const POLL_INTERVAL: Duration = Duration::from_secs(5);
@@ -34,7 +34,7 @@ pub struct WorkerOptions {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkerResult {
     /// Number of units that it ran.
-    pub played: usize,
+    pub run_here: usize,
     /// Number of finished units.
     pub finished: usize,
     /// Number of all units.
@@ -71,7 +71,7 @@ pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult
         interrupt: Interrupt::catch()?,
         bar: &bar,
         failed: Mutex::default(),
-        played: AtomicUsize::new(0),
+        run_here: AtomicUsize::new(0),
         stopped: Mutex::default(),
     };
     let order = unit_order(plan.units.len(), options.worker);
@@ -86,12 +86,12 @@ pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult
         if open.is_empty() {
             break;
         }
-        let played = worker.play_open_units(&open, options.jobs)?;
+        let run_here = worker.run_open_units(&open, options.jobs)?;
         // The remaining units are run by others.
-        if played == 0 && options.worker.is_some() {
+        if run_here == 0 && options.worker.is_some() {
             break;
         }
-        if played == 0 {
+        if run_here == 0 {
             bar.set_message("waiting for units of other workers");
             std::thread::sleep(POLL_INTERVAL);
             let now = folder.finished()?;
@@ -106,7 +106,7 @@ pub fn work(folder: &SweepFolder, options: WorkerOptions) -> Result<WorkerResult
     bar.finish_and_clear();
     let failed = worker.failed.into_inner().map_err(|_| anyhow!("a worker panicked"))?;
     Ok(WorkerResult {
-        played: worker.played.into_inner(),
+        run_here: worker.run_here.into_inner(),
         finished: folder.finished()?.len(),
         total_units: plan.units.len(),
         failed,
@@ -141,7 +141,7 @@ struct Worker<'a> {
     interrupt: Interrupt,
     bar: &'a progress::ProgressBar,
     failed: Mutex<Vec<(String, String)>>,
-    played: AtomicUsize,
+    run_here: AtomicUsize,
     /// Error that prevents the start of further units.
     stopped: Mutex<Option<anyhow::Error>>,
 }
@@ -153,8 +153,8 @@ impl Worker<'_> {
     }
 
     /// Tries every open unit once and runs the free ones. Returns their number.
-    fn play_open_units(&self, open: &[&SweepUnit], jobs: usize) -> Result<usize> {
-        let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
+    fn run_open_units(&self, open: &[&SweepUnit], jobs: usize) -> Result<usize> {
+        let before = self.run_here.load(Ordering::Relaxed) + self.failed_ids()?.len();
         bench::workers::for_each(jobs, open, |_, unit| {
             if self.interrupt.happened() {
                 return Err(interrupted(self.folder)?);
@@ -162,15 +162,15 @@ impl Worker<'_> {
             if self.stopped.lock().is_ok_and(|stopped| stopped.is_some()) {
                 return Ok(());
             }
-            self.play_unit(unit)
+            self.run_sweep_unit(unit)
         })?;
         if let Some(error) = self.stopped.lock().ok().and_then(|mut stopped| stopped.take()) {
             return Err(error);
         }
-        Ok(self.played.load(Ordering::Relaxed) + self.failed_ids()?.len() - before)
+        Ok(self.run_here.load(Ordering::Relaxed) + self.failed_ids()?.len() - before)
     }
 
-    fn play_unit(&self, unit: &SweepUnit) -> Result<()> {
+    fn run_sweep_unit(&self, unit: &SweepUnit) -> Result<()> {
         let Some(_claim) = self.claims.try_claim(&unit.id)? else { return Ok(()) };
         // Another worker may have finished it in the meantime.
         if self.folder.is_finished(&unit.id) {
@@ -178,15 +178,16 @@ impl Worker<'_> {
         }
         let stop = || self.interrupt.happened();
         let done = || self.bar.inc(1);
-        let outcome = catch_unwind(AssertUnwindSafe(|| play(&self.folder.plan, unit, &self.benches, &stop, &done)));
+        let outcome =
+            catch_unwind(AssertUnwindSafe(|| run_trial_unit(&self.folder.plan, unit, &self.benches, &stop, &done)));
         let outcome = outcome.unwrap_or_else(|panic| {
             let words = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
             Err(anyhow!("it panicked: {}", words.unwrap_or("without a word")))
         });
         match outcome {
             Ok(None) => Ok(()),
-            Ok(Some(played)) => {
-                let kept = self.folder.store_unit(&unit.id, &played.tries, &played.trials);
+            Ok(Some(tables)) => {
+                let kept = self.folder.store_unit(&unit.id, &tables.tries, &tables.trials);
                 if let Err(error) = kept {
                     // No other result could be written either.
                     let error = error.context(format!("the results of unit {} cannot be kept", unit.id));
@@ -195,7 +196,7 @@ impl Worker<'_> {
                     }
                     return Ok(());
                 }
-                self.played.fetch_add(1, Ordering::Relaxed);
+                self.run_here.fetch_add(1, Ordering::Relaxed);
                 Ok(())
             }
             Err(error) => {

@@ -11,7 +11,7 @@ use crate::blueprint::{self, CameraViewpoint};
 use crate::entities;
 use crate::error::TelemetryError;
 use crate::mesh::DrawnObject;
-use crate::pose_belief::ghost;
+use crate::pose_estimate::ghost;
 use crate::recorder::RecorderSettings;
 use crate::scene::{colored_mesh, link_color, log_hand_at, transform};
 use crate::sink::{OpenRecording, RecordingTarget};

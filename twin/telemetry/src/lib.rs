@@ -5,7 +5,7 @@
 //! while they do not change. A control loop may therefore hand over everything at every tick, and the recording of a 25
 //! s trial takes about 2 MB.
 //!
-//! [`entities`] names every path. [`mesh`], [`hand_mesh`] and [`scene`] draw the robot, [`pose_belief`] draws its pose
+//! [`entities`] names every path. [`mesh`], [`hand_mesh`] and [`scene`] draw the robot, [`pose_estimate`] draws its pose
 //! estimates; [`tactile`] encodes images, [`signals`] numbers, [`phase`] and [`state_page`] text. [`recorder`] offers
 //! all of these as one object. [`viewer`] opens recordings, and `live` streams to a viewer. Two other kinds of
 //! recording are [`gallery`], grasps side by side, and [`estimated_scene`], one held object as perceived by touch.
@@ -22,7 +22,7 @@ pub mod hand_mesh;
 mod live;
 pub mod mesh;
 pub mod phase;
-pub mod pose_belief;
+pub mod pose_estimate;
 mod rate_limit;
 pub mod recorder;
 mod recording_file;

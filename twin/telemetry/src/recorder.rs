@@ -1,6 +1,6 @@
 //! Recorder of one trial: targets, rates, and everything that can be logged.
 
-mod beliefs;
+mod pose_estimates;
 mod reference_model;
 mod touch;
 
@@ -26,7 +26,7 @@ use crate::sink::OpenRecording;
 pub use crate::sink::RecordingTarget;
 use crate::state_page::{ScoredCandidate, StatePage};
 use crate::tactile_changes::TactileChanges;
-use crate::{entities, hand_mesh, pose_belief, scene, tactile};
+use crate::{entities, hand_mesh, pose_estimate, scene, tactile};
 
 /// Rates, sizes and content of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,7 +110,7 @@ pub struct Recorder {
     state_page: StatePage,
     page: String,
     /// Last touch of each object with its covariance.
-    felt: Vec<Option<pose_belief::LastContact>>,
+    felt: Vec<Option<pose_estimate::LastContact>>,
     /// True if a reference model is shown; then the object estimated to be in its hand.
     reference_model: bool,
     reference_object: Option<usize>,

@@ -9,7 +9,7 @@ use sim::robot::GroundTruth;
 use telemetry::recorder::{Recorder, RecorderSettings, RecordingTarget};
 use telemetry::{DrawnObject, LogLevel, TrialProperties};
 
-use super::play::{TransportRecord, TransportSite};
+use super::trial::{TransportRecord, TransportSite};
 use bench::recording::{RecordedImages, drawn_object, log_scene, log_signals};
 
 /// Recorder of one transport.

@@ -36,7 +36,7 @@ pub fn build_scene(
 
 /// Runs to the next decision. Calls `watch` after every tick and stops early if it returns `false`. Returns true if the
 /// decision was reached.
-pub fn play_until_decision(
+pub fn run_until_decision(
     RolloutSnapshot { robot, executor }: &mut RolloutSnapshot,
     mut watch: impl FnMut(&mut SimulatedRobot, &Executor) -> Result<bool>,
 ) -> Result<bool> {

@@ -23,8 +23,8 @@ use scenarios::noise::TrialNoise;
 use sim::robot::GroundTruth;
 use sim::tactile::TactileBoard;
 
-use super::play::TransportSite;
-use super::site::{build_scene, is_in_hand, play_until_decision};
+use super::site::{build_scene, is_in_hand, run_until_decision};
+use super::trial::TransportSite;
 
 /// Number of draws of the expected noise under which a pick is verified, after one try without noise.
 const ERROR_DRAWS: usize = 5;
@@ -252,7 +252,7 @@ fn attempt(
     }
     let mut branch = base.branch.clone();
     branch.executor.take(base.held_balls.len(), GraspTarget { grasp: grasp.clone(), detected: percept })?;
-    let reached = play_until_decision(&mut branch, |robot, executor| {
+    let reached = run_until_decision(&mut branch, |robot, executor| {
         let lifts = executor.phase().skill == Skill::Lift && executor.motion().progress() < 0.1;
         Ok(!lifts || robot.truth().touched_by[ball] > 0)
     })?;
@@ -275,7 +275,7 @@ fn attempt(
     branch.executor.keep_only(&[&base.holding_digits[..], &keeps].concat());
     let hold = branch.clone();
     branch.executor.deliver([site.transport.goal.x, site.transport.goal.y])?;
-    play_until_decision(&mut branch, |_, executor| Ok(executor.phase().skill != Skill::PutDown))?;
+    run_until_decision(&mut branch, |_, executor| Ok(executor.phase().skill != Skill::PutDown))?;
     let last = branch.robot.truth();
     let inside = |truth: &GroundTruth, one: usize| (truth.palm.inverse() * truth.objects[one]).translation.vector;
     let stays =

@@ -67,7 +67,7 @@ fn pypi_mcap_reads_a_session() {
 
     let found = read_by(&python, &path, "finished");
     let topics = &found["topics"];
-    for topic in ["observation", "command/asked", "command/sent", "tick"] {
+    for topic in ["observation", "command/requested", "command/sent", "tick"] {
         assert_eq!(topics[topic], 50, "{topics}");
     }
     assert_eq!((&topics["raw/arm_udp/received"], &found["raw"][0]), (&Value::from(1), &Value::from("dead00")));

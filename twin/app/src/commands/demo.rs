@@ -81,7 +81,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));
-    let results = bench.play_conditions(args.combination, args.trial, &COMPARED_CONDITIONS, &[], &mut watchers)?;
+    let results = bench.run_each_condition(args.combination, args.trial, &COMPARED_CONDITIONS, &[], &mut watchers)?;
     recordings.into_iter().try_for_each(Recording::finish)?;
     let stage = filming::film_stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);

@@ -230,10 +230,10 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     // An existing file may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
     let mut recording = Recording::open(&[RecordingTarget::File(partial.clone())], &bench, &task, (began, false))?;
-    let played = bench.play(&task, &mut source, &mut recording);
+    let finished = bench.run(&task, &mut source, &mut recording);
     recording.finish()?;
     let (progress, fault) = report.take().context("the trial ended before the recording began")?;
-    let played = played.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
+    let finished = finished.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
         // The trial cannot continue if the recording was cut short or the controller diverged from it.
         Some(_) => Ok(()),
         None => Err(error),
@@ -241,11 +241,11 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     if progress.ticks == 0 {
         // The recording would be empty, whatever the cause.
         std::fs::remove_file(&partial).with_context(|| partial.display().to_string())?;
-        played?;
+        finished?;
         anyhow::bail!("{}: found no complete tick, expected a session that began", session.display());
     }
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
-    played?;
+    finished?;
     let left = fault.map(|fault| {
         format!("the recording ends where this program ({}) diverges from it: {fault}", env!("CARGO_PKG_VERSION"))
     });

@@ -206,8 +206,8 @@ fn replay_trial(
     let (outcome, whole) = read_outcome(path, robot)?;
     let reader = SessionReader::open(path, RobotSizes::from_robot(robot))?;
     let (mut source, report) = ReplayFactory::new(Replay::new(reader)?, task.robot == "hardware");
-    let played = bench.play(task, &mut source, &mut NoWatcher);
-    let (played, failed) = match played {
+    let finished = bench.run(task, &mut source, &mut NoWatcher);
+    let (finished, failed) = match finished {
         Ok(outcome) => (Some(outcome.record), None),
         // The trial cannot continue if the recording was cut short or the controller diverged from it.
         Err(error) if error.chain().any(|cause| cause.is::<TrialStopped>()) => (None, None),
@@ -218,8 +218,8 @@ fn replay_trial(
     };
     let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let decided = |record: &TrialRecord| (record.switched, record.retries, record.reason.clone());
-    let same = match (&played, &outcome) {
-        (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
+    let same = match (&finished, &outcome) {
+        (Some(finished), Some(recorded)) => Some(decided(finished) == decided(recorded)),
         _ => None,
     };
     let told = ReplayOutput {

@@ -190,7 +190,7 @@ fn run_sweep(terminal: &Terminal, args: &RunArgs) -> Outcome {
         "{} of {} units are finished, {} of them run by this worker in {}\n",
         done.finished,
         done.total_units,
-        done.played,
+        done.run_here,
         format_duration(done.wall_s)
     );
     let mut shortfall = done.failed.first().map(|(unit, reason)| {
@@ -205,16 +205,16 @@ fn run_sweep(terminal: &Terminal, args: &RunArgs) -> Outcome {
         shortfall = shortfall.or_else(|| merge_shortfall(&merged));
         joined = Some(MergeOutput::from_merged(merged));
     }
-    let played = SweepRunOutput {
+    let output = SweepRunOutput {
         folder: folder.path,
-        played: done.played,
+        run: done.run_here,
         finished: done.finished,
         units: done.total_units,
         failed: done.failed.into_iter().map(|(unit, reason)| FailedUnit { unit, reason }).collect(),
         wall_s: done.wall_s,
         merged: joined,
     };
-    terminal.print(&played, &text)?;
+    terminal.print(&output, &text)?;
     Ok(shortfall)
 }
 

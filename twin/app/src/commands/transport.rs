@@ -21,9 +21,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
 use statistics::MIN_SAMPLES;
-use transport::play::{TransportRecord, TransportSite};
 use transport::recording::TransportRecording;
 use transport::skill_search::{PickRequest, PickRequestText, SequencePickResult};
+use transport::trial::{TransportRecord, TransportSite};
 
 use crate::options::backend::BackendKind;
 use crate::terminal::{Outcome, Terminal};
@@ -257,11 +257,11 @@ fn run_transports(terminal: &Terminal, args: &TransportArgs, site: &TransportSit
                     policy,
                 )?;
                 let record =
-                    site.play(trial, policy, &mut |truth, executor, note| recorded.record_tick(truth, executor, note))?;
+                    site.run(trial, policy, &mut |truth, executor, note| recorded.record_tick(truth, executor, note))?;
                 recorded.finish(&record)?;
                 record
             }
-            None => site.play(trial, policy, &mut |_, _, _| Ok(()))?,
+            None => site.run(trial, policy, &mut |_, _, _| Ok(()))?,
         };
         bar.inc(1);
         Ok(record)

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::builtin::{COMBINATION_COUNT, make_bench, replace_calibration, set_expected_errors};
-use bench::fault_watch::play_with_detector;
+use bench::fault_watch::run_with_detector;
 use bench::recording::Recording;
 use bench::robot::robot_from_sources;
 use bench::trial::Watcher;
@@ -176,23 +176,23 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         targets.push(telemetry::RecordingTarget::Spawn);
     }
     let mut recording = Recording::open(&targets, &bench, &task, (args.robot.time_origin(), args.truth))?;
-    let play = |watcher: &mut dyn Watcher| match (&mut place, condition) {
-        (Some(place), _) => bench.play(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
-        (None, Condition::Ideal) => bench.play_ideal(args.combination, watcher).map(|outcome| outcome.record),
+    let run_trial = |watcher: &mut dyn Watcher| match (&mut place, condition) {
+        (Some(place), _) => bench.run(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
+        (None, Condition::Ideal) => bench.run_ideal(args.combination, watcher).map(|outcome| outcome.record),
         (None, condition) => bench
-            .play_conditions(args.combination, args.trial, &[condition], &[], watcher)
+            .run_each_condition(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
     };
     let tells = args.robot == BackendKind::Hardware && !terminal.quiet;
-    let (played, named) =
-        play_with_detector(&bench, Some(&mut recording), (args.detect_faults, tells, condition), play);
+    let (outcome, named) =
+        run_with_detector(&bench, Some(&mut recording), (args.detect_faults, tells, condition), run_trial);
     let named = named.map(|named| named.into_iter().map(|named| named.fault).collect::<Vec<_>>());
     // The recording of a stopped trial holds everything up to the stop.
     let finished = recording.finish();
     if let Some(named) = named.as_ref().filter(|_| !terminal.json) {
         print_detected_faults(named);
     }
-    let record = played?;
+    let record = outcome?;
     finished?;
     print_trial(terminal, &record, named.as_deref())?;
     if !terminal.json {

@@ -13,9 +13,9 @@ impl Recording {
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.is_shown) else { return Ok(()) };
         let [arm, hand] = &fault_detector.reference_model().links();
         let residuals = fault_detector.residuals();
-        let object = fault_detector.held_object().map(|(belief, pose)| {
-            let turn = belief.palm_from_object.rotation.to_rotation_matrix().into_inner();
-            let place = turn.transpose() * belief.covariance.fixed_view::<3, 3>(0, 0) * turn;
+        let object = fault_detector.held_object().map(|(estimate, pose)| {
+            let turn = estimate.palm_from_object.rotation.to_rotation_matrix().into_inner();
+            let place = turn.transpose() * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn;
             (self.names[usize::from(self.reversed)].as_str(), pose, place)
         });
         recorder.log_reference_model(&ReferenceFrame {

@@ -6,7 +6,7 @@ use anyhow::Result;
 use control::perception::ObjectEstimate;
 use control::policy::DecisionRecord;
 use control::strategy::HeldObjectPath;
-use telemetry::pose_belief::ObjectPath;
+use telemetry::pose_estimate::ObjectPath;
 use telemetry::recorder::Recorder;
 use telemetry::state_page::ScoredCandidate;
 use world::phase::Phase;
@@ -99,7 +99,7 @@ mod tests {
 
     /// With the hand open, and while an object is put down or grasped again, no estimate is shown.
     #[test]
-    fn beliefs_last_while_something_is_held() {
+    fn estimates_last_while_something_is_held() {
         for phase in [
             Phase::run(Skill::PutDown, 0),
             Phase::run(Skill::StepAside, 0),

@@ -7,7 +7,7 @@ use anyhow::Result;
 use scenarios::FailureCause;
 use scenarios::record::Condition;
 
-use super::{HARDWARE_BACKEND, RunOptions, condition_recording_name, play_unit, unit_name};
+use super::{HARDWARE_BACKEND, RunOptions, condition_recording_name, run_unit_in_place, unit_name};
 use crate::journal::{JournalEntry, RunRequest, WorkUnit};
 use crate::trial::Bench;
 
@@ -56,6 +56,6 @@ fn replay_unit(
     // Robot backends that cannot be cloned append the condition themselves.
     let cloned = request.robot == "sim";
     let name = if cloned { condition_recording_name(&unit_name(unit), condition) } else { unit_name(unit) };
-    let results = play_unit(bench, &alone, (unit, &name), folder, options, true)?;
+    let results = run_unit_in_place(bench, &alone, (unit, &name), folder, options, true)?;
     Ok(results.records.first().and_then(|record| record.cause))
 }

@@ -61,7 +61,7 @@ struct BranchResult {
 }
 
 /// Runs `policy` from `start` to the verdict.
-pub fn play(
+pub fn run_branch(
     start: &PreparedTrial,
     policy: &mut dyn TrialPolicy,
     with: BranchSettings,
@@ -69,17 +69,17 @@ pub fn play(
 ) -> Result<TrialOutcome> {
     let id = with.id;
     watcher.on_branch(id.condition)?;
-    let mut played = decide_and_play(start, policy, with, watcher)?;
-    let story = policy.trace();
-    story.reasons.extend(played.run.describe_slips());
-    let mut record = played.run.record(&start.objects, id)?;
-    record.switched = !story.is_as_planned();
-    record.retries = story.retries;
-    record.reason = story.reasons.join("; ");
-    note_decision(&mut record, story.first_decision);
-    let tries = try_records(start, story.attempts.clone(), &played.run, id);
-    record.decision_ms = (played.slowest_ms > 0.0).then_some(played.slowest_ms);
-    if let Some(truth) = &played.truth_at_estimate {
+    let mut branch = decide_and_run(start, policy, with, watcher)?;
+    let trace = policy.trace();
+    trace.reasons.extend(branch.run.describe_slips());
+    let mut record = branch.run.record(&start.objects, id)?;
+    record.switched = !trace.is_as_planned();
+    record.retries = trace.retries;
+    record.reason = trace.reasons.join("; ");
+    note_decision(&mut record, trace.first_decision);
+    let tries = try_records(start, trace.attempts.clone(), &branch.run, id);
+    record.decision_ms = (branch.slowest_ms > 0.0).then_some(branch.slowest_ms);
+    if let Some(truth) = &branch.truth_at_estimate {
         policy.felt().iter().for_each(|felt| note_pose(&mut record, truth, &start.objects[felt.object], felt));
     }
     watcher.on_outcome(&record)?;
@@ -99,7 +99,7 @@ fn try_records(start: &PreparedTrial, attempts: Vec<Attempt>, run: &Run, id: Tri
 }
 
 /// Runs one decision after the other until the policy finishes or gives up.
-fn decide_and_play(
+fn decide_and_run(
     start: &PreparedTrial,
     policy: &mut dyn TrialPolicy,
     mut with: BranchSettings,
@@ -107,68 +107,68 @@ fn decide_and_play(
 ) -> Result<BranchResult> {
     let run = start.run.clone();
     let condition = with.id.condition;
-    let mut played = BranchResult { run, slowest_ms: 0.0, truth_at_estimate: None };
+    let mut branch = BranchResult { run, slowest_ms: 0.0, truth_at_estimate: None };
     loop {
-        let phase = played.run.snapshot.executor.phase();
-        if let Some(why) = &played.run.fault {
+        let phase = branch.run.snapshot.executor.phase();
+        if let Some(why) = &branch.run.fault {
             policy.trace().reasons.push(why.clone());
             break;
         }
-        if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.is_cloneable() {
+        if policy.deliberates() && with.decision_time > 0.0 && branch.run.snapshot.robot.is_cloneable() {
             let felt = if phase.has_begun(1) { policy.felt() } else { &[] };
-            played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
+            branch.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.trace().decisions, Instant::now());
-        let waiting = (with.pace == SimulatedTimePassage::Wall).then(|| played.run.snapshot.executor.clone());
-        let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
+        let waiting = (with.pace == SimulatedTimePassage::Wall).then(|| branch.run.snapshot.executor.clone());
+        let step = decide(&mut branch.run, &start.objects, policy, &mut with)?;
         if let Some(waiting) = waiting {
-            let decided = std::mem::replace(&mut played.run.snapshot.executor, waiting);
+            let decided = std::mem::replace(&mut branch.run.snapshot.executor, waiting);
             let felt = if phase.has_begun(1) { policy.felt() } else { &[] };
-            played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
-            played.run.snapshot.executor = decided;
+            branch.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
+            branch.run.snapshot.executor = decided;
         }
         if policy.trace().decisions > before {
-            played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
+            branch.slowest_ms = branch.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
         // The hold is estimated before the second object is grasped or palpated, that of a single object before it is
         // carried, and those of three objects after each lift.
-        let next = played.run.snapshot.executor.phase();
+        let next = branch.run.snapshot.executor.phase();
         let alone = start.objects.len() == 1 && next.skill == Skill::Carry;
         let felt_hold = policy.trace().decisions > before || next == Phase::palpate(1, SkillStage::Reach) || alone;
         let each = start.objects.len() > 2 && phase.skill == Skill::Snapshot;
         if phase.waits_for_decision() && (phase.has_begun_lift(0) && !phase.has_begun(1) && felt_hold || each) {
-            played.truth_at_estimate = played.run.snapshot.robot.truth();
+            branch.truth_at_estimate = branch.run.snapshot.robot.truth();
         }
         for text in policy.trace().take_announcements() {
-            played.run.notify_watcher((Some(&text), None), policy.felt(), condition, watcher)?;
+            branch.run.notify_watcher((Some(&text), None), policy.felt(), condition, watcher)?;
         }
         if let Some(choice) = policy.trace().take_choice() {
-            played.run.notify_watcher((None, Some(&choice)), policy.felt(), condition, watcher)?;
+            branch.run.notify_watcher((None, Some(&choice)), policy.felt(), condition, watcher)?;
         }
         match step {
             PolicyStep::Continue => {}
             PolicyStep::Finish => break,
             PolicyStep::GiveUp => {
-                played.run.referee.give_up(FailureCause::Unreachable);
+                branch.run.referee.give_up(FailureCause::Unreachable);
                 break;
             }
             PolicyStep::Decline => {
-                played.run.referee.give_up(FailureCause::Declined);
+                branch.run.referee.give_up(FailureCause::Declined);
                 break;
             }
             PolicyStep::Failed => {
-                played.run.referee.give_up(FailureCause::PolicyFailed);
+                branch.run.referee.give_up(FailureCause::PolicyFailed);
                 break;
             }
             PolicyStep::NotDetected => {
-                played.run.referee.give_up(FailureCause::NotDetected);
+                branch.run.referee.give_up(FailureCause::NotDetected);
                 break;
             }
         }
         let felt = if next.has_begun(1) { policy.felt() } else { &[] };
-        played.run.play(Phase::waits_for_decision, felt, Some(condition), watcher)?;
+        branch.run.run_until(Phase::waits_for_decision, felt, Some(condition), watcher)?;
     }
-    Ok(played)
+    Ok(branch)
 }
 
 /// Returns the first decision of `policy`, which is not carried out. `None` if the policy does not detect the first

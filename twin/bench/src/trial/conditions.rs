@@ -64,30 +64,28 @@ pub struct Branches<'a> {
 
 impl Branches<'_> {
     /// Runs one condition.
-    pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    pub fn run(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match PolicyCapabilities::for_condition(id.condition) {
-            _ if id.condition == Condition::External => self.play_external_policy(id, watcher),
-            None => self.bench.play_blind(
-                &self.start,
-                self.bench.branch_settings(id, self.detection_noise.clone()),
-                watcher,
-            ),
-            Some(means) => self.play_deciding_policy(id, means, watcher),
+            _ if id.condition == Condition::External => self.run_external_policy(id, watcher),
+            None => {
+                self.bench.run_blind(&self.start, self.bench.branch_settings(id, self.detection_noise.clone()), watcher)
+            }
+            Some(means) => self.run_deciding_policy(id, means, watcher),
         }
     }
 
     /// Runs the external policy.
-    fn play_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    fn run_external_policy(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, detection_noise: detections } = self;
         let options = bench.branch_settings(id, detections.clone());
         if bench.skips_planned_grasp(Condition::External) {
-            return bench.play_external_policy(&setup.begin_at_rest(bench, None, watcher)?, options, watcher);
+            return bench.run_external_policy(&setup.begin_at_rest(bench, None, watcher)?, options, watcher);
         }
-        bench.play_external_policy(start, options, watcher)
+        bench.run_external_policy(start, options, watcher)
     }
 
     /// Runs a policy that decides, with the `means` that are left to it.
-    pub fn play_deciding_policy(
+    pub fn run_deciding_policy(
         &self,
         id: TrialId,
         means: PolicyCapabilities,
@@ -103,12 +101,12 @@ impl Branches<'_> {
             (true, own) => {
                 own.as_ref().unwrap_or(setup).reordered_for(bench, means)?.begin_at_rest(bench, None, watcher)?
             }
-            (false, Some(own)) => own.play_first_grasp(bench, None, watcher)?,
+            (false, Some(own)) => own.run_first_grasp(bench, None, watcher)?,
             (false, None) => PreparedTrial::clone(start),
         };
         if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
             start.run.snapshot.executor.react_to_slip();
         }
-        bench.play_touch(&start, options, means, watcher)
+        bench.run_touch(&start, options, means, watcher)
     }
 }

@@ -68,7 +68,7 @@ enum TrialEnd {
 
 /// Runs a trial from rest with the answers of `host`. The first request is `reset`. Images have `side` pixels; without
 /// `side` there are none.
-pub fn play_external_trial(
+pub fn run_external_trial(
     bench: &Bench,
     start: &PreparedTrial,
     (host, reset, side): (&mut dyn PolicyServer, &Value, Option<usize>),
@@ -98,7 +98,7 @@ pub fn play_external_trial(
     };
     let untouched = driven.camera.as_ref().map(PolicyCamera::array);
     let end = match host.ask(reset, untouched.as_slice()) {
-        Ok(_) => driven.play(host, with, watcher)?,
+        Ok(_) => driven.run(host, with, watcher)?,
         Err(error) => TrialEnd::Failed(error.to_string()),
     };
     let run = &mut driven.run;
@@ -146,7 +146,7 @@ impl PolicyCamera {
 }
 
 impl ExternalTrial<'_> {
-    fn play(
+    fn run(
         &mut self,
         host: &mut dyn PolicyServer,
         with: &BranchSettings,

@@ -54,7 +54,7 @@ impl Bench {
     /// Runs a noisy trial up to the decision. `None` if the first object is not in the hand then.
     pub fn held_grasp(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
         let start =
-            InitialConditions::noisy(self, combination, trial)?.0.play_first_grasp(self, None, &mut NoWatcher)?;
+            InitialConditions::noisy(self, combination, trial)?.0.run_first_grasp(self, None, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;
         let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
         let first = snapshot.executor.target(0);

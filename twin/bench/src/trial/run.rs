@@ -87,14 +87,14 @@ impl Run {
     }
 
     /// Runs until the phase is one of `until`. Referee and watcher observe every tick.
-    pub fn play(
+    pub fn run_until(
         &mut self,
         until: impl Fn(Phase) -> bool,
         felt: &[ObjectEstimate],
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        self.play_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
+        self.run_while(|executor, _| !until(executor.phase()), felt, condition, watcher)?;
         // The next step needs a decision first.
         self.snapshot.robot.pause();
         Ok(())
@@ -110,11 +110,11 @@ impl Run {
     ) -> Result<()> {
         // Half a tick of tolerance: times are sums of ticks.
         let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executor.motion().tick_length();
-        self.play_while(|_, now| now < end, felt, condition, watcher)
+        self.run_while(|_, now| now < end, felt, condition, watcher)
     }
 
     /// Runs as long as `on` returns true for the executor and the time (s).
-    fn play_while(
+    fn run_while(
         &mut self,
         on: impl Fn(&Executor, f64) -> bool,
         felt: &[ObjectEstimate],

@@ -302,7 +302,7 @@ impl<'a> InitialConditions<'a> {
 
     /// Runs up to the decision after the first grasp. A backend that is not simulated shows its untouched pads on the
     /// way to the first object, if images will matter.
-    pub fn play_first_grasp(
+    pub fn run_first_grasp(
         &self,
         bench: &Bench,
         source: TrialBackendSource,
@@ -315,21 +315,21 @@ impl<'a> InitialConditions<'a> {
             run.snapshot.executor.take_planned(0)?;
             let mut own = None;
             if !run.snapshot.robot.is_cloneable() {
-                run.play(|phase| phase.has_begun_grasp(0), &[], None, watcher)?;
+                run.run_until(|phase| phase.has_begun_grasp(0), &[], None, watcher)?;
                 own = sees.then(|| with_backend_backgrounds(run, &bench.pipeline)).transpose()?;
             }
-            run.play(Phase::waits_for_decision, &[], None, watcher)?;
+            run.run_until(Phase::waits_for_decision, &[], None, watcher)?;
             Ok(own)
         })
     }
 }
 
-/// Runs `play` on `start`, and adopts the perception that it returns, if any.
+/// Runs `first_grasp` on `start`, and adopts the perception that it returns, if any.
 fn finish_on_error(
     mut start: PreparedTrial,
-    play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>,
+    first_grasp: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>,
 ) -> Result<PreparedTrial> {
-    match play(&mut start.run) {
+    match first_grasp(&mut start.run) {
         Ok(shown) => Ok(PreparedTrial { pipeline: shown.or(start.pipeline), ..start }),
         Err(error) => {
             // The recording is finished in any case; the first error is the one to report.

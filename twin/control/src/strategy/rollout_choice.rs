@@ -64,8 +64,8 @@ impl LookAhead<'_> {
             {
                 roll_out(executor, imagined, plan, score_of(best.as_ref()))?;
             }
-            let played = plan.rollout_counts.map_or(f64::NEG_INFINITY, |_| plan.assessment.score);
-            let utmost = score_of(best.as_ref()).max(played);
+            let from_rollouts = plan.rollout_counts.map_or(f64::NEG_INFINITY, |_| plan.assessment.score);
+            let utmost = score_of(best.as_ref()).max(from_rollouts);
             if utmost >= GOOD_SCORE {
                 break;
             }

@@ -34,7 +34,7 @@ fn take(candidate: usize) -> Result<ChooserDecision, &'static str> {
 }
 
 /// Runs a trial whose decisions come at `time` until it ends; returns the tries and the decision trace too.
-fn played(told: &mut ScriptedChooser, time: f64) -> (PolicyStep, Vec<u32>, Vec<String>) {
+fn finished(told: &mut ScriptedChooser, time: f64) -> (PolicyStep, Vec<u32>, Vec<String>) {
     let table = Table::new();
     let (mut executor, mut detector) = (table.executor(), CountingDetector::new(&table));
     let senses = TouchPerception::new(&table.pipeline, Sensing::TruePose).expect("made");
@@ -56,17 +56,17 @@ fn played(told: &mut ScriptedChooser, time: f64) -> (PolicyStep, Vec<u32>, Vec<S
 #[test]
 fn what_is_chosen_is_tried_until_it_is_kept() {
     let mut told = ScriptedChooser::new([take(1), take(0), Ok(ChooserDecision::Keep)]);
-    let (end, tried, _) = played(&mut told, 0.0);
+    let (end, tried, _) = finished(&mut told, 0.0);
     assert_eq!((end, tried), (PolicyStep::Finish, vec![1, 0]));
     assert_eq!(told.tries, [(DECIDE, 0, true, false), (CONFIRM, 1, true, true), (CONFIRM, 2, true, true)]);
 }
 
 #[test]
 fn the_second_object_may_be_left_alone_and_no_try_begins_too_late() {
-    let (end, tried, _) = played(&mut ScriptedChooser::new([Ok(ChooserDecision::Keep)]), 0.0);
+    let (end, tried, _) = finished(&mut ScriptedChooser::new([Ok(ChooserDecision::Keep)]), 0.0);
     assert_eq!((end, tried), (PolicyStep::Decline, vec![]));
     let mut told = ScriptedChooser::new([]);
-    assert_eq!(played(&mut told, TIME_LIMIT - 5.0).0, PolicyStep::Decline);
+    assert_eq!(finished(&mut told, TIME_LIMIT - 5.0).0, PolicyStep::Decline);
     assert!(told.tries.is_empty());
 }
 
@@ -80,7 +80,7 @@ fn a_chooser_that_fails_or_answers_what_cannot_be_ends_its_trial_with_the_reason
         (aim(0.2, 0.0), "expected up to 0.1 m"),
         (aim(0.0, f64::INFINITY), "aim: found"),
     ] {
-        let (end, tried, reasons) = played(&mut ScriptedChooser::new([answer]), 0.0);
+        let (end, tried, reasons) = finished(&mut ScriptedChooser::new([answer]), 0.0);
         assert_eq!((end, tried), (PolicyStep::Failed, vec![]));
         assert!(reasons.iter().any(|reason| reason.contains(words)), "{reasons:?}");
     }

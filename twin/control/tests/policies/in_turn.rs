@@ -22,7 +22,7 @@ impl ObjectDetector for FixedDetector<'_> {
 
 /// Runs a trial in which the first two objects are felt as `felt` returns for each phase, the third never is, and
 /// decisions come at `time` (s). Returns the attempted objects, the number of retries, and the phases of the decisions.
-fn play(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
+fn run_policy(time: f64, felt: impl Fn(Phase) -> [bool; 2]) -> (Vec<usize>, u32, Vec<Phase>) {
     let table = Table::new();
     let mut executor: Executor = table.with_list(DIGIT_SETS.iter().map(|digits| target(&table, digits)).collect());
     let planned: Vec<_> = executor.targets().iter().map(|target| target.grasp.clone()).collect();
@@ -57,20 +57,20 @@ fn after(object: usize) -> Phase {
 
 #[test]
 fn what_is_not_felt_is_taken_again() {
-    let (attempts, retries, _) = play(0.0, |_| [true, false]);
+    let (attempts, retries, _) = run_policy(0.0, |_| [true, false]);
     assert_eq!((&attempts[..3], retries > 1), (&[0, 1, 1][..], true));
 }
 
 #[test]
 fn what_was_lost_earlier_begins_the_list_anew() {
-    let (attempts, _, phases) = play(0.0, |phase| [phase != after(1), true]);
+    let (attempts, _, phases) = run_policy(0.0, |phase| [phase != after(1), true]);
     assert_eq!((&attempts[..], phases[3]), (&[0, 1, 0, 1][..], Phase::decide(Skill::PutDown, 0)));
 }
 
 /// If no try can end in time any more, the list is completed whatever is felt.
 #[test]
 fn late_nothing_is_taken_again() {
-    let (attempts, retries, phases) = play(TIME_LIMIT, |_| [false, false]);
+    let (attempts, retries, phases) = run_policy(TIME_LIMIT, |_| [false, false]);
     assert_eq!((attempts, retries), (vec![0, 1, 2], 0));
     assert!(phases.last().is_some_and(|phase| phase.is_done()));
 }

@@ -15,11 +15,11 @@ use crate::simulated_world::SimulatedWorld;
 /// after "other order" are done for the reversed pair of the same two objects.
 const STEP_NAMES: [&str; 8] = [
     "plan",
-    "odds",
+    "outcome model",
     "other first grasps",
     "variations",
     "other order",
-    "its odds",
+    "its outcome model",
     "its other first grasps",
     "its variations",
 ];

@@ -62,7 +62,7 @@ fn script() -> ExcitationScript {
 }
 
 /// Returns the result of an excitation of `robot`, and the completed steps.
-fn played(mut robot: LimitedArm) -> (Result<bool, ExcitationError>, Vec<usize>) {
+fn finished(mut robot: LimitedArm) -> (Result<bool, ExcitationError>, Vec<usize>) {
     let (model, script) = (RobotModel::ftac_gen3(), script());
     let text = include_str!("../../../bench/data/calibration.json");
     let pads = PhotometricCalibration::parse(text, Path::new("calibration.json")).expect("a calibration");
@@ -76,21 +76,21 @@ fn played(mut robot: LimitedArm) -> (Result<bool, ExcitationError>, Vec<usize>) 
         }
         Ok(())
     };
-    (play_script(&mut robot, &means, 0, heard, |_| true), done)
+    (run_script(&mut robot, &means, 0, heard, |_| true), done)
 }
 
 #[test]
 fn an_arm_that_goes_where_it_is_asked_is_played_on() {
-    assert_eq!(played(LimitedArm::new(None)), (Ok(true), vec![0, 1]));
+    assert_eq!(finished(LimitedArm::new(None)), (Ok(true), vec![0, 1]));
 }
 
 /// The excitation waits for a robot that cannot be observed for a while. If the robot stays silent, the excitation ends
 /// with the robot's own error.
 #[test]
 fn a_silent_robot_is_borne_for_a_while() {
-    let (ended, done) = played(LimitedArm { silent: 1.0..1.3, ..LimitedArm::new(None) });
+    let (ended, done) = finished(LimitedArm { silent: 1.0..1.3, ..LimitedArm::new(None) });
     assert_eq!((ended, done), (Ok(true), vec![0, 1]));
-    let (ended, _) = played(LimitedArm { silent: 1.0..f64::INFINITY, ..LimitedArm::new(None) });
+    let (ended, _) = finished(LimitedArm { silent: 1.0..f64::INFINITY, ..LimitedArm::new(None) });
     assert_eq!(ended, Err(ExcitationError::Robot(RobotError::ConnectionLost("no answer".to_owned()))));
 }
 
@@ -98,7 +98,7 @@ fn a_silent_robot_is_borne_for_a_while() {
 #[test]
 fn an_arm_that_is_held_stops_the_excitation() {
     let most = Arm::gen3().home[5] + 0.4;
-    let (ended, done) = played(LimitedArm::new(Some((5, most))));
+    let (ended, done) = finished(LimitedArm::new(Some((5, most))));
     let Err(ExcitationError::Held(held)) = ended else { panic!("{ended:?}") };
     assert_eq!((held.joint, held.sent, done.as_slice()), (6, most, &[0][..]), "{held}");
     assert!(held.requested > most + 0.02 && held.since > 1.0, "{held}");

@@ -23,7 +23,7 @@ fn action(twist: [f64; 6], tension: f64) -> Action {
 }
 
 /// Returns the bits of all measurements and object poses after some steps.
-fn played(task: EpisodeTask, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
+fn finished(task: EpisodeTask, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec<u8>) {
     let mut episode = Episode::begin(&BENCH, EpisodeOptions { images, ..options(task) }, seed).unwrap();
     for n in 0..8 {
         let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
@@ -44,11 +44,11 @@ fn played(task: EpisodeTask, images: Option<usize>, seed: u64) -> (Vec<u64>, Vec
 
 #[test]
 fn a_seed_gives_the_same_bits_and_another_one_others() {
-    let one = played(EpisodeTask::PickOne, Some(32), 5);
-    assert_eq!(one, played(EpisodeTask::PickOne, Some(32), 5));
-    let other = played(EpisodeTask::PickOne, Some(32), 6);
+    let one = finished(EpisodeTask::PickOne, Some(32), 5);
+    assert_eq!(one, finished(EpisodeTask::PickOne, Some(32), 5));
+    let other = finished(EpisodeTask::PickOne, Some(32), 6);
     assert!(one.0 != other.0 && one.1 != other.1);
-    assert_eq!(one.0, played(EpisodeTask::PickOne, None, 5).0, "images change nothing else");
+    assert_eq!(one.0, finished(EpisodeTask::PickOne, None, 5).0, "images change nothing else");
 }
 
 #[test]

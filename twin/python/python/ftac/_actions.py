@@ -47,7 +47,7 @@ def command(tensions: ArrayLike, angle: float, opposition: ArrayLike) -> NDArray
 def observation(measured: dict[str, Any], last: NDArray[np.float32]) -> dict[str, Any]:
     """What a policy observes of what was measured and of the `last` action's command: float32, and the images as they are."""
     observed: dict[str, Any] = {
-        name: np.asarray(measured[name], dtype=np.float32) for name in ("servos", "arm", "palm", "seen")
+        name: np.asarray(measured[name], dtype=np.float32) for name in ("servos", "arm", "palm", "detected")
     }
     observed["command"] = last.copy()
     if "tactile" in measured:

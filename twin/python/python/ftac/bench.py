@@ -4,13 +4,14 @@ A policy chooses how the second object is taken once the first is in the hand, a
 is told what the built-in policies know: measurements, tactile images, what vision reports and what touch makes of it. It is not told how the scene
 really is. Simulated time stands while it thinks, unless something else is asked for.
 
-`play` plays with an object of this process. The command ``ftac bench --policy my_policy.py:MyPolicy`` plays with a class, as a condition of the whole
+`run` uses an object of this process. The command ``ftac bench --policy my_policy.py:MyPolicy`` uses a class, as a condition of the whole
 benchmark, on any body and with as many threads as there are cores.
 """
 
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -54,31 +55,47 @@ class Situation:
     """Images (240, 240, 3) of all cameras before anything touched their pads, by name: what `ftac.touch.surface` compares with."""
     objects: tuple[str, str]
     """Names of the first and the second object."""
-    seen: Array
+    detected: Array
     """(2, 7): ``world_from_object`` of both where vision saw them last, with its error."""
     yaws: tuple[float, float]
-    """Their turns about the vertical from the rest pose, as seen, rad."""
-    sees_second: bool
-    """Whether vision has seen the second object just now."""
-    held: Array | None
+    """Their turns about the vertical from the rest pose, as detected, rad."""
+    second_is_visible: bool
+    """True if the second object is in the newest detection."""
+    in_hand: Array | None
     """``palm_from_object`` of the first object as felt after its lift."""
-    held_covariance: Array | None
+    in_hand_covariance: Array | None
     """Of that, (6, 6): position (m) and rotation vector (rad)."""
-    grip: tuple[bool, bool]
-    """Whether each object is felt to be in the hand now."""
+    holding: tuple[bool, bool]
+    """For each object, True if the measurements say that it is in the hand."""
     first: PickUp
     """The grasp that took the first object."""
     candidates: tuple[PickUp, ...]
     """Grasps of the second object, the planned one first."""
-    worth: Array
+    scores: Array
     """The plan's probability of success of each candidate."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _FORMER_FIELDS:
+            raise AttributeError(f"Situation has no field {name!r}")
+        warnings.warn(f"Situation.{name} is now called {_FORMER_FIELDS[name]}", DeprecationWarning, stacklevel=2)
+        return getattr(self, _FORMER_FIELDS[name])
+
+
+_FORMER_FIELDS = {
+    "seen": "detected",
+    "sees_second": "second_is_visible",
+    "held": "in_hand",
+    "held_covariance": "in_hand_covariance",
+    "grip": "holding",
+    "worth": "scores",
+}
 
 
 class Chooser(Protocol):
     """A policy that chooses how the second object is taken.
 
     A method ``reset(info)``, if there is one, is told before a trial is decided: ``combination``, ``trial``, ``objects`` (names), ``yaws`` (their turns as
-    seen, rad) and a ``seed`` for what is random in the policy.
+    detected, rad) and a ``seed`` for what is random in the policy.
     """
 
     def choose(self, situation: Situation) -> Answer:
@@ -109,7 +126,7 @@ class Actor(Protocol):
 Policy = Chooser | Actor
 
 
-def play(
+def run(
     policy: Policy,
     *,
     combinations: Iterable[int] | None = None,
@@ -118,7 +135,7 @@ def play(
     beside: Sequence[str] = (),
     wall: bool = False,
 ) -> list[dict[str, Any]]:
-    """Plays trials of the benchmark and returns a row for each, which ``pandas.DataFrame`` takes.
+    """Runs trials of the benchmark and returns a row for each, which ``pandas.DataFrame`` takes.
 
     Parameters
     ----------
@@ -126,7 +143,7 @@ def play(
     combinations: numbers of combinations (`ftac.combinations`); None for all 60.
     trials: of each combination.
     seed: of everything random. 1 is the benchmark's seed of development, 11 to 14 are those that nothing was developed on.
-    beside: conditions that play the same trials with the same errors: ``ideal``, ``blind``, ``reflex``, ``touch``.
+    beside: conditions that run on the same trials with the same errors: ``ideal``, ``blind``, ``reflex``, ``touch``.
     wall: as much simulated time passes while the policy thinks as on the wall. Results depend on the computer then.
 
     A row has the columns of the benchmark's ``trials.csv``, among them ``success``, ``contact``, ``clean_success``, ``cause``, ``reason`` and ``sim_seconds``; and
@@ -142,12 +159,18 @@ def play(
         raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
     count = len(_native.combinations())
     numbers = range(count) if combinations is None else [whole("combination", n, 0, count - 1) for n in combinations]
-    benchmark, guest, rows = _benchmark(seed), json.dumps(host.guest()), []
+    benchmark, introduction, rows = _benchmark(seed), json.dumps(host.introduction()), []
     for combination in numbers:
         for trial in range(trials):
-            rows.append(_row(benchmark.play(host, guest, wall, combination, trial), type(policy).__name__))
+            rows.append(_row(benchmark.run(host, introduction, wall, combination, trial), type(policy).__name__))
             rows.extend(_row(benchmark.condition(name, combination, trial), name) for name in beside)
     return rows
+
+
+def play(*arguments: Any, **named: Any) -> list[dict[str, Any]]:
+    """Former name of `run`."""
+    warnings.warn("ftac.bench.play is now called run", DeprecationWarning, stacklevel=2)
+    return run(*arguments, **named)
 
 
 @lru_cache(maxsize=1)

@@ -42,7 +42,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     - ``arm`` (7, 3), a row for each of its joints: angle (rad), speed (rad/s), torque (N m).
     - ``palm`` (7,): ``world_from_palm`` by the arm's encoders.
     - ``command`` (6,): the last action's tensions and opposition, -1 to 1.
-    - ``seen`` (objects, 7): ``world_from_object`` as vision reported it when the episode began, with its error (some 7 mm and 0.08 rad with ``reality``).
+    - ``detected`` (objects, 7): ``world_from_object`` as vision reported it when the episode began, with its error (some 7 mm and 0.08 rad with ``reality``).
     - ``tactile`` (17, n, n, 3) uint8: an image a pad; only with ``images``. Those of the untouched pads are in the ``info`` of `reset`.
 
     **Rewards**: ``sparse`` is 1 in the step in which the task is done and 0 before. ``shaped`` adds what the step has gained in progress, from 0 (far) by being
@@ -104,7 +104,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
             "arm": real(joints, 3),
             "palm": real(7),
             "command": spaces.Box(-1.0, 1.0, (6,), np.float32),
-            "seen": real(OBJECTS[task], 7),
+            "detected": real(OBJECTS[task], 7),
         }
         if images is not None:
             observed["tactile"] = spaces.Box(0, 255, (pads, images, images, 3), np.uint8)

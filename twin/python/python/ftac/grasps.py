@@ -24,7 +24,7 @@ class PickUp(NamedTuple):
 
     ``digits`` are those that close, such as ring and little finger against the palm. ``yaw`` turns the hand about the vertical
     from the object's own, ``pitch`` is positive with the fingers down, ``roll`` negative with the ulnar edge down. ``center`` (3,) is where the object's
-    centre is in the palm frame when the digits close; ``raise_`` is how far the hand rises meanwhile. ``score`` is the share of rehearsals that held.
+    centre is in the palm frame when the digits close; ``raise_`` is how far the hand rises meanwhile. ``score`` is the share of rollouts that held.
     """
 
     object: str

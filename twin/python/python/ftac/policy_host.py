@@ -46,8 +46,8 @@ class Host:
         self._opposition = np.zeros(2)
         self._command = np.zeros(6, dtype=np.float32)
 
-    def guest(self) -> dict[str, Any]:
-        """What the policy is."""
+    def introduction(self) -> dict[str, Any]:
+        """Name, decision level and image size of the policy."""
         return {"name": type(self.policy).__name__, "level": self.level, "images": self.images}
 
     def answer(self, question: dict[str, Any], arrays: Bytes) -> dict[str, Any]:
@@ -80,16 +80,16 @@ class Host:
     def _choose(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
         told = question["situation"]
         candidates = told.pop("candidates")
-        for name in ("servos", "arm", "palm", "seen"):
+        for name in ("servos", "arm", "palm", "detected"):
             told[name] = np.array(told[name])
-        for name in ("held", "held_covariance"):
+        for name in ("in_hand", "in_hand_covariance"):
             told[name] = None if told[name] is None else np.array(told[name])
-        for name in ("objects", "yaws", "grip"):
+        for name in ("objects", "yaws", "holding"):
             told[name] = tuple(told[name])
         situation = Situation(
             first=pick_up(told.pop("first")),
             candidates=tuple(pick_up(candidate["grasp"]) for candidate in candidates),
-            worth=np.array([candidate["worth"] for candidate in candidates]),
+            scores=np.array([candidate["score"] for candidate in candidates]),
             tactile=dict(zip(question["cameras"], pictures)),
             untouched=dict(zip(question["untouched"], pictures[len(question["cameras"]) :])),
             **told,
@@ -185,7 +185,7 @@ def serve(asked: str, questions: BinaryIO, answers: BinaryIO, arguments: dict[st
     except BaseException:
         say({"error": traceback.format_exc().strip()})
         return
-    say(host.guest())
+    say(host.introduction())
     while line := questions.readline():
         question = json.loads(line)
         arrays = [(shape, questions.read(int(np.prod(shape)))) for shape in question["shapes"]]

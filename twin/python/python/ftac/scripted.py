@@ -15,21 +15,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-AWAY = 0.12
+APPROACH_DISTANCE = 0.12
 """Distance of the pose before the grasp, m."""
-GAIN = 4.0
+POSITION_GAIN = 4.0
 """Of the palm's velocity on its distance, 1/s."""
-ARRIVED = 0.002, 0.01
+POSE_TOLERANCE = 0.002, 0.01
 """Distance (m) and angle (rad) from a pose that count as there."""
-PATIENCE = 4.0
+STAGE_TIMEOUT = 4.0
 """Time after which the next stage begins all the same, s: something is in the way."""
-RATE = 80.0
+TENSION_RATE = 80.0
 """How fast tensions change, N/s."""
-STEP = 0.05
+STEP_LENGTH = 0.05
 """Length of a step, s."""
-CLOSING = 1.1
+CLOSING_TIME = 1.1
 """Time that the digits get to close, s."""
-LIFT = 0.18
+LIFT_HEIGHT = 0.18
 """How far an object is lifted, m."""
 
 
@@ -40,17 +40,17 @@ class Script:
     ----------
     env: the environment, whose scales of action it takes.
     grasp: what to carry out (`ftac.grasps.repertoire`).
-    seen: the object's ``world_from_object`` as seen, (7,).
+    detected: the object's ``world_from_object`` as detected, (7,).
     yaw: its turn about the vertical, rad (``info["yaws"]``).
     """
 
-    def __init__(self, env: Pick, grasp: PickUp, seen: NDArray[np.floating], yaw: float) -> None:
+    def __init__(self, env: Pick, grasp: PickUp, detected: NDArray[np.floating], yaw: float) -> None:
         rotation = _turn(2, grasp.yaw + yaw) @ _turn(1, grasp.pitch) @ _turn(0, grasp.roll) @ _LEVEL
-        at = pose_matrix(np.asarray(seen, dtype=np.float64))[:3, 3] - rotation @ grasp.center
+        at = pose_matrix(np.asarray(detected, dtype=np.float64))[:3, 3] - rotation @ grasp.center
         away = rotation[:, 2] + [0.0, 0.0, 0.5]
         self.env, self.grasp, self.rotation = env, grasp, rotation
         raised = at + [0.0, 0.0, grasp.raise_]
-        self.goals = [at + AWAY * away / np.linalg.norm(away), at, raised, raised + [0.0, 0.0, LIFT]]
+        self.goals = [at + APPROACH_DISTANCE * away / np.linalg.norm(away), at, raised, raised + [0.0, 0.0, LIFT_HEIGHT]]
         self.stage, self.clock = 0, 0.0
         self.tensions = grasp.pre_tension.copy()
 
@@ -59,17 +59,17 @@ class Script:
         palm = pose_matrix(observation["palm"].astype(np.float64))
         shift = self._goal() - palm[:3, 3]
         turn = _rotation_vector(self.rotation @ palm[:3, :3].T)
-        self.clock += STEP
-        there = np.linalg.norm(shift) < ARRIVED[0] and np.linalg.norm(turn) < ARRIVED[1]
-        over = self.clock >= CLOSING if self.stage == 2 else there or self.clock >= PATIENCE
+        self.clock += STEP_LENGTH
+        there = np.linalg.norm(shift) < POSE_TOLERANCE[0] and np.linalg.norm(turn) < POSE_TOLERANCE[1]
+        over = self.clock >= CLOSING_TIME if self.stage == 2 else there or self.clock >= STAGE_TIMEOUT
         if over and self.stage < 3:
             self.stage, self.clock = self.stage + 1, 0.0
         action = np.zeros(12)
-        action[:3] = GAIN * shift / self.env.SPEED
-        action[3:6] = GAIN * turn / self.env.TURN_SPEED
+        action[:3] = POSITION_GAIN * shift / self.env.SPEED
+        action[3:6] = POSITION_GAIN * turn / self.env.TURN_SPEED
         # A velocity that is too high is slowed down, not bent.
         action[:6] /= max(1.0, np.abs(action[:6]).max())
-        self.tensions += np.clip(self._wanted() - self.tensions, -RATE * STEP, RATE * STEP)
+        self.tensions += np.clip(self._wanted() - self.tensions, -TENSION_RATE * STEP_LENGTH, TENSION_RATE * STEP_LENGTH)
         action[6:11] = 2.0 * self.tensions / self.env.TENSION - 1.0
         action[11] = self.env.thumb(self.grasp.opposition)
         return np.clip(action, -1.0, 1.0).astype(np.float32)
@@ -78,7 +78,7 @@ class Script:
         """Where the palm is to be now, m: it rises evenly while the digits close."""
         if self.stage != 2:
             return self.goals[self.stage]
-        part = min(1.0, (self.clock + STEP) / CLOSING)
+        part = min(1.0, (self.clock + STEP_LENGTH) / CLOSING_TIME)
         return (1.0 - part) * self.goals[1] + part * self.goals[2]
 
     def _wanted(self) -> Array:

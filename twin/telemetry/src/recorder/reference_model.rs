@@ -7,7 +7,7 @@ use rerun::Clear;
 
 use super::{REFERENCE_KEY, REFERENCE_OBJECT_KEY, Recorder};
 use crate::error::TelemetryError;
-use crate::{entities, pose_belief, scene, signals};
+use crate::{entities, pose_estimate, scene, signals};
 
 /// State of the reference model, and the robot's residuals against it.
 #[derive(Debug, Clone)]
@@ -60,12 +60,12 @@ impl Recorder {
         if let (Some(index), Some((name, pose, covariance))) = (index, &frame.object) {
             let path = entities::reference_object(name);
             if self.reference_object != Some(index) {
-                self.rec.log(path.as_str(), &pose_belief::ghost(&self.objects[index], 0))?;
+                self.rec.log(path.as_str(), &pose_estimate::ghost(&self.objects[index], 0))?;
             }
             self.log_pose_if_moved(&path, pose)?;
             if self.scalars.due(REFERENCE_OBJECT_KEY, self.time) {
-                let felt = pose_belief::LastContact::new(self.time, covariance);
-                let ellipsoid = pose_belief::ellipsoid(&self.objects[index], &felt, self.time);
+                let felt = pose_estimate::LastContact::new(self.time, covariance);
+                let ellipsoid = pose_estimate::ellipsoid(&self.objects[index], &felt, self.time);
                 self.rec.log(format!("{path}/covariance"), &ellipsoid)?;
             }
         }

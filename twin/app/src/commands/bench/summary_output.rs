@@ -68,7 +68,7 @@ pub fn print_summary(terminal: &Terminal, summary: &Summary, folder: &Path) -> R
     ] {
         match (t.p, t.reason()) {
             (Some(p), _) => println!("{name:32} t({}) = {}, p = {p:.2e}", t.df, number(t.t, 2)),
-            (None, Some(reason)) if t.untested != Some(NoTestReason::NotPlayed) => {
+            (None, Some(reason)) if t.untested != Some(NoTestReason::NotRun) => {
                 println!("{name:32} not tested: {reason}")
             }
             _ => {}

@@ -253,11 +253,11 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         arm: arm.as_ref().map(|arm| arm.address().tcp.to_string()),
         detector: camera.as_ref().map(|camera| camera.address().to_string()),
     };
-    let EmulatorStartOutput { config, servos, cameras, arm: address, detector: eyes } = &started;
+    let EmulatorStartOutput { config, servos, cameras, arm: address, detector } = &started;
     let address = address.as_deref().unwrap_or("none");
-    let eyes = eyes.as_ref().map_or(String::new(), |eyes| format!("detector on {eyes}\n"));
+    let detector = detector.as_ref().map_or(String::new(), |detector| format!("detector on {detector}\n"));
     let text = format!(
-        "servos on {servos}, cameras on {cameras}\narm on {address}\n{eyes}try: ftac bridge scan --config {config}\n"
+        "servos on {servos}, cameras on {cameras}\narm on {address}\n{detector}try: ftac bridge scan --config {config}\n"
     );
     terminal.print(&started, &text)?;
     let truth = (args.truth.is_some() || args.live).then(|| TruthRecorder::new(args.truth.clone(), args.live));

@@ -80,7 +80,7 @@ pub struct SweepRunOutput {
     /// The result folder.
     pub(super) folder: PathBuf,
     /// Number of units that this process ran.
-    pub(super) played: usize,
+    pub(super) run: usize,
     /// Number of finished units.
     pub(super) finished: usize,
     /// Number of units of the sweep.

@@ -5,7 +5,7 @@ use clap::Args;
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::supported_robot::check_supported;
 use identification::evaluation::{Coverage, compare, coverage, fingertip_distances, median};
-use identification::excitation::{ExcitationError, ExcitationProgress, play_script};
+use identification::excitation::{ExcitationError, ExcitationProgress, run_script};
 use identification::identify;
 use identification::trace::TraceRecorder;
 use plant::RobotInstance;
@@ -208,7 +208,7 @@ fn evaluate(drawing: &NominalModel, number: u64, seed: u64) -> Result<InstanceRo
         }
         Ok::<(), ExcitationError>(())
     };
-    let stopped = play_script(&mut kept, &drawing.excitation_inputs(&script), 0, heard, |_| true).err();
+    let stopped = run_script(&mut kept, &drawing.excitation_inputs(&script), 0, heard, |_| true).err();
     let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
     let identification = identify(nominal, *losses, &drawing.pads, &[kept.trace(nominal, "direct", &script)])?;
     let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);

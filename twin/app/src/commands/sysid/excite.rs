@@ -15,7 +15,7 @@ use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::SupervisorState;
 use hardware_bridge::supported_robot::check_supported;
 use identification::ExcitationScript;
-use identification::excitation::{ExcitationProgress, describe, play_script};
+use identification::excitation::{ExcitationProgress, describe, run_script};
 use identification::task::IdentificationTask;
 use identification::touches::ImageFilter;
 use plant::RobotInstance;
@@ -240,12 +240,12 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     let interrupt = Interrupt::catch()?;
     let path = args.folder.join(format!("part_{}.mcap", record.parts));
     let mut recorder = SessionRecorder::new(ImageFilter::new(body), SessionWriter::create(&path, &session)?);
-    let played = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
+    let finished = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
     if let ExcitationBackend::Hardware(robot) = body.into_robot() {
         robot.release()?;
     }
-    if let Some(why) = played? {
+    if let Some(why) = finished? {
         finished?;
         if interrupt.happened() {
             let resume_hint = "the same command resumes from there".to_owned();
@@ -296,9 +296,9 @@ fn excite(
             if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().robot().stopped() };
         stopped.is_none()
     };
-    let played = play_script(recorder, &nominal.excitation_inputs(&script), first, heard, goes_on);
+    let finished = run_script(recorder, &nominal.excitation_inputs(&script), first, heard, goes_on);
     bar.finish_and_clear();
-    Ok(if played? { None } else { Some(stopped.unwrap_or_default()) })
+    Ok(if finished? { None } else { Some(stopped.unwrap_or_default()) })
 }
 
 /// Opens and arms the requested backend. Also returns the session header.

@@ -41,8 +41,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let pads = pad_calibration_text(args.pads.as_deref(), &own)?;
     let mut bench = make_bench(&own, scenario, args.combos, terminal.seed, quiet)?;
     replace_calibration(&mut bench, pads.as_deref(), Path::new("--pads"))?;
-    let played = SimulatedGrasps { combos: args.combos, trials: args.trials, seed: terminal.seed };
-    let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
+    let selection = SimulatedGrasps { combos: args.combos, trials: args.trials, seed: terminal.seed };
+    let grasps = grasps(&bench, selection, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);
     let detector = CameraUnit::new(&bench.world.cell.robot.hand, HAND_UNIT, &OpticsChange::NONE)?
         .with_drift(bench.world.scenario.effects.pads, terminal.seed);

@@ -25,7 +25,7 @@ use sim::tactile::TactileBoard;
 use tactile_perception::TouchPipeline;
 use world::Sensing;
 
-use super::site::{build_scene, is_in_hand, play_until_decision};
+use super::site::{build_scene, is_in_hand, run_until_decision};
 
 /// Outcome of a transport.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -93,7 +93,7 @@ impl TransportSite {
     }
 
     /// Runs one transport. Its errors depend on seed and trial alone, so that every policy has the same arm.
-    pub fn play(&self, trial: usize, policy: PickMode, witness: TickCallback) -> Result<TransportRecord> {
+    pub fn run(&self, trial: usize, policy: PickMode, witness: TickCallback) -> Result<TransportRecord> {
         let mut rng = trial_rng(self.seed, 0, trial);
         let noise = TrialNoise::draw(&self.transport.noise, 2, &mut rng);
         let board = self.cameras.with_noise(rand::RngExt::random(&mut rng));
@@ -136,9 +136,9 @@ impl TransportSite {
                 return Ok(progress.record);
             }
             if progress.branch.executor.phase().has_begun_carry() {
-                progress.play_delivery(witness)?;
+                progress.run_delivery(witness)?;
             } else {
-                progress.play_to_decision(witness)?;
+                progress.run_to_decision(witness)?;
                 sequence.perceive(&mut progress.branch.executor)?;
                 progress.log_events(sequence.take_reasons());
             }
@@ -183,9 +183,9 @@ impl Progress<'_> {
     }
 
     /// Runs the motion to the goal and records the balls that arrive there in the hand.
-    fn play_delivery(&mut self, witness: TickCallback) -> Result<()> {
+    fn run_delivery(&mut self, witness: TickCallback) -> Result<()> {
         self.held.clear();
-        self.play_to_decision(witness)?;
+        self.run_to_decision(witness)?;
         let balls = &self.site.transport.ball;
         let carried: Vec<&TransportBall> = self.held.iter().map(|ball| &balls[*ball]).collect();
         self.record.volume_cm3 += carried.iter().map(|ball| ball.volume() * 1e6).sum::<f64>();
@@ -201,11 +201,11 @@ impl Progress<'_> {
 
     /// Runs to the next decision. Applies the push, updates the balls held over the goal and calls `witness` at every
     /// tick.
-    fn play_to_decision(&mut self, witness: TickCallback) -> Result<()> {
+    fn run_to_decision(&mut self, witness: TickCallback) -> Result<()> {
         let Self { site, branch, push_start: pushed, held, note, record, .. } = self;
         let count = site.transport.ball.len();
         let first = record.picks == 1;
-        play_until_decision(branch, |robot, executor| {
+        run_until_decision(branch, |robot, executor| {
             if let Some(push) = site.transport.push.as_ref().filter(|_| first) {
                 let skill = match push.stage {
                     PushStage::Approach => Skill::Approach,

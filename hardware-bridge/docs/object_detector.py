@@ -2,7 +2,7 @@
 """A vision system for `ftac trial --detector 127.0.0.1:PORT`, as an example: it sends the objects' places ten times a second.
 
     ftac bridge sheet 0 --json > places.json       # or a file of your own: {"objects": [{"object", "x_m", "y_m", "z_m", "turn_rad"}]}
-    eyes.py --port 7700 --sigma 0.002 places.json
+    object_detector.py --port 7700 --sigma 0.002 places.json
 
 Replace `measure` by your pose estimator. One JSON line a measurement: name, Unix time, frame (`table` or `arm_base`), position (m), quaternion
 (x, y, z, w) and the covariance of x, y, z and the rotation vector (36 numbers, row by row); or name, time and `"hidden": true`.

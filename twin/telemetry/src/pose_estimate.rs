@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn beliefs_grey_with_age() {
+    fn estimates_grey_with_age() {
         let mut felt = LastContact::new(1.0, &Matrix3::identity());
         assert_eq!(felt.update_age(1.5), None);
         assert_eq!(felt.update_age(3.5), Some(1));

@@ -1,12 +1,12 @@
 //! Measures fault detection on plant faults at random moments of blind trials, and on sound trials.
 //!
-//! `mirror_faults SEED FROM TO PLANT MOMENTS [INSTANCE]` runs trial 0 of combinations FROM to TO - 1 (all effects) with
+//! `fault_detection SEED FROM TO PLANT MOMENTS [INSTANCE]` runs trial 0 of combinations FROM to TO - 1 (all effects) with
 //! the nominal robot (PLANT 0) or with robot instance PLANT, unknown to the controller. At MOMENTS random moments of
 //! each trial, one fault of each kind that is observable then is injected, each in its own branch. The branch is run
 //! for as long as detection may take. A diagnosis is correct if its kind and part are. A diagnosis that neither the
 //! fault nor the ground truth explains counts as wrong, and so does one in the sound trial itself.
 //!
-//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INSTANCE]` runs trials 0 to TRIALS - 1 of them under
+//! `fault_detection sound SEED FROM TO PLANT CONDITIONS TRIALS [INSTANCE]` runs trials 0 to TRIALS - 1 of them under
 //! CONDITIONS (such as `blind,touch`) with fault detection and without faults.
 //!
 //! INSTANCE is the file of an identified robot (`ftac sysid identify`), the robot model of control stack and fault
@@ -101,17 +101,17 @@ struct Tally {
 }
 
 /// Runs the fault branches of one moment.
-fn play_fault_branches(
+fn run_fault_branches(
     bench: &Bench,
-    play: &RunningTrial,
+    running: &RunningTrial,
     rng: &mut ChaCha8Rng,
     label: &str,
     tallies: &mut [Tally],
 ) -> Result<()> {
     let hand: &Hand = &bench.world.cell.robot.hand;
-    let Some(residuals) = play.detector.as_ref().map(FaultDetector::residuals) else { return Ok(()) };
-    let mut sound = play.clone();
-    let (begun, known) = (play.robot.time(), play.faults().len());
+    let Some(residuals) = running.detector.as_ref().map(FaultDetector::residuals) else { return Ok(()) };
+    let mut sound = running.clone();
+    let (begun, known) = (running.robot.time(), running.faults().len());
     let end = begun + DIAGNOSIS_TIME_LIMIT - 1e-6;
     while sound.robot.time() < end && !sound.is_over() {
         sound.tick(bench, None)?;
@@ -119,8 +119,8 @@ fn play_fault_branches(
     if sound.is_over() {
         return Ok(());
     }
-    for (kind, fault) in ExampleFault::draw(rng, hand, (&play.robot, &play.executor), residuals) {
-        let mut branch = play.clone();
+    for (kind, fault) in ExampleFault::draw(rng, hand, (&running.robot, &running.executor), residuals) {
+        let mut branch = running.clone();
         fault.inject(&mut branch.robot, hand);
         while branch.robot.time() < end && !branch.is_over() {
             branch.tick(bench, Some(&fault))?;
@@ -158,21 +158,21 @@ fn trial(
     let snapshot = start.run.snapshot;
     let Backend::Simulated(robot) = snapshot.robot else { bail!("the backend is not the simulated one") };
     let (executor, happened) = (snapshot.executor, FaultEventTimes::default());
-    let mut play =
+    let mut running =
         RunningTrial { robot, executor, detector: None, event_times: happened, computing_time: Default::default() };
     let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(MOMENT_SPACING.1..TRIAL_DURATION)).collect();
     times.sort_by(f64::total_cmp);
     times.dedup_by(|later, earlier| *later - *earlier < MOMENT_SPACING.0);
     let mut times = times.into_iter().peekable();
-    while !play.is_over() {
-        if times.next_if(|time| play.robot.time() >= *time).is_some() {
-            let (phase, progress) = (play.executor.phase().name(), play.executor.motion().progress());
-            let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", play.robot.time());
-            play_fault_branches(bench, &play, rng, &label, tallies)?;
+    while !running.is_over() {
+        if times.next_if(|time| running.robot.time() >= *time).is_some() {
+            let (phase, progress) = (running.executor.phase().name(), running.executor.motion().progress());
+            let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", running.robot.time());
+            run_fault_branches(bench, &running, rng, &label, tallies)?;
         }
-        play.tick(bench, None)?;
+        running.tick(bench, None)?;
     }
-    Ok(play)
+    Ok(running)
 }
 
 /// Prepares the first `combos` combinations with robot instance `plant` as backend, or the nominal robot if `plant` is
@@ -206,15 +206,15 @@ fn main() -> Result<()> {
     let mut alarms: BTreeMap<&str, u32> = BTreeMap::new();
     for combination in from..to {
         let mut rng = ChaCha8Rng::seed_from_u64(seed * 1000 + combination as u64);
-        let play = trial(&bench, (combination, moments), &mut rng, &mut tallies)?;
-        for named in play.faults() {
-            let right = play.event_times.justifies(named);
+        let running = trial(&bench, (combination, moments), &mut rng, &mut tallies)?;
+        for named in running.faults() {
+            let right = running.event_times.justifies(named);
             println!("{combination} sound: {named}{}", if right { ", rightly" } else { ", wrongly" });
             false_alarms += u32::from(!right);
             *alarms.entry(named.kind.name()).or_default() += u32::from(!right);
         }
-        seconds += play.robot.time();
-        (ticks, spent) = (ticks + play.computing_time.0, spent + play.computing_time.1);
+        seconds += running.robot.time();
+        (ticks, spent) = (ticks + running.computing_time.0, spent + running.computing_time.1);
     }
     let (mut struck, mut named) = (0, 0);
     for (kind, tally) in FAULT_KINDS.iter().zip(&mut tallies) {

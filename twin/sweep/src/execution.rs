@@ -18,7 +18,7 @@ use crate::plan::{SweepPlan, SweepUnit};
 use crate::rows::UnitTables;
 
 /// Tables of a finished unit as files.
-pub struct PlayedTables {
+pub struct FinishedTables {
     pub tries: Vec<u8>,
     pub trials: Vec<u8>,
     pub seconds: f64,
@@ -78,13 +78,13 @@ fn backend_factory(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BackendF
 }
 
 /// Runs all trials of a unit. `stop` may end it between two trials; the result is then none.
-pub fn play(
+pub fn run_trial_unit(
     plan: &SweepPlan,
     unit: &SweepUnit,
     benches: &BenchCache,
     stop: &(dyn Fn() -> bool + Sync),
     done: &(dyn Fn() + Sync),
-) -> Result<Option<PlayedTables>> {
+) -> Result<Option<FinishedTables>> {
     let begun = Instant::now();
     let request = plan.request(unit.run)?;
     let bench = benches.bench_for(&request)?;
@@ -109,7 +109,7 @@ pub fn play(
         ("ftac.seconds", seconds.to_string()),
         ("ftac.program", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    Ok(Some(PlayedTables {
+    Ok(Some(FinishedTables {
         tries: rows.tries.to_parquet(&metadata)?,
         trials: rows.trials.to_parquet(&metadata)?,
         seconds,

@@ -1,7 +1,7 @@
 //! Residuals between the reference model and the simulated robot of a blind trial, as comma-separated values, with an
 //! optional injected fault.
 //!
-//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` runs trial TRIAL (seed 1, all effects) with the
+//! `residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` runs trial TRIAL (seed 1, all effects) with the
 //! nominal robot (PLANT 0) or with robot instance PLANT, unknown to the controller. FAULT is injected once phase PHASE
 //! has reached PROGRESS (0 to 1), and the trial ends 1.5 s later. FAULT is one of `none`, `break N`, `slip N` (2 mm)
 //! and `weak N` (0.6 of the torque), where N is a digit counted from the thumb's 0; `stick J` (finger joint J); `heavy`
@@ -60,9 +60,9 @@ fn main() -> anyhow::Result<()> {
     }
     let (setup, _) = InitialConditions::noisy(&bench, combination, trial)?;
     let start = setup.begin(&bench, None, true)?;
-    let mut played = start.run.snapshot;
-    let Backend::Simulated(robot) = &mut played.robot else { bail!("the backend is not the simulated one") };
-    let executor = &mut played.executor;
+    let mut finished = start.run.snapshot;
+    let Backend::Simulated(robot) = &mut finished.robot else { bail!("the backend is not the simulated one") };
+    let executor = &mut finished.executor;
     let mut out = BufWriter::new(File::create(file).with_context(|| file.clone())?);
     writeln!(out, "time_s,phase,struck,loads_n,opposition_nm,twin_tensions_n,arm_torques_nm,servos_rad")?;
     let mut twin: Option<ReferenceModel> = None;

@@ -70,7 +70,7 @@ pub fn main(arguments: &[String]) -> Result<()> {
             last: 0.0,
         };
         let mut mirroring = FaultDetectionWatcher::new(&bench, None);
-        bench.play_conditions(
+        bench.run_each_condition(
             combination,
             trial,
             &conditions,
