@@ -170,7 +170,7 @@ impl GraspPairTable {
         let lines: Vec<String> = self.pairs.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let rejected = serde_json::to_string(&self.rejected)?;
         let text = format!(
-            "{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"plans\":[\n{}\n]}}\n",
+            "{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"pairs\":[\n{}\n]}}\n",
             self.seed,
             lines.join(",\n")
         );
