@@ -38,7 +38,7 @@ fn presses_that_cannot_be_are_refused_and_leave_no_file() {
     );
     assert!(!folder.join("inside.toml").exists());
     // Too few presses for an evaluation.
-    refused(&some_presses("three", 0..3), 2, &GOOD_ARGS, &["found 3 presses", "at least 4"]);
+    refused(&some_presses("three", 0..3), 2, &GOOD_ARGS, &["found 3 usable presses of 3", "at least 4"]);
 }
 
 /// Six of eighteen presses are wrong, each in its own way: the others calibrate, and each wrong one is named with its
