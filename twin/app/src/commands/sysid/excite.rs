@@ -240,12 +240,12 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     let interrupt = Interrupt::catch()?;
     let path = args.folder.join(format!("part_{}.mcap", record.parts));
     let mut recorder = SessionRecorder::new(ImageFilter::new(body), SessionWriter::create(&path, &session)?);
-    let finished = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
+    let interruption = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
     if let ExcitationBackend::Hardware(robot) = body.into_robot() {
         robot.release()?;
     }
-    if let Some(why) = finished? {
+    if let Some(why) = interruption? {
         finished?;
         if interrupt.happened() {
             let resume_hint = "the same command resumes from there".to_owned();
