@@ -337,9 +337,9 @@ mod tests {
         let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
         for x in [-0.003, 0.0, 0.004] {
             // Halfway between the points of the grid.
-            let odds = posterior.probabilities(&aimed(x), 1);
-            assert!((odds.contact - below(-0.0045 - x)).abs() < 0.06, "{x}: {odds:?} {}", below(-0.0045 - x));
-            assert!((odds.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {odds:?}");
+            let outcome = posterior.probabilities(&aimed(x), 1);
+            assert!((outcome.contact - below(-0.0045 - x)).abs() < 0.06, "{x}: {outcome:?} {}", below(-0.0045 - x));
+            assert!((outcome.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {outcome:?}");
         }
         assert!(posterior.probabilities(&aimed(0.006), 1).contact < posterior.probabilities(&aimed(0.0), 1).contact);
     }
