@@ -231,7 +231,7 @@ fn members_know_only_whom_they_may() {
             "object-detector ftac-platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex robot-session-log grasp-verification progress",
         ),
         ("fault-detection", "hand-model world scenarios sim dexterous-grasping control grasp-verification"),
-        ("external-policy", "ftac-platform hand-model control progress"),
+        ("external-policy", "ftac-platform hand-model world control progress"),
         (
             "registration",
             "ftac-platform hand-model world scenarios sim tactile-perception dexterous-grasping control grasp-verification robot-backends",
@@ -265,7 +265,7 @@ fn members_know_only_whom_they_may() {
         ),
         (
             "ftac-python",
-            "ftac hand-model world scenarios sim tactile-optics tactile-perception control robot-session-log grasp-verification external-policy learning-environment bench",
+            "ftac hand-model world scenarios sim tactile-optics tactile-perception control robot-session-log grasp-verification external-policy learning-environment bench ftac-platform",
         ),
         ("e2e", "statistics"),
     ];

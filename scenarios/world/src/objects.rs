@@ -7,6 +7,7 @@
 
 mod builtin;
 mod fallen;
+mod features;
 pub mod file;
 mod lathe;
 mod model;

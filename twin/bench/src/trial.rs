@@ -278,7 +278,7 @@ impl Bench {
             combination,
             trial,
             seed: trial_rng(self.seed ^ EXTERNAL_POLICY_DOMAIN, combination, trial).random(),
-            objects: start.objects.iter().map(|object| object.name.as_str()).collect(),
+            objects: start.objects.iter().map(|object| &**object).collect(),
             yaws: executor.targets().iter().map(|target| target.detected.yaw).collect(),
             limits: &limits,
         });

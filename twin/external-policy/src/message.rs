@@ -4,10 +4,11 @@ use control::action::{Action, ActionLimits, ArmAction, HandAction};
 use control::policy::chooser::{AimOffset, ChooserDecision, ChooserSituation};
 use control::score::GraspCandidate;
 use hand_model::robot::{ArmState, ServoState};
-use hand_model::{DigitVector, Hand};
+use hand_model::{ActuatorVector, ArmVector, DigitVector, Hand};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use world::objects::ObjectModel;
 
 use super::server::PolicyServerError;
 
@@ -36,7 +37,8 @@ pub struct TrialInfo<'a> {
     pub trial: usize,
     /// Seed for the random numbers of the policy. It reveals nothing about the random numbers of the trial.
     pub seed: u32,
-    pub objects: Vec<&'a str>,
+    /// Objects as known to the controller, in order.
+    pub objects: Vec<&'a ObjectModel>,
     /// Yaws of the objects from their rest poses, as detected, rad.
     pub yaws: Vec<f64>,
     pub limits: &'a ActionLimits,
@@ -48,9 +50,19 @@ pub fn reset_question(info: &TrialInfo) -> Value {
     json!({
         "ask": "reset",
         "info": {
-            "combination": info.combination, "trial": info.trial, "seed": info.seed, "objects": info.objects, "yaws": info.yaws,
+            "combination": info.combination,
+            "trial": info.trial,
+            "seed": info.seed,
+            "objects": info.objects.iter().map(|object| &object.name).collect::<Vec<_>>(),
+            "yaws": info.yaws,
         },
-        "opposition": info.limits.opposition,
+        "object_features": info.objects.iter().map(|object| object.features()).collect::<Vec<_>>(),
+        "limits": {
+            "tension": info.limits.tension,
+            "opposition": info.limits.opposition,
+            "spools": &info.limits.spools[..],
+            "joints": &info.limits.joints[..],
+        },
     })
 }
 
@@ -143,17 +155,36 @@ struct ActionAnswer {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RequestedAction {
-    twist: [f64; 6],
-    tensions: DigitVector,
-    opposition: f64,
+    arm: RequestedArm,
+    hand: RequestedHand,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum RequestedArm {
+    Twist([f64; 6]),
+    Joints(ArmVector<f64>),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum RequestedHand {
+    Tensions { tensions: DigitVector, opposition: f64 },
+    Spools(ActuatorVector<f64>),
 }
 
 /// Reads the answer to [`act_question`]; `None` if the policy has finished.
 pub fn parse_action(answer: Value) -> Result<Option<Action>, PolicyServerError> {
     let ActionAnswer { action } = read(answer)?;
-    Ok(action.map(|RequestedAction { twist, tensions, opposition }| Action {
-        arm: ArmAction::Twist(twist.into()),
-        hand: HandAction::Tensions { tensions, opposition },
+    Ok(action.map(|RequestedAction { arm, hand }| Action {
+        arm: match arm {
+            RequestedArm::Twist(twist) => ArmAction::Twist(twist.into()),
+            RequestedArm::Joints(joints) => ArmAction::Joints(joints),
+        },
+        hand: match hand {
+            RequestedHand::Tensions { tensions, opposition } => HandAction::Tensions { tensions, opposition },
+            RequestedHand::Spools(spools) => HandAction::Spools(spools),
+        },
     }))
 }
 
@@ -174,7 +205,8 @@ mod tests {
         );
         assert_eq!(parse_choice(json!({ "choice": null })).unwrap(), ChooserDecision::Keep);
         assert!(parse_action(json!({ "action": null })).unwrap().is_none());
-        let row = json!({ "twist": [0, 0, 0.1, 0, 0, 0], "tensions": [1, 2, 3, 4, 5], "opposition": 0.3 });
+        let hand = json!({ "tensions": { "tensions": [1, 2, 3, 4, 5], "opposition": 0.3 } });
+        let row = json!({ "arm": { "twist": [0, 0, 0.1, 0, 0, 0] }, "hand": hand });
         let action = parse_action(json!({ "action": row })).unwrap().unwrap();
         assert_eq!(action.hand, HandAction::Tensions { tensions: [1.0, 2.0, 3.0, 4.0, 5.0].into(), opposition: 0.3 });
         for (answer, words) in [
@@ -185,7 +217,11 @@ mod tests {
             let error = parse_choice(answer).unwrap_err().to_string();
             assert!(error.starts_with("the policy's answer: ") && error.contains(words), "{error}");
         }
-        let short = json!({ "action": { "twist": [0, 0], "tensions": [1, 2, 3, 4, 5], "opposition": 0 } });
+        let joints = json!({ "arm": { "joints": [0, 1, 2, 3, 4, 5, 6] }, "hand": { "spools": [1, 2, 3, 4, 5, 6] } });
+        let action = parse_action(json!({ "action": joints })).unwrap().unwrap();
+        assert!(matches!(action.hand, HandAction::Spools(spools) if spools[5] == 6.0), "{action:?}");
+        assert!(matches!(action.arm, ArmAction::Joints(joints) if joints[6] == 6.0), "{action:?}");
+        let short = json!({ "action": { "arm": { "twist": [0, 0] }, "hand": hand } });
         assert!(parse_action(short).unwrap_err().to_string().contains("invalid length 2"));
     }
 

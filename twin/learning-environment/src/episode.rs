@@ -2,20 +2,18 @@
 //!
 //! An episode is a trial of the benchmark under another seed, with the same combinations, variation of object poses,
 //! errors of arm and detector, and effects. Its seed decides everything that is random in it, including its combination
-//! if none is requested.
+//! or its objects if several are allowed.
 
 use std::sync::Arc;
 
 use control::detection::DetectedObject;
 use control::motion::tension::friction_compensated;
-use grasp_verification::rollout::{PALM, digit_bits, in_hand};
+use grasp_verification::rollout::in_hand;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::{DigitVector, Hand};
-use nalgebra::Point3;
 use rand::RngExt as _;
 use scenarios::generator::trial_rng;
 use sim::SimulatedRobot;
-use sim::robot::GroundTruth;
 use sim::tactile::TactileBoard;
 use world::objects::ObjectModel;
 
@@ -25,22 +23,18 @@ use bench::trial::{Bench, NoWatcher};
 use control::pad_images::ImageSizeError;
 use robot_backends::Backend;
 
+pub use self::progress::Progress;
+
+mod progress;
+
 /// Seed of the bench that episodes are drawn from. No benchmark trial has it.
 pub const EPISODE_SEED: u64 = 0x6570_6973_6f64_6573;
+/// Seed of the draws of objects.
+const OBJECT_SEED: u64 = 0x6f62_6a65_6374_7321;
 /// Time for which the task's objects must be held without a break, s.
 pub const HOLD_TIME: f64 = 1.0;
 /// Height below which an object has left the table, m.
 const FALLEN_HEIGHT: f64 = -0.05;
-/// Centre of the palm in its frame, m: grasped objects lie a few centimetres in front of it.
-const GRASP_CENTER: [f64; 3] = [0.0, 0.0, -0.03];
-/// Distance over which the reward for proximity falls off, m.
-const PROXIMITY_DISTANCE: f64 = 0.1;
-/// Height that counts as fully lifted, m.
-const FULL_LIFT_HEIGHT: f64 = 0.1;
-/// Shares of proximity, touch and lift in an object's progress.
-const PROGRESS_SHARES: [f64; 3] = [0.3, 0.2, 0.5];
-/// Number of touching digits (and palm) that counts as a full touch.
-const FULL_TOUCH_COUNT: f64 = 3.0;
 /// Maximum number of first grasps that are tried until one holds.
 const MAX_GRASP_TRIES: u64 = 64;
 
@@ -63,13 +57,16 @@ impl EpisodeTask {
 }
 
 /// Options of episodes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EpisodeOptions {
     pub task: EpisodeTask,
     /// Side of the tactile images, pixels; without it there are none.
     pub images: Option<usize>,
     /// Number of the combination; without it each episode draws one.
     pub combination: Option<usize>,
+    /// Names of objects from which an episode draws its own, without repetition. If there are none, the objects are
+    /// those of the combination.
+    pub objects: Vec<String>,
 }
 
 /// Reason for which an episode cannot begin.
@@ -81,6 +78,12 @@ pub enum EpisodeError {
     /// The task needs more objects than a trial of the scenario has.
     #[error("task: found one of {expected} objects, expected one of {found} at most, as the scenario's trials have")]
     Objects { found: usize, expected: usize },
+    /// The task begins with a grasp of a combination, and its objects cannot be chosen.
+    #[error("objects: found {0} names, expected none for a task that begins with a planned grasp")]
+    FixedObjects(usize),
+    /// There are fewer objects to choose from than the task needs.
+    #[error("objects: found {found}, expected {expected} at least")]
+    TooFewObjects { found: usize, expected: usize },
     /// No first grasp of the combination holds under the errors drawn.
     #[error("combination {0}: {MAX_GRASP_TRIES} first grasps in a row do not hold their object")]
     NoFirstGrasp(usize),
@@ -97,10 +100,8 @@ pub enum EpisodeError {
 pub struct Judgement {
     /// True for each object that is in the hand and lifted.
     pub held: Vec<bool>,
-    /// Progress of the task, 0 to 1: near, touched, lifted, averaged over its objects.
-    pub progress: f64,
-    /// Progress gained in this step.
-    pub gained: f64,
+    /// Progress of the task, averaged over its objects.
+    pub progress: Progress,
     /// True if all objects have been held for [`HOLD_TIME`].
     pub success: bool,
     /// True if an object has left the table, or if the simulation cannot continue.
@@ -120,28 +121,26 @@ pub struct Episode {
     combination: usize,
     grip: GripCommand,
     held_since: Option<f64>,
-    progress: f64,
 }
 
 impl Episode {
     /// Begins the episode of a `seed`.
     pub fn begin(bench: &Bench, options: EpisodeOptions, seed: u64) -> Result<Self, EpisodeError> {
         let combination = draw_combination(bench, options.combination, seed)?;
-        let (found, expected) = (bench.grasp_pairs.pairs[combination].objects().len(), options.task.objects());
-        if found < expected {
-            return Err(EpisodeError::Objects { found, expected });
-        }
+        let objects = draw_objects(bench, &options, combination, seed)?;
         let seed = seed as usize;
         let InitialState { begun, seen, images, opposition } = match options.task {
             EpisodeTask::PickSecond => begin_after_grasp(bench, combination, seed, options.images)?,
-            task => begin_at_rest(bench, combination, seed, (task.objects(), options.images))?,
+            _ => begin_at_rest(bench, combination, seed, (&objects, options.images))?,
         };
-        let objects = bench.world.models(&bench.grasp_pairs.pairs[combination].objects()[..options.task.objects()])?;
         let grip = (begun.tensions, opposition);
         let scene = TactileScene::begin(&bench.world.cell, begun, images)?;
-        let mut episode = Self { scene, objects, detections: seen, combination, grip, held_since: None, progress: 0.0 };
-        episode.progress = episode.judge().progress;
-        Ok(episode)
+        Ok(Self { scene, objects, detections: seen, combination, grip, held_since: None })
+    }
+
+    /// Returns the models of the objects as a controller knows them, in order.
+    pub fn models(&self) -> &[Arc<ObjectModel>] {
+        &self.objects
     }
 
     /// Returns the names of the objects, in the order of the combination.
@@ -172,31 +171,12 @@ impl Episode {
         self.held_since = if all { self.held_since.or(Some(truth.time)) } else { None };
         // Half a tick of tolerance: times are sums of ticks.
         let success = self.held_since.is_some_and(|since| truth.time - since > HOLD_TIME - 0.004);
-        let before =
-            std::mem::replace(&mut self.progress, progress(&self.scene.cell.robot.hand, &truth, &self.objects));
-        let on_hand = |height: f64| height.is_finite() && height >= FALLEN_HEIGHT;
-        let lost = !truth.objects.iter().all(|pose| on_hand(pose.translation.z));
-        Judgement { held, progress: self.progress, gained: self.progress - before, success, lost }
+        let held_share = self.held_since.map_or(0.0, |since| ((truth.time - since) / HOLD_TIME).min(1.0));
+        let progress = Progress::measure(&self.scene.cell.robot.hand, &truth, &self.objects, held_share);
+        let on_table = |height: f64| height.is_finite() && height >= FALLEN_HEIGHT;
+        let lost = !truth.objects.iter().all(|pose| on_table(pose.translation.z));
+        Judgement { held, progress, success, lost }
     }
-}
-
-/// Returns the mean progress over the objects.
-fn progress(hand: &Hand, truth: &GroundTruth, objects: &[Arc<ObjectModel>]) -> f64 {
-    let [near, touch, lift] = PROGRESS_SHARES;
-    let middle = truth.palm * Point3::from(GRASP_CENTER);
-    let of = |(index, object): (usize, &Arc<ObjectModel>)| {
-        let at = truth.objects[index].translation.vector;
-        let touched = truth.touched_by[index];
-        let digits = hand.digits().iter().map(|digit| digit_bits(hand, &[*digit])).chain([PALM]);
-        let touching = digits.filter(|bits| touched & bits != 0).count() as f64;
-        let raised =
-            if touched == 0 { 0.0 } else { ((at.z - object.rest_height()) / FULL_LIFT_HEIGHT).clamp(0.0, 1.0) };
-        near * (1.0 - ((at - middle.coords).norm() / PROXIMITY_DISTANCE).tanh())
-            + touch * (touching / FULL_TOUCH_COUNT).min(1.0)
-            + lift * raised
-    };
-    let sum: f64 = objects.iter().enumerate().map(of).sum();
-    sum / objects.len() as f64
 }
 
 fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<usize, EpisodeError> {
@@ -208,6 +188,36 @@ fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<us
     }
 }
 
+/// Returns the objects of an episode: those of the combination, or a draw from the options' own.
+fn draw_objects(
+    bench: &Bench,
+    options: &EpisodeOptions,
+    combination: usize,
+    seed: u64,
+) -> Result<Vec<Arc<ObjectModel>>, EpisodeError> {
+    let expected = options.task.objects();
+    if options.objects.is_empty() {
+        let names = bench.grasp_pairs.pairs[combination].objects();
+        if names.len() < expected {
+            return Err(EpisodeError::Objects { found: names.len(), expected });
+        }
+        return Ok(bench.world.models(&names[..expected])?);
+    }
+    let mut left: Vec<&str> = options.objects.iter().map(String::as_str).collect();
+    if options.task == EpisodeTask::PickSecond {
+        return Err(EpisodeError::FixedObjects(left.len()));
+    }
+    if left.len() < expected {
+        return Err(EpisodeError::TooFewObjects { found: left.len(), expected });
+    }
+    // A stream of its own: the episode's other draws stay those of its combination.
+    let mut rng = trial_rng(OBJECT_SEED, 0, seed as usize);
+    let names: Vec<&str> = (0..expected).map(|_| left.swap_remove(rng.random_range(0..left.len()))).collect();
+    let known = &bench.world.objects;
+    let unknown = |name: &str| SceneError::Object { name: name.to_owned(), known: known.names().join(", ") };
+    names.into_iter().map(|name| Ok(known.get(name).cloned().ok_or_else(|| unknown(name))?)).collect()
+}
+
 /// Initial conditions of an episode.
 struct InitialState {
     begun: StartedRobot,
@@ -217,25 +227,24 @@ struct InitialState {
     opposition: f64,
 }
 
-/// Begins with the combination's first `count` objects on the table and the arm ready.
+/// Begins with these objects on the table and the arm ready.
 fn begin_at_rest(
     bench: &Bench,
     combination: usize,
     trial: usize,
-    (count, side): (usize, Option<usize>),
+    (objects, side): (&[Arc<ObjectModel>], Option<usize>),
 ) -> Result<InitialState, EpisodeError> {
     let world = &bench.world;
     let (setup, _) = InitialConditions::noisy(bench, combination, trial)?;
     let noise = &setup.noise;
-    let objects = setup.objects(bench)?;
-    let real = objects.iter().zip(&noise.object_instances).take(count);
-    let objects = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
-    let scene = world.scene(&objects, world.cell.ready_posture, noise);
+    let real = objects.iter().zip(&noise.object_instances);
+    let real = real.map(|(object, one)| Ok(one.apply_to(object)?)).collect::<anyhow::Result<Vec<_>>>()?;
+    let scene = world.scene(&real, world.cell.ready_posture, noise);
     let board = side.map(|side| cameras_for_images(bench, &setup, side)).transpose()?;
     let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
     let board = board.unwrap_or_else(TactileBoard::blank);
-    let robot = SimulatedRobot::new(&world.cell.robot, &scene, board);
-    let seen = world.detected_objects(&objects, noise);
+    let robot = SimulatedRobot::new(world.simulated_robot(), &scene, board);
+    let seen = world.detected_objects(&real, noise);
     let begun = StartedRobot {
         robot,
         posture: world.cell.ready_posture,

@@ -13,6 +13,6 @@ pub mod picture;
 pub mod scene;
 
 pub use control::pad_images::{ImageSizeError, PadImages};
-pub use episode::{Episode, EpisodeError, EpisodeOptions, EpisodeTask, Judgement};
+pub use episode::{Episode, EpisodeError, EpisodeOptions, EpisodeTask, Judgement, Progress};
 pub use picture::PictureSizeError;
 pub use scene::{SceneError, SceneObject, SceneOptions, TactileScene};

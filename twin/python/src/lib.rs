@@ -38,7 +38,7 @@ mod _native {
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]
-    use crate::shared_benches::{combinations, objects, robot};
+    use crate::shared_benches::{benchmark_scenario, combinations, objects, robot, scenario};
     #[pymodule_export]
     use crate::touch::heights;
     #[pymodule_export]

@@ -11,9 +11,9 @@ use control::action::{Action, ActionError, ArmAction, HandAction};
 use hand_model::arm::MAX_ARM_JOINTS;
 use hand_model::hand::{MAX_ACTUATORS, MAX_DIGITS};
 use learning_environment::{
-    EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, SceneObject, SceneOptions,
+    EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, Progress, SceneObject, SceneOptions,
 };
-use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -23,12 +23,16 @@ use crate::arrays::{
     Numbers, array_of_rows, bounded_length, failure, fixed_length, picture, pictures, pose_row, value_error,
 };
 use crate::pickling::{PickledState, SteppedScene, UnpickledState, check_state, decode_actions, pickle};
-use crate::shared_benches::shared_bench;
+use crate::shared_benches::{Setup, shared_bench, varied_bench};
 
-/// Constructor arguments of a scene: objects and their places, images, seed, reality, texts of the robot.
-type SceneArguments = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, bool, Option<String>);
-/// Constructor arguments of an episode: task, images, combination, seed, reality, texts of the robot.
-type EpisodeArguments = (String, Option<usize>, Option<usize>, u64, bool, Option<String>);
+/// Constructor arguments of a scene: objects and their places, images, seed, setup.
+type SceneArguments = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, Setup);
+/// Choices of an episode: images, combination, names of objects to draw from.
+type EpisodeChoices = (Option<usize>, Option<usize>, Vec<String>);
+/// Variation of an episode: fields of the scenario as JSON, and the number of the robot instance.
+type Variation = (Option<String>, Option<u64>);
+/// Constructor arguments of an episode: task, choices, seed, setup, variation.
+type EpisodeArguments = (String, EpisodeChoices, u64, Setup, Variation);
 
 /// A robot at a table with objects.
 #[pyclass(frozen, module = "ftac._native")]
@@ -142,16 +146,15 @@ impl Scene {
         objects: Vec<(String, f64, f64, f64)>,
         images: Option<usize>,
         seed: u64,
-        reality: bool,
-        robot: Option<String>,
+        setup: Setup,
     ) -> PyResult<Self> {
-        let bench = shared_bench(py, reality, robot.as_deref())?;
+        let bench = shared_bench(py, &setup)?;
         let placed =
             objects.iter().cloned().map(|(name, x, y, yaw)| SceneObject { name, place: TablePlacement { x, y, yaw } });
         let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
         let scene =
             py.detach(|| learning_environment::TactileScene::new(&bench.world, &bench.cameras, &placed, options));
-        let (scene, arguments) = (scene.map_err(value_error)?, (objects, images, seed, reality, robot));
+        let (scene, arguments) = (scene.map_err(value_error)?, (objects, images, seed, setup));
         Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() })))
     }
 
@@ -204,8 +207,8 @@ impl Scene {
 /// Restores a pickled scene.
 #[pyfunction]
 pub fn restored_scene(py: Python<'_>, made: SceneArguments, kept: UnpickledState<'_>) -> PyResult<Scene> {
-    let (objects, images, seed, reality, robot) = made;
-    let restored = Scene::new(py, objects, images, seed, reality, robot)?;
+    let (objects, images, seed, setup) = made;
+    let restored = Scene::new(py, objects, images, seed, setup)?;
     {
         let mut stepped = lock_stepped(&restored.0)?;
         let scene = &mut stepped.scene;
@@ -231,12 +234,12 @@ fn render_picture<'py>(
     picture(py, side as usize, rgb)
 }
 
-/// Judgement after a step: held, progress, gained, success, lost.
-type JudgementTuple = (Vec<bool>, f64, f64, bool, bool);
+/// Judgement of a scene: held, terms of progress (reach, near, touch, lift, hold), success, lost.
+type JudgementTuple = (Vec<bool>, [f64; 5], bool, bool);
 
 fn judgement_tuple(judgement: Judgement) -> JudgementTuple {
-    let Judgement { held, progress, gained, success, lost } = judgement;
-    (held, progress, gained, success, lost)
+    let Judgement { held, progress: Progress { reach, near, touch, lift, hold }, success, lost } = judgement;
+    (held, [reach, near, touch, lift, hold], success, lost)
 }
 
 #[pymethods]
@@ -245,11 +248,10 @@ impl Episode {
     fn new(
         py: Python<'_>,
         task: &str,
-        images: Option<usize>,
-        combination: Option<usize>,
+        choices: EpisodeChoices,
         seed: u64,
-        reality: bool,
-        robot: Option<String>,
+        setup: Setup,
+        variation: Variation,
     ) -> PyResult<Self> {
         let kind = match task {
             "pick_one" => EpisodeTask::PickOne,
@@ -261,7 +263,7 @@ impl Episode {
                 )));
             }
         };
-        let bench = shared_bench(py, reality, robot.as_deref())?;
+        let bench = varied_bench(shared_bench(py, &setup)?, variation.0.as_deref(), variation.1)?;
         if kind == EpisodeTask::PickSecond
             && !grasp_verification::builtin::fits_robot(&bench.world.cell.robot).map_err(|error| failure(&error))?
         {
@@ -269,8 +271,9 @@ impl Episode {
             let words = "task: found `pick_second`, which begins with a grasp of the built-in robot, expected `pick_one` or `pick_two` with";
             return Err(value_error(format!("{words} {name}")));
         }
-        let options = EpisodeOptions { task: kind, images, combination };
-        let arguments = (task.to_owned(), images, combination, seed, reality, robot);
+        let (images, combination, objects) = choices.clone();
+        let options = EpisodeOptions { task: kind, images, combination, objects };
+        let arguments = (task.to_owned(), choices, seed, setup, variation);
         match py.detach(|| learning_environment::Episode::begin(&bench, options, seed)) {
             Ok(scene) => Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
@@ -335,6 +338,18 @@ impl Episode {
         Ok(lock_stepped(&self.0)?.scene.detections().iter().map(|object| object.yaw).collect())
     }
 
+    /// Returns the features of each object as known to a controller: half extents (m), mass (kg), friction, height at
+    /// rest (m).
+    fn object_features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let stepped = lock_stepped(&self.0)?;
+        Ok(array_of_rows(py, stepped.scene.models().iter().map(|object| object.features())))
+    }
+
+    /// Judges the scene as it is.
+    fn judge(&self) -> PyResult<JudgementTuple> {
+        Ok(judgement_tuple(lock_stepped(&self.0)?.scene.judge()))
+    }
+
     fn combination(&self) -> PyResult<usize> {
         Ok(lock_stepped(&self.0)?.scene.combination())
     }
@@ -361,8 +376,8 @@ fn step_and_judge(
 /// Restores a pickled episode.
 #[pyfunction]
 pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledState<'_>) -> PyResult<Episode> {
-    let (task, images, combination, seed, reality, robot) = made;
-    let restored = Episode::new(py, &task, images, combination, seed, reality, robot)?;
+    let (task, choices, seed, setup, variation) = made;
+    let restored = Episode::new(py, &task, choices, seed, setup, variation)?;
     {
         let mut stepped = lock_stepped(&restored.0)?;
         let stepped: &mut SteppedScene<_, _> = &mut stepped;
@@ -374,32 +389,21 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledS
     Ok(restored)
 }
 
-/// Steps a batch of episodes on `jobs` threads. A row of `actions` is twist, tension of each digit, opposition. If one
-/// action is refused, no episode is stepped.
+/// Steps a batch of episodes on `jobs` threads. If one action is refused, no episode is stepped.
 #[pyfunction]
 pub fn step_all(
     py: Python<'_>,
     episodes: Vec<Py<Episode>>,
-    actions: PyReadonlyArray2<'_, f64>,
+    actions: Vec<ActionArguments<'_>>,
     jobs: usize,
 ) -> PyResult<Vec<JudgementTuple>> {
-    let mut guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
-    let Some(digits) = guards.first().map(|first| first.scene.scene.limits().digits) else { return Ok(Vec::new()) };
-    let length = 6 + digits + 1;
-    if actions.shape() != [guards.len(), length] {
-        let shape = actions.shape();
-        return Err(value_error(format!("actions: found shape {shape:?}, expected ({}, {length})", guards.len())));
+    if actions.len() != episodes.len() {
+        return Err(value_error(format!("actions: found {}, expected {}", actions.len(), episodes.len())));
     }
-    let rows = actions.as_slice().map_err(value_error)?.chunks_exact(length);
+    let actions = actions.into_iter().map(action).collect::<PyResult<Vec<_>>>()?;
+    let mut guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
     let mut work = Vec::with_capacity(guards.len());
-    for (number, (guard, row)) in guards.iter_mut().zip(rows).enumerate() {
-        let action = Action {
-            arm: ArmAction::Twist(Twist::from_column_slice(&row[..6])),
-            hand: HandAction::Tensions {
-                tensions: row[6..6 + digits].iter().copied().collect(),
-                opposition: row[6 + digits],
-            },
-        };
+    for (number, (guard, action)) in guards.iter_mut().zip(actions).enumerate() {
         let refused = |error| value_error(format!("environment {number}: {error}"));
         guard.scene.scene.limits().check(&action).map_err(refused)?;
         let stepped: &mut SteppedScene<_, _> = guard;

@@ -1,24 +1,28 @@
 //! Data shared by scenes and episodes, made once per process: robot, objects, plans, cameras.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bench::builtin::make_graspless_bench;
+use bench::builtin::{make_graspless_bench, set_plant_instance};
 use bench::trial::Bench;
+use ftac_platform::data::read_text;
+use ftac_platform::file_access::FileAccess;
 use hand_model::{RobotModel, RobotSources};
 use learning_environment::episode::EPISODE_SEED;
 use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
+use scenarios::scenario::BENCHMARK_TOML;
+use toml::{Table, Value};
 use world::objects::ObjectSet;
 
 use crate::arrays::{failure, value_error};
 
-/// A bench, with the keys by which it is shared: true if it has the benchmark's effects and errors, and the files of
-/// its robot.
-type SharedBench = (bool, Option<RobotSources>, Arc<Bench>);
+/// Setup of a scene or episode: true for the benchmark's effects and errors, the texts of the robot ([`robot`]), and the
+/// text of a scenario ([`scenario`]).
+pub type Setup = (bool, Option<String>, Option<String>);
 
-static SHARED_BENCHES: Mutex<Vec<SharedBench>> = Mutex::new(Vec::new());
+static SHARED_BENCHES: Mutex<Vec<(Setup, Arc<Bench>)>> = Mutex::new(Vec::new());
 
 /// Reads a robot file. Returns its texts as JSON, the number of joints of its arm, and the number of pads of its hand.
 #[pyfunction]
@@ -28,26 +32,88 @@ pub fn robot(path: PathBuf) -> PyResult<(String, usize, usize)> {
     Ok((text, robot.arm.joints(), robot.hand.pads.len()))
 }
 
-/// Returns the bench with the benchmark's objects and the built-in robot, or that of the texts from [`robot`]. Without
-/// `reality` there are no errors and no effects (compliance, friction).
-pub fn shared_bench(py: Python<'_>, reality: bool, robot: Option<&str>) -> PyResult<Arc<Bench>> {
-    let sources: Option<RobotSources> = robot.map(serde_json::from_str).transpose().map_err(value_error)?;
+/// Reads a scenario file. Returns a text of the same scenario that refers to no other file.
+#[pyfunction]
+pub fn scenario(path: PathBuf) -> PyResult<String> {
+    let text = read_text(&path).map_err(value_error)?;
+    Scenario::self_contained(&text, &path, FileAccess::in_folder_of(&path)).map_err(value_error)
+}
+
+/// Returns the tables of the benchmark's scenario file as JSON.
+#[pyfunction]
+pub fn benchmark_scenario() -> PyResult<String> {
+    let tables: Table = BENCHMARK_TOML.parse().map_err(value_error)?;
+    serde_json::to_string(&tables).map_err(value_error)
+}
+
+/// Returns the bench of a setup. Without a scenario it has that of the benchmark; without effects and errors there are
+/// none (compliance, friction).
+pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
+    let (reality, robot, text) = setup;
+    let sources: Option<RobotSources> = robot.as_deref().map(serde_json::from_str).transpose().map_err(value_error)?;
     let model = RobotModel::from_sources(sources.as_ref()).map_err(value_error)?;
+    let mut scenario = match text {
+        Some(text) => Scenario::parse(text, Path::new("scenario")).map_err(value_error)?,
+        None => Scenario::benchmark(),
+    };
+    if !reality {
+        scenario.effects = Effects::default();
+        scenario.noise = scenario.noise.scaled(0.0);
+    }
     let made = py.detach(|| {
         let mut shared = SHARED_BENCHES.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((.., bench)) = shared.iter().find(|made| (made.0, &made.1) == (reality, &sources)) {
+        if let Some((_, bench)) = shared.iter().find(|(made, _)| made == setup) {
             return Ok(bench.clone());
         }
-        let mut scenario = Scenario::benchmark();
-        if !reality {
-            scenario.effects = Effects::default();
-            scenario.noise = scenario.noise.scaled(0.0);
-        }
         let bench = Arc::new(make_graspless_bench(&model, scenario, EPISODE_SEED)?);
-        shared.push((reality, sources, bench.clone()));
+        shared.push((setup.clone(), bench.clone()));
         Ok(bench)
     });
     made.map_err(|error: anyhow::Error| failure(&error))
+}
+
+/// Tables of a scenario that can differ between episodes.
+const RANDOMIZED_TABLES: [&str; 3] = ["noise", "effects", "layout"];
+
+/// Returns the bench with fields of its scenario replaced by those of `overrides`, a JSON object of tables, and with
+/// robot instance `instance` as the simulated robot, which the observations' nominal model does not know.
+pub fn varied_bench(bench: Arc<Bench>, overrides: Option<&str>, instance: Option<u64>) -> PyResult<Arc<Bench>> {
+    if overrides.is_none() && instance.is_none() {
+        return Ok(bench);
+    }
+    let mut scenario = bench.world.scenario.clone();
+    if let Some(overrides) = overrides {
+        let overrides: Table = serde_json::from_str(overrides).map_err(value_error)?;
+        if let Some(name) = overrides.keys().find(|name| !RANDOMIZED_TABLES.contains(&name.as_str())) {
+            let known = RANDOMIZED_TABLES.join(", ");
+            return Err(value_error(format!("randomization: found a field of `{name}`, expected one of {known}")));
+        }
+        let mut all = Table::try_from(&scenario).map_err(value_error)?;
+        merge(&mut all, overrides, "randomization").map_err(value_error)?;
+        let text = toml::to_string(&all).map_err(value_error)?;
+        scenario = Scenario::parse(&text, Path::new("randomization")).map_err(value_error)?;
+    }
+    let mut varied = bench.with_scenario(scenario);
+    if let Some(number) = instance {
+        set_plant_instance(&mut varied, number).map_err(|error| failure(&error))?;
+    }
+    Ok(Arc::new(varied))
+}
+
+/// Replaces fields of `all` by those of `overrides`. A field that `all` does not have is an error.
+fn merge(all: &mut Table, overrides: Table, path: &str) -> Result<(), String> {
+    for (name, value) in overrides {
+        let path = format!("{path}.{name}");
+        match (all.get_mut(&name), value) {
+            (Some(Value::Table(inner)), Value::Table(value)) => merge(inner, value, &path)?,
+            (Some(field), value) => *field = value,
+            (None, _) => {
+                let known: Vec<&str> = all.keys().map(String::as_str).collect();
+                return Err(format!("{path}: found no such field, expected one of {}", known.join(", ")));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Returns the names of the built-in objects.

@@ -12,6 +12,7 @@ use grasp_verification::grasp_pair::reduced_digits::plan_without_digits;
 use grasp_verification::scene_model::SceneModel;
 use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::Digit;
+use scenarios::Scenario;
 use scenarios::record::Condition;
 use sim::tactile::TactileBoard;
 use tactile_perception::TouchPipeline;
@@ -80,6 +81,29 @@ impl Bench {
     /// Sets whether deciding policies simulate second grasps in rollouts before they choose one.
     pub fn set_look_ahead(&mut self, foresees: bool) {
         self.rollout_model = foresees.then(|| SceneModel::new(self.world.clone(), self.cameras.clone()));
+    }
+
+    /// Returns a bench with the same robot, objects and grasps under another scenario, and without an external policy.
+    /// `scenario` may differ from the bench's in noise, effects and layout only: the objects stay those of the bench.
+    #[must_use]
+    pub fn with_scenario(&self, scenario: Scenario) -> Self {
+        Self {
+            world: SimulatedWorld { scenario, ..self.world.clone() },
+            repertoire: self.repertoire.clone(),
+            grasp_pairs: self.grasp_pairs.clone(),
+            cameras: self.cameras.clone(),
+            pipeline: self.pipeline.clone(),
+            known_objects: self.known_objects.clone(),
+            uncertainty: self.uncertainty.clone(),
+            seed: self.seed,
+            profile: Arc::default(),
+            rollout_model: None,
+            continues_after_faults: self.continues_after_faults,
+            external_policy: None,
+            notes: self.notes.clone(),
+            left_out: self.left_out.clone(),
+            intact_grasps: None,
+        }
     }
 
     /// Makes `touch` do without `digits` from now on. `ideal` and `blind` keep the original grasp pairs.

@@ -14,7 +14,7 @@ static BENCH: LazyLock<Bench> =
     LazyLock::new(|| make_scene_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), 3, EPISODE_SEED, true).unwrap());
 
 fn options(task: EpisodeTask) -> EpisodeOptions {
-    EpisodeOptions { task, images: None, combination: None }
+    EpisodeOptions { task, images: None, combination: None, objects: Vec::new() }
 }
 
 fn action(twist: [f64; 6], tension: f64) -> Action {
@@ -86,7 +86,41 @@ fn the_second_pick_begins_with_the_first_object_in_the_hand() {
     let mut episode = Episode::begin(&BENCH, options(EpisodeTask::PickSecond), 3).unwrap();
     let judgement = episode.judge();
     assert_eq!(judgement.held, [true, false]);
-    assert!(judgement.progress > 0.3, "{judgement:?}");
+    assert!(judgement.progress.touch > 0.3 && judgement.progress.lift > 0.3, "{judgement:?}");
+}
+
+/// Objects are drawn from the given names by the seed, and every one of them turns up.
+#[test]
+fn objects_can_be_chosen() {
+    let names = ["lemon", "golf_ball", "can_66"].map(str::to_owned).to_vec();
+    let of = |task, seed| {
+        let asked = EpisodeOptions { objects: names.clone(), ..options(task) };
+        Episode::begin(&BENCH, asked, seed).map(|episode| episode.objects().map(str::to_owned).collect::<Vec<_>>())
+    };
+    let drawn: Vec<_> = (0..12).map(|seed| of(EpisodeTask::PickOne, seed).unwrap()).collect();
+    assert!(names.iter().all(|name| drawn.iter().any(|drawn| drawn[..] == [name.clone()])), "{drawn:?}");
+    let two = of(EpisodeTask::PickTwo, 3).unwrap();
+    assert!(two.len() == 2 && two[0] != two[1], "{two:?}");
+    let error = of(EpisodeTask::PickSecond, 3).unwrap_err().to_string();
+    assert_eq!(error, "objects: found 3 names, expected none for a task that begins with a planned grasp");
+    let asked = EpisodeOptions { objects: vec!["lemmon".to_owned()], ..options(EpisodeTask::PickOne) };
+    let error = Episode::begin(&BENCH, asked, 1).map(|_| ()).unwrap_err().to_string();
+    assert!(error.starts_with("object: found `lemmon`, expected one of "), "{error}");
+}
+
+/// Progress rises while the palm approaches the object, from the first step on.
+#[test]
+fn progress_rises_on_the_way() {
+    let mut episode = Episode::begin(&BENCH, options(EpisodeTask::PickOne), 4).unwrap();
+    let mut before = episode.judge().progress;
+    for _ in 0..10 {
+        let target = episode.detections()[0].pose().translation.vector;
+        let way = (target - episode.scene.palm().translation.vector).normalize() * 0.2;
+        episode.scene.step(&action([way.x, way.y, way.z, 0.0, 0.0, 0.0], 0.0)).unwrap();
+        let now = episode.judge().progress;
+        assert!(now.reach > before.reach && now.near >= before.near, "{before:?} {now:?}");
+        before = now;
+    }
 }
 
 #[test]

@@ -10,7 +10,9 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `touch`: heights and normals from tactile images.
 - `grasps`: the grasps that come with the program.
 - `bench`: your own policy in the benchmark's trials.
-- `envs`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
+- `features`: observations and actions as learners use them, the same in environments, policies and exported data.
+- `envs`, `vector`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
+- `randomization`: fields of the scenario that every episode draws anew.
 - `scripted`: a policy for them that carries out one planned pick-up.
 - `lerobot`: recorded sessions as a LeRobot data set.
 
@@ -23,21 +25,34 @@ import importlib.metadata
 import importlib.util
 from typing import Any
 
-from ftac import bench, grasps, hand, lerobot, optics, scripted, touch
+from ftac import bench, features, grasps, hand, lerobot, optics, randomization, scripted, touch
 from ftac._native import combinations, objects
 from ftac.scene import Scene
 
 __version__ = importlib.metadata.version("ftac")
-__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "lerobot", "objects", "optics", "scripted", "touch"]
+__all__ = [
+    "Scene",
+    "bench",
+    "combinations",
+    "features",
+    "grasps",
+    "hand",
+    "lerobot",
+    "objects",
+    "optics",
+    "randomization",
+    "scripted",
+    "touch",
+]
 
 if importlib.util.find_spec("gymnasium") is not None:
-    from ftac import envs
+    from ftac import envs, vector
 
     envs.register()
-    __all__ += ["envs"]
+    __all__ += ["envs", "vector"]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "envs":
-        raise ImportError("ftac.envs needs gymnasium: pip install 'ftac[gym]'")
+    if name in ("envs", "vector"):
+        raise ImportError(f"ftac.{name} needs gymnasium: pip install 'ftac[gym]'")
     raise AttributeError(f"module 'ftac' has no attribute {name!r}")

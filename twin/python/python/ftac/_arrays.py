@@ -60,3 +60,8 @@ def image(what: str, values: ArrayLike) -> NDArray[np.uint8]:
 def robot_of(path: str | os.PathLike[str] | None) -> tuple[str | None, int, int]:
     """A robot for the native module, how many joints its arm has, and how many pads its hand: those of the F-TAC Hand on a Gen3 without a file."""
     return (None, 7, 17) if path is None else _native.robot(os.fspath(path))
+
+
+def scenario_of(path: str | os.PathLike[str] | None) -> str | None:
+    """The text of a scenario file for the native module; None without a file."""
+    return None if path is None else _native.scenario(os.fspath(path))

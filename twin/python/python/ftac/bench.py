@@ -110,15 +110,16 @@ class Chooser(Protocol):
 class Actor(Protocol):
     """A policy that moves the robot itself, from the beginning of a trial: ``reset`` is as in `Chooser`.
 
-    An attribute ``images``, if there is one and it is not None, is the side of the tactile images that it gets, 8 to 240 pixels. ``reset`` is told the
-    pictures of the untouched pads then too: ``untouched``, as the observation's ``tactile``.
+    An attribute ``features``, if there is one, is the choice of its observations and actions: a `ftac.features.Spec`, or a dictionary of its fields. They have
+    the same keys, shapes and scales as those of the environments and of exported data. With images, ``reset`` is told the pictures of the untouched pads
+    too: ``untouched``, (17, n, n, 3).
     """
 
     def act(self, observation: dict[str, Any]) -> NDArray[np.floating[Any]] | None:
-        """What is to be done in the next 1/20 s: twelve numbers from -1 to 1, as in ``ftac/PickTwo-v0``. None: it has finished.
+        """The action of the next 1/20 s (see `ftac.features`), or None if the policy has finished.
 
-        The observation is that environment's, with ``time`` (s) and ``time_left`` (s). The trial succeeds once both objects have been held up for the
-        benchmark's time: it is over then. An exception, or a value that is not a number, fails it.
+        The observation is that of ``ftac/PickTwo-v1`` with the same features, and ``time_left`` (s). The trial succeeds once both objects have been held up
+        for the benchmark's time: it is over then. An exception, or a value that is not a number, fails it.
         """
         ...
 

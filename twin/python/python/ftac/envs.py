@@ -1,159 +1,212 @@
 """Gymnasium environments: pick one object, a second one beside the first, or two.
 
-``import ftac`` registers ``ftac/PickOne-v0``, ``ftac/PickSecond-v0`` and ``ftac/PickTwo-v0`` where ``gymnasium`` is installed.
+``import ftac`` registers ``ftac/PickOne-v1``, ``ftac/PickSecond-v1``, ``ftac/PickTwo-v1``, and ``ftac/LiftTo-v1`` with goals, where ``gymnasium`` is
+installed. Observations and actions are those of `ftac.features`.
 """
 
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ftac import _actions, _native
-from ftac._arrays import robot_of, side_of, whole
+from ftac import _native, features
+from ftac._arrays import robot_of, scenario_of, whole
+from ftac._poses import inverse, pose_matrix
+from ftac.features import Features, Observation, Spec
+from ftac.randomization import Randomization
 
 Task = Literal["pick_one", "pick_second", "pick_two"]
-Observation = dict[str, Any]
-"""Arrays by name."""
 Vector = NDArray[np.float32]
 
 OBJECTS = {"pick_one": 1, "pick_second": 2, "pick_two": 2}
 STEPS = {"pick_one": 300, "pick_second": 300, "pick_two": 600}
-"""Steps of 1/20 s after which an episode is truncated."""
+"""Steps of 1/20 s after which an episode of ``gymnasium.make`` is truncated; ``max_episode_steps`` sets another number."""
 SIDE = 480
 """Side of a rendered picture, pixels."""
+PAD_FORCE = 20.0
+"""Scale of the force on a pad in ``privileged``, N."""
+
+PROGRESS = ("reach", "near", "touch", "lift", "hold")
+"""Terms of progress, each from 0 to 1: near on a scale of 0.6 m, near on a scale of 5 cm, share of three parts of the hand that touch, height over
+the table / 0.1 m while it is touched, share of the second for which it has to be held. They are means over the objects."""
+REWARDS: dict[str, dict[str, float]] = {
+    "sparse": {"success": 1.0},
+    "shaped": {"reach": 0.3, "near": 0.2, "touch": 0.3, "lift": 0.8, "hold": 0.4, "success": 1.0, "lost": -1.0},
+}
+"""Weights of the terms of a reward. A step's reward is, for each term of `PROGRESS`, its weight times the gain since the step before; the weight of
+``success`` in the step in which the task is done; of ``lost`` in that in which an object leaves the table; and of ``step`` in every step."""
+
+
+class State(NamedTuple):
+    """What `Pick.save` keeps."""
+
+    episode: _native.Episode
+    python: dict[str, Any]
 
 
 class Pick(gymnasium.Env[Observation, Vector]):
     """Objects of the benchmark are to be lifted and held for a second.
 
-    **Actions** (12,) float32, each from -1 to 1: the palm's velocity (3) and angular velocity (3) in world axes, as shares of 0.25 m/s and 1 rad/s; the five
-    cables' tensions (thumb, index, middle, ring, little) from 0 to 60 N; the thumb's opposition over its range. They hold for 1/20 s.
+    **Observations and actions** are those of `ftac.features`, at 20 Hz, all from -1 to 1 but the images; zeros keep the robot still. Nothing in the
+    observations is the scene's truth but ``privileged``. Added by parameters:
 
-    **Observations**, all float32 but the images; nothing in them is the scene's truth:
+    - ``scene_camera`` (n, n, 3) uint8: a camera over the table, with ``camera=n``.
+    - ``privileged`` (k,), with ``privileged=True``, for a critic that may know more than the policy: of each object the true ``palm_from_object`` (12, as
+      ``objects``) and velocity (3, m/s); then the force on each pad / `PAD_FORCE` (17), the joint angles of the hand / (pi / 2) (15), and the cables'
+      tensions / `ftac.features.TENSION` (5).
 
-    - ``servos`` (6, 3): angle (rad), speed (rad/s), current (A).
-    - ``arm`` (7, 3), a row for each of its joints: angle (rad), speed (rad/s), torque (N m).
-    - ``palm`` (7,): ``world_from_palm`` by the arm's encoders.
-    - ``command`` (6,): the last action's tensions and opposition, -1 to 1.
-    - ``detected`` (objects, 7): ``world_from_object`` as vision reported it when the episode began, with its error (some 7 mm and 0.08 rad with ``reality``).
-    - ``tactile`` (17, n, n, 3) uint8: an image a pad; only with ``images``. Those of the untouched pads are in the ``info`` of `reset`.
+    **Ends**: terminated when the task is done or an object has left the table; truncated after `STEPS` by ``gymnasium.make``.
 
-    **Rewards**: ``sparse`` is 1 in the step in which the task is done and 0 before. ``shaped`` adds what the step has gained in progress, from 0 (far) by being
-    near, touching and lifting to 1 (lifted). Rewards are judged by the true scene, and so is ``info["held"]``.
-
-    **Ends**: terminated when the task is done or an object has left the table; truncated after `STEPS`.
+    ``info`` of a step has ``is_success``, ``held`` (for each object) and ``progress`` (the terms of `PROGRESS` by name). Rewards and ``info`` are judged
+    by the true scene.
 
     Parameters
     ----------
     task: ``pick_one`` (one object alone), ``pick_second`` (the first one is in the hand already) or ``pick_two``.
-    images: side of the tactile images in pixels, 8 to 240; None for none. Smaller ones are formed on 64 or more points a side, which is quick; the log says how
-        far they are from the mean of full ones (a grey level, and more at sharp edges).
-    reward: ``sparse`` or ``shaped``.
+    images, tactile, arm, hand, identity, grasp: choice of observations and actions, see `ftac.features.Spec`. Smaller images are formed on 64 or more
+        points a side, which is quick; the log says how far they are from the mean of full ones (a grey level, and more at sharp edges).
+    reward: ``sparse``, ``shaped`` (both in `REWARDS`), or weights of the terms by name.
     combination: number of a combination of the benchmark (see `ftac.combinations`); None draws one for every episode.
-    reality: the benchmark's errors of arm and vision and effects of reality; without it nothing errs.
+    objects: names of objects from which an episode draws its own, not for ``pick_second``; None for those of the combination.
+    reality: the benchmark's errors of arm and detector and effects of reality; without it nothing errs.
+    randomization: fields of the scenario that every episode draws anew, see `ftac.randomization`.
+    robot_instances: the first and the last number of the robot instances (deviating lengths, springs, friction, sensors) of which every episode draws one.
     robot_model: file of another robot (`hand-model/data/robots` has the hand on a UR5e and on a Panda), for ``pick_one`` and ``pick_two``; None for the
         F-TAC Hand on a Gen3.
+    scenario: scenario file, which can have objects of your own (meshes); None for the benchmark.
+    camera: side of the images of a camera over the table, 32 to 2048 pixels; None for none.
+    privileged: adds ``privileged`` to the observations.
     render_mode: ``rgb_array``: `render` returns a picture (480, 480, 3) uint8 of the true scene, for people.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}
-
-    SPEED, TURN_SPEED, TENSION = _actions.SPEED, _actions.TURN_SPEED, _actions.TENSION
 
     def __init__(
         self,
         task: Task = "pick_one",
         *,
         images: int | None = None,
-        reward: Literal["sparse", "shaped"] = "sparse",
+        tactile: Literal["image", "change"] = "image",
+        arm: features.ArmAction = "twist",
+        hand: features.HandAction = "tension_steps",
+        identity: bool = False,
+        grasp: bool = False,
+        reward: str | Mapping[str, float] = "sparse",
         combination: int | None = None,
+        objects: Sequence[str] | None = None,
         reality: bool = True,
+        randomization: Mapping[str, Any] | None = None,
+        robot_instances: tuple[int, int] | None = None,
         robot_model: str | os.PathLike[str] | None = None,
+        scenario: str | os.PathLike[str] | None = None,
+        camera: int | None = None,
+        privileged: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if task not in OBJECTS:
             raise ValueError(f"task: found {task!r}, expected one of {', '.join(OBJECTS)}")
-        if reward not in ("sparse", "shaped"):
-            raise ValueError(f"reward: found {reward!r}, expected sparse or shaped")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode: found {render_mode!r}, expected rgb_array or None")
-        images = side_of(images)
-        if combination is not None:
-            combination = whole("combination", combination, 0, len(_native.combinations()) - 1)
-        self.task, self.images, self.reward, self.combination, self.reality = task, images, reward, combination, reality
-        self.render_mode = render_mode
-        self._robot, joints, pads = robot_of(robot_model)
+        self.spec_of_features = Spec(images=images, tactile=tactile, arm=arm, hand=hand, identity=identity, grasp=grasp)
+        self.task, self.images, self.reality = task, self.spec_of_features.images, bool(reality)
+        self.weights = _weights(reward)
+        self.combination, self.objects = _combination(combination), _objects(objects)
+        self.randomization = Randomization(randomization or {}, robot_instances)
+        self.camera = None if camera is None else whole("camera", camera, 32, 2048)
+        self.privileged, self.render_mode = bool(privileged), render_mode
+        self._robot, self._joints, self._pads = robot_of(robot_model)
+        self._setup = (self.reality, self._robot, scenario_of(scenario))
         self._episode: _native.Episode | None = None
         self._shown: _native.Episode | None = None
-        self._opposition = np.zeros(2)
-        self._command = np.zeros(6, dtype=np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (12,), np.float32)
+        self._over = True
+        self.features: Features | None = None
+        """Observations and actions of the present episode."""
+        size = features.action_size(self.spec_of_features, self._joints)
+        self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
+        self.observation_space = spaces.Dict(self._spaces())
 
-        def real(*shape: int) -> spaces.Box:
-            return spaces.Box(-np.inf, np.inf, shape, np.float32)
-
-        observed: dict[str, spaces.Space[Any]] = {
-            "servos": real(6, 3),
-            "arm": real(joints, 3),
-            "palm": real(7),
-            "command": spaces.Box(-1.0, 1.0, (6,), np.float32),
-            "detected": real(OBJECTS[task], 7),
+    def _spaces(self) -> dict[str, spaces.Space[Any]]:
+        shapes = features.shapes(self.spec_of_features, OBJECTS[self.task], self._joints, self._pads)
+        found: dict[str, spaces.Space[Any]] = {
+            name: spaces.Box(0, 255, shape, np.uint8)
+            if name == "tactile"
+            else spaces.Box(-1.0, 1.0, shape, np.float32)
+            for name, shape in shapes.items()
         }
-        if images is not None:
-            observed["tactile"] = spaces.Box(0, 255, (pads, images, images, 3), np.uint8)
-        self.observation_space = spaces.Dict(observed)
+        if self.camera is not None:
+            found["scene_camera"] = spaces.Box(0, 255, (self.camera, self.camera, 3), np.uint8)
+        if self.privileged:
+            found["privileged"] = spaces.Box(-1.0, 1.0, (15 * OBJECTS[self.task] + self._pads + 20,), np.float32)
+        return found
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit. There are no ``options``.
+        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit.
 
-        ``info`` names the ``objects`` and the ``combination``, and has each object's turn about the vertical from its rest pose as seen: ``yaws``, rad. With
-        ``images`` it has ``untouched`` too: the pads before anything touched them, as the observation's ``tactile``.
+        ``options`` may have, for this episode alone, ``combination``, ``objects`` and ``randomization``, in place of the environment's parameters.
+
+        ``info`` has the names of the ``objects``, the ``combination``, each object's turn about the vertical from its rest pose as detected (``yaws``,
+        rad), their poses as detected (``detected``, (objects, 7), m), and the fields drawn for this episode (``drawn``). With images it has ``untouched``
+        too: the pads before anything touched them, as cameras take them.
         """
-        _check_options(options)
+        combination, objects, randomization = self._options(options)
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**40))
-        self._episode = _native.Episode(self.task, self.images, self.combination, drawn, self.reality, self._robot)
-        self._shown = self._episode
-        self._opposition = self._episode.limits()["opposition"]
-        tensions, opposition = self._episode.grip()
-        self._command = _actions.command(tensions, opposition, self._opposition)
-        names, yaws = self._episode.objects(), self._episode.yaws()
-        info: dict[str, Any] = {"objects": names, "yaws": yaws, "combination": self._episode.combination()}
-        if self.images is not None:
-            info["untouched"] = self._episode.untouched()
+        overrides, instance, told = randomization.draw(self.np_random)
+        choices = (self.images, combination, objects)
+        self._episode = _native.Episode(self.task, choices, drawn, self._setup, (overrides, instance))
+        self._shown, self._over = self._episode, False
+        names, yaws, detected = self._episode.objects(), self._episode.yaws(), self._episode.observe()["detected"]
+        untouched = None if self.images is None else self._episode.untouched()
+        self.features = Features(
+            self.spec_of_features,
+            self._episode.limits(),
+            detected=detected,
+            objects=names,
+            yaws=yaws,
+            shape=self._episode.object_features(),
+            untouched=untouched,
+        )
+        self.features.begin(*self._episode.grip())
+        self._progress = np.array(self._episode.judge()[1])
+        info: dict[str, Any] = {
+            "objects": names,
+            "yaws": yaws,
+            "combination": self._episode.combination(),
+            "detected": detected,
+            "drawn": told,
+        }
+        if untouched is not None:
+            info["untouched"] = untouched
         return self._observe(), info
 
     def step(self, action: Vector) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Carries out `action` for 1/20 s. ``ValueError`` for one that is not in the action space."""
-        row = self._row(action)
+        command = self._command(action)
         assert self._episode is not None
-        return self._judge(action, self._episode.step((row[:6], None, row[6:11], float(row[11]), None)))
+        return self._judge(self._episode.step(command))
 
-    def _row(self, action: Vector) -> NDArray[np.float64]:
-        """Twist, tensions, opposition of an action."""
-        if self._episode is None:
-            raise gymnasium.error.ResetNeeded("the episode is over or has not begun: call reset() first")
-        return _actions.row(action, self._opposition)
+    def save(self) -> State:
+        """The present state, for `restore` in this environment or another one of the same parameters, any number of times."""
+        if self._episode is None or self.features is None:
+            raise gymnasium.error.ResetNeeded("nothing to save yet: call reset() first")
+        kept = {"features": self.features.copy(), "progress": self._progress.copy(), "over": self._over}
+        return State(self._episode.copy(), {**kept, "random": self.np_random.bit_generator.state})
 
-    def _judge(
-        self, action: Vector, judged: tuple[list[bool], float, float, bool, bool]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        held, _, gained, success, lost = judged
-        self._command = np.asarray(action)[6:].astype(np.float32)
-        reward = float(success) + (gained if self.reward == "shaped" else 0.0)
-        observation = self._observe()
-        if success or lost:
-            self._episode = None
-        return observation, reward, success or lost, False, {"held": held, "is_success": success}
+    def restore(self, state: State) -> Observation:
+        """Returns to a state of `save`, and the observation in it. What follows is the same to the bit."""
+        self._episode = state.episode.copy()
+        self._shown, self._over = self._episode, state.python["over"]
+        self.features, self._progress = state.python["features"].copy(), state.python["progress"].copy()
+        self.np_random.bit_generator.state = state.python["random"]
+        return self._observe()
 
     def render(self) -> NDArray[np.uint8] | None:
         """The scene as it is, (480, 480, 3) uint8; None without ``render_mode``."""
@@ -163,110 +216,160 @@ class Pick(gymnasium.Env[Observation, Vector]):
             raise gymnasium.error.ResetNeeded("nothing to show yet: call reset() first")
         return self._shown.picture(SIDE)
 
-    def grip_action(self) -> Vector:
-        """The action that moves nothing and pulls as before: what `pick_second` holds the first object with."""
-        return np.concatenate([np.zeros(6, dtype=np.float32), self._command])
+    def _command(self, action: Vector) -> tuple[Any, ...]:
+        """Arguments of a native step."""
+        if self._over or self.features is None:
+            raise gymnasium.error.ResetNeeded("the episode is over or has not begun: call reset() first")
+        return self.features.act(action)
 
-    def thumb(self, opposition: float) -> float:
-        """Share of the opposition joint's range, -1 to 1, at which it is at `opposition` (rad)."""
-        return _actions.thumb(opposition, self._opposition)
+    def _judge(
+        self, judged: tuple[list[bool], list[float], bool, bool]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        held, terms, success, lost = judged
+        progress = np.array(terms)
+        reward = float(self.weights[:5] @ (progress - self._progress))
+        reward += self.weights[5] * success + self.weights[6] * lost + self.weights[7]
+        self._progress = progress
+        observation = self._observe()
+        self._over = success or lost
+        info = {"held": held, "is_success": success, "progress": dict(zip(PROGRESS, terms))}
+        return observation, float(reward), self._over, False, info
 
     def _observe(self) -> Observation:
+        assert self._episode is not None and self.features is not None
+        observed = self.features.observe(self._episode.observe())
+        if self.camera is not None:
+            observed["scene_camera"] = self._episode.picture(self.camera)
+        if self.privileged:
+            observed["privileged"] = self._privileged()
+        return observed
+
+    def _privileged(self) -> Vector:
         assert self._episode is not None
-        return _actions.observation(self._episode.observe(), self._command)
+        true = self._episode.true_state()
+        from_world = inverse(pose_matrix(true["palm"]))
+        poses = np.array([from_world @ pose_matrix(pose) for pose in true["objects"]])
+        objects = np.concatenate([features.relative_rows(poses), true["velocities"]], axis=1)
+        hand = [true["pad_forces"] / PAD_FORCE, true["joints"] / (0.5 * np.pi), true["tensions"] / features.TENSION]
+        return np.clip(np.concatenate([objects.ravel(), *hand]), -1.0, 1.0).astype(np.float32)
+
+    def _options(self, options: dict[str, Any] | None) -> tuple[int | None, list[str], Randomization]:
+        known = ("combination", "objects", "randomization")
+        given = options or {}
+        for name in given:
+            if name not in known:
+                raise ValueError(f"options: found {name!r}, expected some of {', '.join(known)}")
+        combination = _combination(given["combination"]) if "combination" in given else self.combination
+        objects = _objects(given["objects"]) if "objects" in given else self.objects
+        randomization = self.randomization
+        if "randomization" in given:
+            randomization = Randomization(given["randomization"], randomization.instances)
+        return combination, objects, randomization
 
 
-class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
-    """Many `Pick` side by side: one call steps all of them, on as many threads as there are cores.
+class LiftTo(Pick):
+    """`Pick` of one object with goals, for hindsight relabelling (HER): the object is to be moved to a point and held there.
 
-    An environment whose episode is over begins the next one in the step after, whatever its action (Gymnasium's ``NEXT_STEP``). Seeds of a reset are `seed`,
-    `seed` + 1 and so on, one an environment. ``info["is_success"]`` and ``info["held"]`` are arrays.
-
-    Parameters
-    ----------
-    num_envs: how many.
-    max_episode_steps: after which an episode is truncated; None for those of its task.
-    jobs: threads; None for one a core.
-    options: of `Pick`.
+    Observations have three keys, all float32: ``observation``, the flattened observations of `Pick` in their order (no images); ``achieved_goal`` (3,), the
+    object's true position; ``desired_goal`` (3,), the point, which is drawn over the table. Both are relative to `ftac.features.CENTER` / `ftac.features.REACH`.
+    The reward is that of `compute_reward`: 0 within `TOLERANCE` of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter.
     """
 
-    metadata: dict[str, Any] = {**Pick.metadata, "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
+    TOLERANCE = 0.03
+    """Distance from the goal that counts as reached, m."""
+    GOALS: NDArray[np.float64] = np.array([[0.55, 0.68], [-0.15, 0.15], [0.12, 0.25]])
+    """Lowest and highest x, y, z of a goal, m, world."""
 
-    def __init__(
-        self, num_envs: int, *, max_episode_steps: int | None = None, jobs: int | None = None, **options: Any
-    ) -> None:
-        num_envs = whole("num_envs", num_envs, 1, 4096)
-        self.envs = [Pick(**options) for _ in range(num_envs)]
-        self.num_envs, self.jobs = num_envs, jobs or os.cpu_count() or 1
-        self.render_mode = self.envs[0].render_mode
-        self.single_observation_space = self.envs[0].observation_space
-        self.single_action_space = self.envs[0].action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self._most = STEPS[self.envs[0].task] if max_episode_steps is None else max_episode_steps
-        self._steps = np.zeros(num_envs, dtype=np.int64)
-        self._over = np.zeros(num_envs, dtype=np.bool_)
+    def __init__(self, **options: Any) -> None:
+        for name in ("task", "reward", "images", "camera"):
+            if options.get(name) is not None:
+                raise ValueError(f"{name}: found {options[name]!r}, expected none for an environment with goals")
+        super().__init__("pick_one", **options)
+        shapes = self.observation_space.spaces
+        self._order = list(shapes)
+        length = sum(int(np.prod(space.shape or ())) for space in shapes.values())
+        self._goal = np.zeros(3)
+        self._held = False
+        self.observation_space = spaces.Dict(
+            {
+                "observation": spaces.Box(-1.0, 1.0, (length,), np.float32),
+                "achieved_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
+                "desired_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
+            }
+        )
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode in every environment. There are no ``options``."""
-        _check_options(options)
-        seeds = seed if isinstance(seed, list) else [None if seed is None else seed + n for n in range(self.num_envs)]
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"seed: found {len(seeds)} seeds, expected {self.num_envs}")
-        with ThreadPoolExecutor(self.jobs) as threads:
-            begun = list(threads.map(lambda pair: pair[0].reset(seed=pair[1]), zip(self.envs, seeds)))
-        self._steps[:], self._over[:] = 0, False
-        info = {name: np.array([info[name] for _, info in begun], dtype=object) for name in ("objects", "combination")}
-        if self.envs[0].images is not None:
-            info["untouched"] = np.stack([info["untouched"] for _, info in begun])
-        return _stacked([observation for observation, _ in begun]), info
+        """As `Pick.reset`."""
+        self._goal, self._held = np.zeros(3), False
+        observation, info = super().reset(seed=seed, options=options)
+        low, high = self.GOALS.T
+        self._goal = (self.np_random.uniform(low, high) - features.CENTER) / features.REACH
+        return {**observation, "desired_goal": self._goal.astype(np.float32)}, info
 
-    def step(
-        self, actions: Vector
-    ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """A step of 1/20 s of every environment. If an action is refused, with a ``ValueError``, no environment is stepped."""
-        if np.shape(actions) != (self.num_envs, 12):
-            raise ValueError(f"actions: found shape {np.shape(actions)}, expected ({self.num_envs}, 12)")
-        going = [n for n in range(self.num_envs) if not self._over[n]]
-        rows = [self.envs[n]._row(actions[n]) for n in going]
-        episodes = [episode for n in going if (episode := self.envs[n]._episode) is not None]
-        judged = _native.step_all(episodes, np.ascontiguousarray(rows).reshape(-1, 12), self.jobs)
-        rewards = np.zeros(self.num_envs)
-        terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
-        held, success = np.empty(self.num_envs, dtype=object), np.zeros(self.num_envs, np.bool_)
-        observations: list[Observation] = [{} for _ in self.envs]
-        for n, judgement in zip(going, judged):
-            observations[n], rewards[n], terminated[n], _, info = self.envs[n]._judge(actions[n], judgement)
-            held[n], success[n] = info["held"], info["is_success"]
-        self._steps[going] += 1
-        truncated[going] = (self._steps[going] >= self._most) & ~terminated[going]
-        again = [n for n in range(self.num_envs) if self._over[n]]
-        with ThreadPoolExecutor(self.jobs) as threads:
-            for n, (observation, _) in zip(again, threads.map(lambda n: self.envs[n].reset(), again)):
-                observations[n], self._steps[n] = observation, 0
-        self._over = terminated | truncated
-        return _stacked(observations), rewards, terminated, truncated, {"held": held, "is_success": success}
+    def compute_reward(self, achieved_goal: Vector, desired_goal: Vector, info: Any) -> Any:
+        """Rewards of achieved for desired goals, each (3,) or (n, 3); ``info``, or an array of n, has ``held``."""
+        distance = features.REACH * np.linalg.norm(np.asarray(achieved_goal) - np.asarray(desired_goal), axis=-1)
+        held = np.array([one["held"][0] for one in info]) if np.ndim(distance) else info["held"][0]
+        reached = (distance < self.TOLERANCE) & held
+        return reached.astype(np.float32) - 1.0 if np.ndim(distance) else float(reached) - 1.0
+
+    def _judge(
+        self, judged: tuple[list[bool], list[float], bool, bool]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        held, terms, _, lost = judged
+        observation, _, _, _, info = super()._judge((held, terms, False, lost))
+        reward = self.compute_reward(observation["achieved_goal"], observation["desired_goal"], info)
+        info["is_success"] = reward == 0.0
+        return observation, float(reward), self._over, False, info
+
+    def _observe(self) -> Observation:
+        observed = super()._observe()
+        assert self._episode is not None
+        position = self._episode.true_state()["objects"][0, :3]
+        return {
+            "observation": np.concatenate([observed[name].ravel() for name in self._order]),
+            "achieved_goal": np.clip((position - features.CENTER) / features.REACH, -1.0, 1.0).astype(np.float32),
+            "desired_goal": self._goal.astype(np.float32),
+        }
 
 
-def _stacked(observations: list[Observation]) -> Observation:
-    return {name: np.stack([observation[name] for observation in observations]) for name in observations[0]}
+def _weights(reward: str | Mapping[str, float]) -> NDArray[np.float64]:
+    """Weights of the terms of progress, of success, loss and a step."""
+    if isinstance(reward, str) and reward not in REWARDS:
+        raise ValueError(f"reward: found {reward!r}, expected one of {', '.join(REWARDS)}, or weights by name")
+    terms = (*PROGRESS, "success", "lost", "step")
+    given = REWARDS[reward] if isinstance(reward, str) else reward
+    for name, weight in given.items():
+        if name not in terms:
+            raise ValueError(f"reward: found the term {name!r}, expected some of {', '.join(terms)}")
+        if not np.isfinite(weight):
+            raise ValueError(f"reward.{name}: found {weight}, expected a finite number")
+    return np.array([float(given.get(name, 0.0)) for name in terms])
 
 
-def _check_options(options: dict[str, Any] | None) -> None:
-    if options:
-        raise ValueError(f"options: found {next(iter(options))!r}, expected none: what an episode has is said when its environment is made")
+def _combination(combination: Any) -> int | None:
+    return None if combination is None else whole("combination", combination, 0, len(_native.combinations()) - 1)
+
+
+def _objects(objects: Sequence[str] | None) -> list[str]:
+    if objects is None:
+        return []
+    if isinstance(objects, str) or not objects:
+        raise ValueError(f"objects: found {objects!r}, expected a list of names")
+    return [str(name) for name in objects]
 
 
 def register() -> None:
     """Makes the environments known to ``gymnasium.make``. Once is enough; ``import ftac`` does it."""
-    for name, task in (("PickOne", "pick_one"), ("PickSecond", "pick_second"), ("PickTwo", "pick_two")):
-        if f"ftac/{name}-v0" not in gymnasium.registry:
+    known = {"PickOne": "pick_one", "PickSecond": "pick_second", "PickTwo": "pick_two", "LiftTo": None}
+    for name, task in known.items():
+        if f"ftac/{name}-v1" not in gymnasium.registry:
             gymnasium.register(
-                f"ftac/{name}-v0",
-                entry_point="ftac.envs:Pick",
-                vector_entry_point="ftac.envs:VectorPick",
-                max_episode_steps=STEPS[task],
-                kwargs={"task": task},
+                f"ftac/{name}-v1",
+                entry_point="ftac.envs:Pick" if task else "ftac.envs:LiftTo",
+                vector_entry_point="ftac.vector:VectorPick" if task else None,
+                max_episode_steps=STEPS[task or "pick_one"],
+                kwargs={"task": task} if task else {},
             )

@@ -10,13 +10,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
 from ftac._arrays import seed_of, whole
+from ftac._poses import compose, pose_matrix, turn
 from ftac.program import call
 
 Array = NDArray[np.float64]
+LEVEL: Array = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Rotation of the level palm, facing down, fingers along world x."""
 
 
 class PickUp(NamedTuple):
@@ -104,6 +107,19 @@ def generate(
     return [_held(json.loads(line)) for line in lines]
 
 
+def palm_goal(grasp: PickUp, detected: ArrayLike, yaw: float) -> Array:
+    """``world_from_palm`` (4, 4) in which the digits of a pick-up close, m.
+
+    Parameters
+    ----------
+    grasp: the pick-up.
+    detected: the object's ``world_from_object`` as detected, (7,).
+    yaw: its turn about the vertical from the rest pose, rad (``info["yaws"]``).
+    """
+    rotation = turn(2, grasp.yaw + yaw) @ turn(1, grasp.pitch) @ turn(0, grasp.roll) @ LEVEL
+    return compose(rotation, pose_matrix(detected)[:3, 3] - rotation @ grasp.center)
+
+
 def pick_up(grasp: dict[str, Any]) -> PickUp:
     """A pick-up from the fields of its file."""
     arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
@@ -119,3 +135,4 @@ def _held(grasp: dict[str, Any]) -> Held:
     contacts = np.array(rows, dtype=np.float64).reshape(-1, 8)
     same = ("object", "opposition", "margin")
     return Held(contacts=contacts, **arrays, **{name: grasp[name] for name in same})
+

@@ -21,9 +21,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from ftac import _actions
-from ftac._arrays import side_of
 from ftac.bench import Situation
+from ftac.features import Features, Spec
 from ftac.grasps import pick_up
 
 Bytes = list[tuple[list[int], bytes]]
@@ -42,13 +41,13 @@ class Host:
                 "expected an object with a method choose(situation) or act(observation)"
             )
         self.policy, self.level = policy, levels[0]
-        self.images = side_of(getattr(policy, "images", None)) if self.level == "act" else None
-        self._opposition = np.zeros(2)
-        self._command = np.zeros(6, dtype=np.float32)
+        self.spec = Spec.of(policy) if self.level == "act" else Spec()
+        self._reset_question: tuple[dict[str, Any], NDArray[np.uint8] | None] | None = None
+        self._features: Features | None = None
 
     def introduction(self) -> dict[str, Any]:
         """Name, decision level and image size of the policy."""
-        return {"name": type(self.policy).__name__, "level": self.level, "images": self.images}
+        return {"name": type(self.policy).__name__, "level": self.level, "images": self.spec.images}
 
     def answer(self, question: dict[str, Any], arrays: Bytes) -> dict[str, Any]:
         """The answer to a question; ``{"error": traceback}`` if the policy raises an exception."""
@@ -65,9 +64,8 @@ class Host:
         return json.dumps(self.answer(json.loads(question), arrays))
 
     def _reset(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
-        self._opposition = np.array(question["opposition"])
-        # The robot begins with cables that nobody pulls.
-        self._command = _actions.command(np.zeros(5), 0.0, self._opposition)
+        # The poses of the objects come with the first observation.
+        self._reset_question, self._features = (question, pictures[0] if pictures else None), None
         reset = getattr(self.policy, "reset", None)
         if reset is not None:
             info = question["info"]
@@ -109,16 +107,34 @@ class Host:
         measured = question["observation"]
         if pictures:
             measured["tactile"] = pictures[0]
-        observation = _actions.observation(measured, self._command)
-        observation["time"], observation["time_left"] = measured["time"], measured["time_left"]
+        features = self._features or self._first_features(measured)
+        observation = features.observe(measured)
+        observation["time_left"] = measured["time_left"]
         action = self.policy.act(observation)
         if action is None:
             return {"action": None}
-        row = _actions.row(action, self._opposition)
-        self._command = np.asarray(action)[6:].astype(np.float32)
-        return {
-            "action": {"twist": row[:6].tolist(), "tensions": row[6:11].tolist(), "opposition": float(row[11])}
-        }
+        twist, joints, tensions, opposition, spools = features.act(action)
+        arm = {"twist": twist.tolist()} if joints is None else {"joints": joints.tolist()}
+        if spools is None:
+            hand: dict[str, Any] = {"tensions": {"tensions": tensions.tolist(), "opposition": opposition}}
+        else:
+            hand = {"spools": spools.tolist()}
+        return {"action": {"arm": arm, "hand": hand}}
+
+    def _first_features(self, measured: dict[str, Any]) -> Features:
+        assert self._reset_question is not None, "reset comes first"
+        question, untouched = self._reset_question
+        info = question["info"]
+        self._features = Features(
+            self.spec,
+            question["limits"],
+            detected=measured["detected"],
+            objects=info["objects"],
+            yaws=info["yaws"],
+            shape=question["object_features"],
+            untouched=untouched,
+        )
+        return self._features
 
 
 class Refused(Exception):

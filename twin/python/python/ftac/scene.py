@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers, robot_of, seed_of, side_of
+from ftac._arrays import numbers, robot_of, scenario_of, seed_of, side_of
+from ftac._poses import pose_matrix
 
 Place = tuple[str, float, float, float]
+__all__ = ["Place", "Scene", "command", "pose_matrix"]
 
 
 def command(
@@ -53,6 +55,8 @@ class Scene:
         Whether covers give way, cables rub, pads feel the hand itself and images arrive late, as in the benchmark.
     robot_model:
         File of another robot (`hand-model/data/robots` has the hand on a UR5e and on a Panda); None for the F-TAC Hand on a Gen3.
+    scenario:
+        Scenario file with objects of your own and effects (see the guide); None for the benchmark's.
     """
 
     def __init__(
@@ -63,9 +67,11 @@ class Scene:
         seed: int = 0,
         reality: bool = True,
         robot_model: str | os.PathLike[str] | None = None,
+        scenario: str | os.PathLike[str] | None = None,
     ) -> None:
         places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
-        self._scene = _native.Scene(places, side_of(images), seed_of(seed), bool(reality), robot_of(robot_model)[0])
+        setup = (bool(reality), robot_of(robot_model)[0], scenario_of(scenario))
+        self._scene = _native.Scene(places, side_of(images), seed_of(seed), setup)
         self.objects = [place[0] for place in places]
         self.limits: dict[str, Any] = self._scene.limits()
         """Limits of what `step` takes: `speed` (m/s) and `turn_speed` (rad/s) of each axis, `joints` (an arm joint each, 2) rad, `tension` (N), `opposition` (2,) rad,
@@ -131,16 +137,3 @@ class Scene:
         twin = object.__new__(Scene)
         twin._scene, twin.objects, twin.limits = self._scene.copy(), list(self.objects), dict(self.limits)
         return twin
-
-
-def pose_matrix(pose: ArrayLike) -> NDArray[np.float64]:
-    """A pose of seven numbers as a 4 x 4 matrix."""
-    x, y, z, i, j, k, w = numbers("pose", pose, 7)
-    rotation = [
-        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-    ]
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, [x, y, z]
-    return matrix
