@@ -1,7 +1,7 @@
-"""Steps per second of ``ftac/PickTwo-v0`` on one core: without images, with 17 of 64 x 64, and with 17 of 240 x 240; and, where gymnasium-robotics is
+"""Steps per second of ``ftac/PickTwo-v1`` on one core: without images, with 17 of 64 x 64, and with 17 of 240 x 240; and, where gymnasium-robotics is
 installed, of its Shadow hand with touch sensors on MuJoCo, which turns an egg.
 
-The scripted pick-up of the first object is played, so that hand and object touch for most of the time. Times are of the processor, so that other work on the machine counts little. Prints a line for each size. Needs the
+The scripted pick-up of the first object is run, so that hand and object touch for most of the time. Times are of the processor, so that other work on the machine counts little. Prints a line for each size. Needs the
 packages ftac and gymnasium:
 
     python twin/python/measure_steps.py [STEPS]
@@ -16,18 +16,17 @@ os.environ["RAYON_NUM_THREADS"] = "1"
 
 import gymnasium  # noqa: E402
 
-import ftac  # noqa: E402
+import ftac  # noqa: E402, F401
 from ftac.scripted import Script  # noqa: E402
 
 
 def measure(images: int | None, steps: int) -> float:
     """Steps per second over `steps` steps, resets left out."""
-    env = gymnasium.make("ftac/PickTwo-v0", images=images).unwrapped
+    env = gymnasium.make("ftac/PickTwo-v1", images=images).unwrapped
     spent, done, seed = 0.0, 0, 0
     while done < steps:
-        observation, info = env.reset(seed=seed)
-        grasp = ftac.grasps.repertoire()[info["objects"][0]][0]
-        script = Script(env, grasp, observation["detected"][0], info["yaws"][0])
+        observation, _ = env.reset(seed=seed)
+        script = Script(env.features)
         for _ in range(min(200, steps - done)):
             action = script.act(observation)
             begun = time.process_time()

@@ -4,7 +4,7 @@ import unittest
 
 import numpy as np
 
-from ftac import bench
+from ftac import bench, envs
 
 COLUMNS = {"policy", "combination", "trial", "success", "contact", "clean_success", "cause", "reason", "sim_seconds"}
 
@@ -36,8 +36,8 @@ class Acts:
 class Lowers:
     """Lowers the palm for a second, and keeps what it was told."""
 
-    images = 16
-    ACTION = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0, -1.0, -0.5])
+    features = {"images": 16, "grasp": True}
+    ACTION = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
 
     def reset(self, info):
         self.told, self.seen = info, []
@@ -48,7 +48,7 @@ class Lowers:
 
 
 class Bench(unittest.TestCase):
-    def test_a_policy_is_told_what_is_known_and_plays_its_trial(self):
+    def test_a_policy_is_told_what_is_known_and_runs_its_trial(self):
         policy = Answers(lambda situation: 0 if situation.phase == "decide" else None)
         rows = bench.run(policy, combinations=[3], trials=2, beside=["blind"])
         self.assertEqual([row["policy"] for row in rows], ["Answers", "blind"] * 2)
@@ -88,13 +88,17 @@ class Bench(unittest.TestCase):
         self.assertEqual(policy.told["objects"], ("salt_mill", "lemon"))
         first, last = policy.seen[0], policy.seen[-1]
         self.assertEqual((first["tactile"].shape, first["tactile"].dtype), ((17, 16, 16, 3), np.uint8))
-        self.assertEqual((first["servos"].shape, first["arm"].shape, first["detected"].shape), ((6, 3), (7, 3), (2, 7)))
+        space = envs.Pick("pick_two", images=16, grasp=True).observation_space
+        time_left = first.pop("time_left")
+        self.assertIn(first, space)
         np.testing.assert_allclose(first["command"][:5], -1.0)
-        np.testing.assert_allclose(last["command"], Lowers.ACTION[6:], atol=1e-6)
+        # A tenth of 4 N in each step but the last, of 60 N.
+        tension = 0.4 * (len(policy.seen) - 1)
+        np.testing.assert_allclose(last["command"][1], 2.0 * tension / 60.0 - 1.0, atol=1e-6)
         # Down at 0.2 of the greatest speed.
-        fallen = first["palm"][2] - last["palm"][2]
+        fallen = 0.5 * (first["palm"][2] - last["palm"][2])
         self.assertAlmostEqual(fallen, 0.2 * 0.25 * (len(policy.seen) - 1) / 20, delta=0.02)
-        self.assertLess(last["time_left"], first["time_left"])
+        self.assertLess(last["time_left"], time_left)
 
     def test_a_policy_that_acts_badly_loses_its_trial(self):
         for action, words in [
@@ -114,7 +118,14 @@ class Bench(unittest.TestCase):
         with self.assertRaises(KeyboardInterrupt):
             bench.run(Answers(interrupts), combinations=[0])
 
-    def test_what_cannot_be_played_is_refused_in_words(self):
+    def test_former_names_work_and_are_reported(self):
+        policy = Answers(lambda situation: None)
+        with self.assertWarnsRegex(DeprecationWarning, "play is now called run"):
+            bench.play(policy, combinations=[3])
+        with self.assertWarnsRegex(DeprecationWarning, "Situation.grip is now called holding"):
+            self.assertEqual(policy.situations[0].grip, policy.situations[0].holding)
+
+    def test_what_cannot_be_run_is_refused_in_words(self):
         policy = Answers(lambda situation: None)
         both = Acts(None)
         both.choose = both.act

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 import ftac
-from ftac import _native, envs
+from ftac import _native, envs, vector
 from ftac.scripted import Script
 
 ROBOTS = Path(__file__).parents[3] / "hand-model" / "data" / "robots"
@@ -21,13 +21,13 @@ OBJECTS = [("lemon", 0.62, 0.14, 0.0), ("box_50", 0.62, -0.14, 0.0)]
 
 class Scenes(unittest.TestCase):
     def test_the_same_actions_give_the_same_bits(self):
-        def played(seed):
+        def steps_of(seed):
             scene = ftac.Scene(OBJECTS, images=32, seed=seed)
             for n in range(6):
                 seen = scene.step(twist=[0.1, 0, -0.1, 0, 0.2, 0], tensions=[n] * 5, opposition=0.3)
             return seen
 
-        one, same = played(4), played(4)
+        one, same = steps_of(4), steps_of(4)
         for name in one:
             np.testing.assert_array_equal(one[name], same[name])
 
@@ -122,14 +122,14 @@ class Scenes(unittest.TestCase):
     def test_two_threads_on_one_scene_never_end_the_interpreter(self):
         scene, errors = ftac.Scene(OBJECTS), []
 
-        def play():
+        def step():
             for _ in range(200):
                 try:
                     scene.step(twist=[0.0] * 6)
                 except RuntimeError as error:
                     errors.append(str(error))
 
-        threads = [threading.Thread(target=play) for _ in range(2)]
+        threads = [threading.Thread(target=step) for _ in range(2)]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -142,7 +142,7 @@ class Scenes(unittest.TestCase):
         before, _ = env.reset(seed=1)
         # The second of the two finds what the first has taken.
         with self.assertRaisesRegex(RuntimeError, "another thread"):
-            _native.step_all([env._episode, env._episode], np.zeros((2, 12)), 2)
+            _native.step_all([env._episode, env._episode], [(None, None, np.zeros(5), 0.0, None)] * 2, 2)
         np.testing.assert_array_equal(env._observe()["arm"], before["arm"])
         env.step(np.zeros(12, dtype=np.float32))
 
@@ -153,38 +153,37 @@ class Environments(unittest.TestCase):
             for images in (None, 16):
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    check_env(gymnasium.make(f"ftac/{name}-v0", images=images).unwrapped)
+                    check_env(gymnasium.make(f"ftac/{name}-v1", images=images).unwrapped)
 
     def test_observations_hold_nothing_of_the_truth(self):
         env = envs.Pick("pick_one", images=16)
         observation, info = env.reset(seed=5)
-        measured = {"servos", "arm", "palm", "command", "detected", "tactile"}
+        measured = {"servos", "arm", "palm", "command", "time", "objects", "shape", "tactile"}
         self.assertEqual(set(observation), measured)
-        self.assertEqual(set(info), {"objects", "yaws", "combination", "untouched"})
+        self.assertEqual(set(info), {"objects", "yaws", "combination", "detected", "drawn", "untouched"})
         np.testing.assert_array_equal(info["untouched"], observation["tactile"])
         true = env._episode.true_state()["objects"][0]
         # Vision errs: what is seen is not where the object is.
-        self.assertGreater(np.abs(observation["detected"][0, :3] - true[:3]).max(), 1e-5)
+        self.assertGreater(np.abs(info["detected"][0, :3] - true[:3]).max(), 1e-5)
         _, _, _, _, info = env.step(env.action_space.sample())
-        self.assertEqual(set(info), {"held", "is_success"})
+        self.assertEqual(set(info), {"held", "is_success", "progress"})
 
     def test_the_second_pick_begins_with_the_first_object_held_and_keeps_it(self):
         env = envs.Pick("pick_second")
         env.reset(seed=2)
-        action = env.grip_action()
         for _ in range(30):
-            _, _, over, _, info = env.step(action)
+            _, _, over, _, info = env.step(np.zeros(12))
             self.assertFalse(over)
         self.assertEqual(info["held"], [True, False])
 
     def test_an_environment_has_the_robot_that_its_file_says(self):
-        env = gymnasium.make("ftac/PickOne-v0", robot_model=ROBOTS / "ftac_panda.toml", combination=3)
+        env = gymnasium.make("ftac/PickOne-v1", robot_model=ROBOTS / "ftac_panda.toml", combination=3)
         observation, _ = env.reset(seed=1)
         self.assertIn(observation, env.observation_space)
-        self.assertFalse(np.array_equal(observation["arm"], gymnasium.make("ftac/PickOne-v0").reset(seed=1)[0]["arm"]))
-        self.assertEqual(gymnasium.make("ftac/PickTwo-v0", robot_model=ROBOTS / "ftac_ur5e.toml").observation_space["arm"].shape, (6, 3))
+        self.assertFalse(np.array_equal(observation["arm"], gymnasium.make("ftac/PickOne-v1").reset(seed=1)[0]["arm"]))
+        self.assertEqual(gymnasium.make("ftac/PickTwo-v1", robot_model=ROBOTS / "ftac_ur5e.toml").observation_space["arm"].shape, (6, 3))
         with self.assertRaisesRegex(ValueError, "pick_second.*expected `pick_one` or `pick_two` with ftac_panda"):
-            gymnasium.make("ftac/PickSecond-v0", robot_model=ROBOTS / "ftac_panda.toml").reset(seed=1)
+            gymnasium.make("ftac/PickSecond-v1", robot_model=ROBOTS / "ftac_panda.toml").reset(seed=1)
 
     def test_what_is_not_asked_for_rightly_is_refused(self):
         env = envs.Pick()
@@ -198,22 +197,28 @@ class Environments(unittest.TestCase):
         for options, words in [
             ({"task": "pick_three"}, "task: found 'pick_three'"),
             ({"reward": "rich"}, "reward: found 'rich'"),
+            ({"reward": {"reech": 1.0}}, "reward: found the term 'reech'"),
+            ({"reward": {"lift": np.nan}}, "reward.lift: found nan"),
             ({"images": 7}, "images: found 7"),
+            ({"arm": "fly"}, "arm: found 'fly', expected one of twist, palm_twist"),
+            ({"objects": "lemon"}, "objects: found 'lemon', expected a list of names"),
+            ({"randomization": {"effects.gel.shear": (1.0, 0.5)}}, r"randomization.effects.gel.shear: found \(1.0, 0.5\)"),
+            ({"robot_instances": (5, 3)}, "robot_instances: found 3, expected 5"),
             ({"render_mode": "human"}, "render_mode: found 'human'"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 envs.Pick(**options)
-        for one in (envs.Pick(), envs.VectorPick(1)):
+        for one in (envs.Pick(), vector.VectorPick(1)):
             one.reset(seed=1, options={})
-            with self.assertRaisesRegex(ValueError, "options: found 'combination', expected none"):
-                one.reset(seed=1, options={"combination": 3})
+            with self.assertRaisesRegex(ValueError, "options: found 'combinations', expected some of combination, objects"):
+                one.reset(seed=1, options={"combinations": 3})
         with self.assertRaisesRegex(ValueError, "combination: found 60, expected 0 to 59"):
             envs.Pick(combination=60)
 
     def test_an_episode_that_is_over_is_not_stepped(self):
         env = envs.Pick(combination=0, reality=False)
         observation, info = env.reset(seed=3)
-        script = Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["detected"][0], info["yaws"][0])
+        script = Script(env.features)
         over = False
         while not over:
             observation, _, over, _, info = env.step(script.act(observation))
@@ -233,7 +238,7 @@ class Environments(unittest.TestCase):
         for mine, its in zip(env.step(action)[0].values(), twin.step(action)[0].values()):
             np.testing.assert_array_equal(mine, its)
         # What is drawn next is drawn alike.
-        np.testing.assert_array_equal(env.reset()[0]["detected"], twin.reset()[0]["detected"])
+        np.testing.assert_array_equal(env.reset()[0]["objects"], twin.reset()[0]["objects"])
 
     def test_a_copied_environment_goes_on_alike(self):
         env = envs.Pick("pick_one", images=16)

@@ -5,12 +5,12 @@ import unittest
 import gymnasium
 import numpy as np
 
-from ftac import envs
+from ftac import envs, vector
 
 
 class Vector(unittest.TestCase):
     def test_many_do_what_one_does(self):
-        many = gymnasium.make_vec("ftac/PickOne-v0", num_envs=3, images=16, reward="shaped")
+        many = gymnasium.make_vec("ftac/PickOne-v1", num_envs=3, images=16, reward="shaped")
         observed, info = many.reset(seed=7)
         self.assertEqual((observed["tactile"].shape, len(info["objects"])), ((3, 17, 16, 16, 3), 3))
         np.testing.assert_array_equal(info["untouched"], observed["tactile"])
@@ -26,7 +26,7 @@ class Vector(unittest.TestCase):
             np.testing.assert_array_equal(observed[name][1], value)
 
     def test_an_episode_that_is_over_begins_anew_in_the_next_step(self):
-        many = envs.VectorPick(2, task="pick_one", max_episode_steps=3)
+        many = vector.VectorPick(2, task="pick_one", max_episode_steps=3)
         many.reset(seed=1)
         still = np.zeros((2, 12), dtype=np.float32)
         truncated = [many.step(still)[3].tolist() for _ in range(7)]
@@ -34,28 +34,44 @@ class Vector(unittest.TestCase):
         self.assertEqual(truncated, ends)
 
     def test_an_action_that_is_refused_steps_none(self):
-        many = envs.VectorPick(2, task="pick_one")
+        many = vector.VectorPick(2, task="pick_one")
         before, _ = many.reset(seed=1)
         bad = np.zeros((2, 12), dtype=np.float32)
         bad[1, 3] = np.nan
-        for action, words in [(bad, "expected 12 numbers from -1 to 1"), (bad[:1], r"actions: found shape \(1, 12\)")]:
+        for action, words in [(bad, "expected numbers from -1 to 1"), (bad[:1], r"actions: found shape \(1, 12\)")]:
             with self.assertRaisesRegex(ValueError, words):
                 many.step(action)
         for env, seen in zip(many.envs, before["arm"]):
             np.testing.assert_array_equal(env._observe()["arm"], seen)
 
 
+    def test_saved_states_are_restored(self):
+        many = vector.VectorPick(2, task="pick_one", images=16)
+        many.reset(seed=3)
+        actions = np.full((2, 12), 0.3, dtype=np.float32)
+        kept = many.save()
+        first = many.step(actions)
+        again = many.restore(kept)
+        self.assertEqual(set(again), set(first[0]))
+        second = many.step(actions)
+        for name, value in first[0].items():
+            np.testing.assert_array_equal(value, second[0][name])
+        np.testing.assert_array_equal(first[1], second[1])
+        with self.assertRaisesRegex(ValueError, "states: found 1, expected 2"):
+            many.restore(kept[:1])
+
+
 class Pictures(unittest.TestCase):
     def test_a_picture_shows_the_hand_and_moves_with_it(self):
-        env = gymnasium.make("ftac/PickTwo-v0", render_mode="rgb_array")
+        env = gymnasium.make("ftac/PickTwo-v1", render_mode="rgb_array")
         env.reset(seed=1)
         before = env.render()
         self.assertEqual((before.shape, before.dtype), ((480, 480, 3), np.uint8))
         self.assertGreater(before.std(), 10)
         for _ in range(10):
-            env.step(np.array([0, 1, 0, 0, 0, 0, -1, -1, -1, -1, -1, 0], dtype=np.float32))
+            env.step(np.array([0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], dtype=np.float32))
         self.assertGreater((env.render() != before).mean(), 0.01)
-        self.assertIsNone(gymnasium.make("ftac/PickOne-v0").unwrapped.render())
+        self.assertIsNone(gymnasium.make("ftac/PickOne-v1").unwrapped.render())
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ arm                       numbers  meaning
 ``twist`` (default)       6        the palm's velocity (x `SPEED`) and angular velocity (x `TURN_SPEED`), world axes
 ``palm_twist``            6        the same along the palm's axes
 ``palm_pose``             6        pose that the palm moves to: position relative to `CENTER` (x `REACH`), rotation vector from `LEVEL` (x pi)
-``joints``                7        joint angles that the arm moves to, x pi
+``joints``                7        joint angles that the arm moves to, x pi; a joint that turns without end goes the short way
 ``joint_steps``           7        change of the joint set-points, x `JOINT_STEP`
 ========================  =======  =====================================================================================================
 
@@ -225,6 +225,7 @@ class Features:
         self._opposition, self._spools = (np.asarray(limits[name], dtype=np.float64) for name in ("opposition", "spools"))
         self._tension = min(TENSION, float(limits["tension"]))
         self._joint_limits = np.asarray(limits["joints"], dtype=np.float64)
+        self._endless = self._joint_limits[:, 1] - self._joint_limits[:, 0] > 4.0 * np.pi
         self.detected = np.asarray(detected, dtype=np.float64).reshape(-1, 7)
         self._objects = np.array([pose_matrix(pose) for pose in self.detected])
         self._fixed = {"shape": self._shape(shape)}
@@ -269,7 +270,7 @@ class Features:
             "command": _clipped(self._command()),
             "time": _clipped(np.array([measured["time"] / TIME])),
             "objects": relative_rows(from_world @ self._objects),
-            **self._fixed,
+            **{name: value.copy() for name, value in self._fixed.items()},
         }
         if self.spec.grasp:
             observed["grasp"] = np.array(
@@ -345,6 +346,9 @@ class Features:
             return limited_twist(self._palm, goal), None
         if kind == "joints":
             joints = np.pi * shares
+            # A joint without end goes the short way.
+            turns = np.remainder(joints - self._measured_joints + np.pi, 2.0 * np.pi) - np.pi
+            joints = np.where(self._endless, self._measured_joints + turns, joints)
         else:
             ahead = self._joints + JOINT_STEP * shares
             joints = np.clip(ahead, self._measured_joints - LEAD, self._measured_joints + LEAD)

@@ -1,0 +1,173 @@
+"""Imitation of the scripted pick-up in ``ftac/PickOne-v1`` over many objects, with and without tactile images (DAgger).
+
+    python imitate.py --episodes 330 --rounds 5 --seeds 5 --tests 330 --out imitation
+
+Every round runs episodes in which the network moves the robot (in the first round the script does), and the script says in every step what it would do;
+a network is then fitted to all steps so far. Without the later rounds a clone never sees the states into which its own errors lead. The file ``policy.npz`` of
+each network can be used as a policy of the benchmark and in the environment: class `Imitation` in this file.
+
+The network sees the observations of `ftac.features`, with the planned grasp, now and some steps ago: the script goes by a clock. It needs numpy and gymnasium.
+"""
+
+import argparse
+import csv
+import os
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import gymnasium  # noqa: E402
+import numpy as np  # noqa: E402
+from network import Network  # noqa: E402
+
+import ftac  # noqa: E402
+from ftac.features import Spec  # noqa: E402
+from ftac.scripted import Script  # noqa: E402
+
+SPEC = Spec(grasp=True)
+SIDE = 16
+"""Of the tactile images, pixels."""
+CELLS = 2
+"""Side of a pad's picture as the network gets it."""
+LEAST = 0.02
+"""Change of colour, as a share of its range, below which a cell counts as untouched: noise and drift of the cameras, by which a network would tell the time."""
+BEFORE = (3, 8, 22)
+"""Steps of 1/20 s ago of which a network sees servos, palm and set-points too; the hand closes in 22."""
+STEPS = 260
+"""Length of an episode, steps."""
+PUSH, PUSH_STEPS = 0.1, 6
+"""Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
+HELD_OUT = 1_000_000
+"""Seeds of the test episodes begin here, unless others are asked for."""
+
+
+def make(objects, tactile):
+    options = {"images": SIDE, "tactile": "change"} if tactile else {}
+    return gymnasium.make("ftac/PickOne-v1", objects=objects, grasp=True, **options).unwrapped
+
+
+class Inputs:
+    """Rows of inputs from the observations of an episode."""
+
+    def __init__(self, tactile):
+        self.tactile, self.past = tactile, []
+
+    def __call__(self, observation):
+        moving = np.concatenate([observation[name].ravel() for name in ("servos", "palm", "command")])
+        self.past.append(moving)
+        parts = [observation[name].ravel() for name in ("arm", "time", "objects", "shape", "grasp")] + [moving]
+        parts += [self.past[max(0, len(self.past) - 1 - before)] for before in BEFORE]
+        if self.tactile:
+            change = (observation["tactile"].astype(np.float32) - 128.0) / 128.0
+            cells = change.reshape(len(change), CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4)).ravel()
+            parts.append(20.0 * np.sign(cells) * np.maximum(np.abs(cells) - LEAST, 0.0))
+        return np.concatenate(parts).astype(np.float32)
+
+
+class Imitation:
+    """A trained network as a policy: ``ftac bench --policy imitate.py:Imitation --policy-arg weights=policy.npz`` (one object at a time)."""
+
+    def __init__(self, weights):
+        data = np.load(weights)
+        self.network, self.tactile = Network.load(data), bool(data["tactile"])
+        self.features = Spec(grasp=True, images=SIDE, tactile="change") if self.tactile else SPEC
+
+    def reset(self, info):
+        self.inputs = Inputs(self.tactile)
+
+    def act(self, observation):
+        return np.clip(self.network(self.inputs(observation)[None])[0], -1.0, 1.0)
+
+
+def episode(job):
+    """Runs an episode: rows of inputs, what the script would do, and whether the object was held in the end."""
+    objects, tactile, seed, network, push = job
+    random, env = np.random.default_rng(seed), make(objects, tactile)
+    observation, info = env.reset(seed=seed)
+    script, inputs = Script(env.features), Inputs(tactile)
+    rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
+    for step in range(STEPS):
+        rows.append(inputs(observation))
+        actions.append(script.act(observation))
+        action = actions[-1] if network is None else network(rows[-1][None])[0]
+        if step % PUSH_STEPS == 0:
+            pushed[:6] = push * random.standard_normal(6)
+        observation, _, over, _, info = env.step(np.clip(action + pushed, -1.0, 1.0))
+        if over:
+            break
+    return np.array(rows), np.array(actions, dtype=np.float32), bool(info["is_success"])
+
+
+def interval(count, of, z=1.96):
+    """95 % interval of a share (Wilson)."""
+    share, spread = count / of, z * z / of
+    middle, half = share + spread / 2, z * np.sqrt(share * (1 - share) / of + spread / (4 * of))
+    low, high = (middle - half) / (1 + spread), (middle + half) / (1 + spread)
+    return f"{count} of {of}, {share:.3f} ({max(0.0, low):.3f} to {min(1.0, high):.3f})"
+
+
+def known_objects(asked):
+    """The objects of the repertoire, or those asked for."""
+    known = [name for name in ftac.objects() if ftac.grasps.repertoire().get(name)]
+    return known if asked is None else asked.split(",")
+
+
+def train(args, workers, tactile, seed, objects):
+    """Trains a network; returns it and the share of successes in each round."""
+    random = np.random.default_rng(seed)
+    data, network, curve = [], None, []
+    for number in range(args.rounds):
+        first = (seed * args.rounds + number) * args.episodes
+        jobs = [([objects[n % len(objects)]], tactile, first + n, network, PUSH) for n in range(args.episodes)]
+        runs = list(workers.map(episode, jobs, chunksize=4))
+        # The script is a teacher only where it succeeds itself, and knows what to do where the network has gone.
+        data += [(rows, actions) for rows, actions, success in runs if success or network is not None]
+        inputs, outputs = (np.concatenate(parts) for parts in zip(*data))
+        if network is None:
+            network = Network(inputs.shape[1], outputs.shape[1], args.hidden, random)
+        network.standardize(inputs)
+        error = network.fit(inputs, outputs, args.epochs, random)
+        curve.append(sum(success for *_, success in runs) / len(runs))
+        print(f"  round {number + 1}: {curve[-1]:.3f} of {len(runs)} episodes succeed, {len(inputs)} steps, error {error:.5f}", flush=True)
+    return network, curve
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
+    parser.add_argument("--episodes", type=int, default=330, help="of a round")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=5, help="networks of each kind")
+    parser.add_argument("--tests", type=int, default=330, help="episodes in which each network is tested")
+    parser.add_argument("--first-seed", type=int, default=HELD_OUT, help="of the test episodes")
+    parser.add_argument("--kinds", default="plain,tactile", help="without images, with images")
+    parser.add_argument("--epochs", type=int, default=20)
+    parser.add_argument("--hidden", type=int, default=256)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--out", type=Path, default=Path("imitation"))
+    args = parser.parse_args()
+    args.out.mkdir(parents=True)
+    objects = known_objects(args.objects)
+    with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
+        table = csv.writer(file)
+        table.writerow(["policy", "seed", "successes", "episodes", "rounds"])
+
+        def test(name, tactile, seed, network, curve):
+            jobs = [([objects[n % len(objects)]], tactile, args.first_seed + n, network, 0.0) for n in range(args.tests)]
+            won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
+            table.writerow([name, seed, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
+            file.flush()
+            print(f"{name}, seed {seed}: {interval(sum(won), len(won))}", flush=True)
+
+        test("script", False, "", None, [])
+        for kind in args.kinds.split(","):
+            for seed in range(args.seeds):
+                network, curve = train(args, workers, kind == "tactile", seed, objects)
+                network.save(args.out / f"{kind}_{seed}.npz", tactile=kind == "tactile")
+                test(kind, kind == "tactile", seed, network, curve)
+
+
+if __name__ == "__main__":
+    main()
