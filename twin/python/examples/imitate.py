@@ -14,6 +14,7 @@ import csv
 import os
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -43,9 +44,25 @@ HELD_OUT = 1_000_000
 """Seeds of the test episodes begin here, unless others are asked for."""
 
 
-def make(objects, tactile):
-    options = {"images": SIDE, "tactile": "change"} if tactile else {}
+def make(objects, tactile, task, **options):
+    if tactile:
+        options |= {"images": SIDE, "tactile": "change"}
+    if task.xy_sigma is not None:
+        options["randomization"] = {"noise.perception.xy_sigma": task.xy_sigma}
     return gymnasium.make("ftac/PickOne-v1", objects=objects, grasp=True, **options).unwrapped
+
+
+class Task(NamedTuple):
+    """What the teacher knows of the object's pose, and the standard deviation of the detected position (m; None for the benchmark's)."""
+
+    teacher: str = "detected"
+    xy_sigma: float | None = None
+
+
+def teacher_of(env, task):
+    """The script; if it knows the true pose, it goes to where the object really is."""
+    pose = env.save().episode.true_state()["objects"][0] if task.teacher == "truth" else None
+    return Script(env.features, pose=pose)
 
 
 class Inputs:
@@ -83,10 +100,10 @@ class Imitation:
 
 def episode(job):
     """Runs an episode: rows of inputs, what the script would do, and whether the object was held in the end."""
-    objects, tactile, seed, network, push = job
-    random, env = np.random.default_rng(seed), make(objects, tactile)
+    objects, tactile, task, seed, network, push = job
+    random, env = np.random.default_rng(seed), make(objects, tactile, task)
     observation, info = env.reset(seed=seed)
-    script, inputs = Script(env.features), Inputs(tactile)
+    script, inputs = teacher_of(env, task), Inputs(tactile)
     rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
     for step in range(STEPS):
         rows.append(inputs(observation))
@@ -109,9 +126,8 @@ def interval(count, of, z=1.96):
 
 
 def known_objects(asked):
-    """The objects of the repertoire, or those asked for."""
-    known = [name for name in ftac.objects() if ftac.grasps.repertoire().get(name)]
-    return known if asked is None else asked.split(",")
+    """All objects, or those asked for."""
+    return ftac.objects() if asked is None else asked.split(",")
 
 
 def train(args, workers, tactile, seed, objects):
@@ -120,7 +136,7 @@ def train(args, workers, tactile, seed, objects):
     data, network, curve = [], None, []
     for number in range(args.rounds):
         first = (seed * args.rounds + number) * args.episodes
-        jobs = [([objects[n % len(objects)]], tactile, first + n, network, PUSH) for n in range(args.episodes)]
+        jobs = [([objects[n % len(objects)]], tactile, args.task, first + n, network, PUSH) for n in range(args.episodes)]
         runs = list(workers.map(episode, jobs, chunksize=4))
         # The script is a teacher only where it succeeds itself, and knows what to do where the network has gone.
         data += [(rows, actions) for rows, actions, success in runs if success or network is not None]
@@ -128,7 +144,8 @@ def train(args, workers, tactile, seed, objects):
         if network is None:
             network = Network(inputs.shape[1], outputs.shape[1], args.hidden, random)
         network.standardize(inputs)
-        error = network.fit(inputs, outputs, args.epochs, random)
+        fit = network.fit_on_gpu if args.gpu else network.fit
+        error = fit(inputs, outputs, args.epochs, random)
         curve.append(sum(success for *_, success in runs) / len(runs))
         print(f"  round {number + 1}: {curve[-1]:.3f} of {len(runs)} episodes succeed, {len(inputs)} steps, error {error:.5f}", flush=True)
     return network, curve
@@ -143,27 +160,34 @@ def main():
     parser.add_argument("--tests", type=int, default=330, help="episodes in which each network is tested")
     parser.add_argument("--first-seed", type=int, default=HELD_OUT, help="of the test episodes")
     parser.add_argument("--kinds", default="plain,tactile", help="without images, with images")
+    parser.add_argument("--teacher", choices=["detected", "truth"], default="detected", help="pose to which the script goes")
+    parser.add_argument("--xy-sigma", type=float, help="standard deviation of the detected position, m; the benchmark's if left out")
+    parser.add_argument("--first-network", type=int, default=0, help="number of the first network")
+    parser.add_argument("--gpu", action="store_true", help="fit with torch on a GPU")
     parser.add_argument("--epochs", type=int, default=20)
     parser.add_argument("--hidden", type=int, default=256)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=Path("imitation"))
     args = parser.parse_args()
     args.out.mkdir(parents=True)
+    args.task = Task(args.teacher, args.xy_sigma)
     objects = known_objects(args.objects)
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
         table.writerow(["policy", "seed", "successes", "episodes", "rounds"])
 
-        def test(name, tactile, seed, network, curve):
-            jobs = [([objects[n % len(objects)]], tactile, args.first_seed + n, network, 0.0) for n in range(args.tests)]
+        def test(name, tactile, seed, network, curve, task=args.task):
+            jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0) for n in range(args.tests)]
             won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
             table.writerow([name, seed, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
             file.flush()
             print(f"{name}, seed {seed}: {interval(sum(won), len(won))}", flush=True)
 
-        test("script", False, "", None, [])
+        test("script", False, "", None, [], Task("detected", args.xy_sigma))
+        if args.teacher == "truth":
+            test("script that knows the truth", False, "", None, [])
         for kind in args.kinds.split(","):
-            for seed in range(args.seeds):
+            for seed in range(args.first_network, args.first_network + args.seeds):
                 network, curve = train(args, workers, kind == "tactile", seed, objects)
                 network.save(args.out / f"{kind}_{seed}.npz", tactile=kind == "tactile")
                 test(kind, kind == "tactile", seed, network, curve)

@@ -73,6 +73,36 @@ class Network:
                 tell(f"  epoch {epoch + 1}: mean squared error {error:.5f}")
         return error
 
+    def fit_on_gpu(self, inputs, outputs, epochs, random, batch=4096, rate=2e-3):
+        """`fit` with torch on a GPU, in batches that suit it."""
+        import torch
+
+        device = torch.device("cuda")
+        mean, scale = (torch.tensor(value, device=device) for value in (self.mean, self.scale))
+        rows = torch.clamp((torch.tensor(inputs, device=device) - mean) / scale, -5.0, 5.0)
+        wanted = torch.tensor(outputs, device=device)
+        weights = [torch.tensor(weight, device=device, requires_grad=True) for weight in self.weights]
+        adam, error = torch.optim.Adam(weights, lr=rate), float("inf")
+        steps = epochs * -(-len(rows) // batch)
+        falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps)
+        generator = torch.Generator().manual_seed(int(random.integers(2**31)))
+        for _ in range(epochs):
+            order, total = torch.randperm(len(rows), generator=generator).to(device), 0.0
+            for chosen in order.split(batch):
+                layer = rows[chosen]
+                for n in range(0, len(weights), 2):
+                    layer = layer @ weights[n] + weights[n + 1]
+                    layer = torch.tanh(layer) if n + 2 < len(weights) else layer
+                loss = ((layer - wanted[chosen]) ** 2).mean()
+                adam.zero_grad()
+                loss.backward()
+                adam.step()
+                falling.step()
+                total += loss.detach() * len(chosen)
+            error = float(total) / len(rows)
+        self.weights = [weight.detach().cpu().numpy() for weight in weights]
+        return error
+
     def save(self, file, **more):
         np.savez_compressed(file, mean=self.mean, scale=self.scale, **more, **{f"w{n}": w for n, w in enumerate(self.weights)})
 

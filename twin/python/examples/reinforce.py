@@ -17,7 +17,6 @@ from pathlib import Path
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import gymnasium  # noqa: E402
 import imitate  # noqa: E402
 import numpy as np  # noqa: E402
 from network import Network  # noqa: E402
@@ -29,17 +28,11 @@ HOLD = 4
 """Steps for which a draw of the exploration lasts: one of each step would cancel out."""
 
 
-def make(objects, tactile):
-    options = {"images": imitate.SIDE, "tactile": "change"} if tactile else {}
-    return gymnasium.make(
-        "ftac/PickOne-v1", objects=objects, grasp=True, reward="shaped", privileged=True, **options
-    ).unwrapped
-
-
 def episode(job):
     """Runs an episode with exploration of standard deviation `sigma`: inputs, critic's inputs, actions, rewards, success."""
     objects, tactile, seed, network, sigma = job
-    random, env = np.random.default_rng(seed), make(objects, tactile)
+    random = np.random.default_rng(seed)
+    env = imitate.make(objects, tactile, imitate.Task(), reward="shaped", privileged=True)
     observation, info = env.reset(seed=seed)
     inputs, noise = imitate.Inputs(tactile), np.zeros(env.action_space.shape[0])
     rows, seen, actions, rewards = [], [], [], []
@@ -116,7 +109,7 @@ def main():
             print(f"{name}: {imitate.interval(sum(won), len(won))}", flush=True)
 
         if policy is None:
-            rows = workers.submit(imitate.episode, ([objects[0]], tactile, 0, None, 0.0)).result()[0]
+            rows = workers.submit(imitate.episode, ([objects[0]], tactile, imitate.Task(), 0, None, 0.0)).result()[0]
             policy = Network(rows.shape[1], 12, args.hidden, random)
             policy.standardize(rows)
         test("before")

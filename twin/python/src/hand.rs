@@ -1,5 +1,6 @@
 //! The hand: kinematics, Jacobians, pads, cable transmission.
 
+use hand_model::robot::ServoState;
 use hand_model::transmission::Crossing;
 use std::sync::{Arc, LazyLock};
 
@@ -117,4 +118,19 @@ pub fn resting_posture<'py>(
         return Err(value_error(format!("tensions[{n}]: found {}, expected 0 N or more", tensions[n])));
     }
     Ok(PyArray1::from_slice(py, &statics::free_equilibrium(&HAND, &tensions, opposition)))
+}
+
+/// Returns the tensions at the spools (N) for which closing digits feel `tensions` (N) at their middle joints, with the
+/// servos at the output angles `spools` (rad) and the guide friction of the hand's data file.
+#[pyfunction]
+pub fn friction_compensated<'py>(
+    py: Python<'py>,
+    tensions: Numbers<'py>,
+    spools: Numbers<'py>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let tensions = finite_array::<5>("tensions", &tensions)?;
+    let angles = finite_array::<6>("spools", &spools)?;
+    let servos = angles.map(|position| ServoState { position, ..ServoState::default() });
+    let friction = &HAND.parameters.cable.friction;
+    Ok(PyArray1::from_slice(py, &control::motion::tension::friction_compensated(&HAND, friction, &servos, &tensions)))
 }

@@ -28,7 +28,9 @@ mod _native {
     #[pymodule_export]
     use crate::grasps::{collection, repertoire};
     #[pymodule_export]
-    use crate::hand::{excursions, forward, hand, jacobian, moment_arms, pad_poses, resting_posture, torques};
+    use crate::hand::{
+        excursions, forward, friction_compensated, hand, jacobian, moment_arms, pad_poses, resting_posture, torques,
+    };
     #[pymodule_export]
     use crate::optics::{background, press_heights, press_sphere};
     #[pymodule_export]

@@ -15,7 +15,7 @@ Every number is scaled to -1 to 1 and clipped there; the scales are constants of
   (fine, for the last centimetres), and the first two columns of the rotation matrix.
 - ``shape`` (objects, 6): half extents in the resting pose / `EXTENT` (3), mass / `MASS`, friction coefficient, height of the centre at rest / `EXTENT`.
 - ``identity`` (objects, 33), if asked for: 1 at the object's place in `ftac.objects()`; all 0 for an object of one's own.
-- ``grasp`` (objects, 26), if asked for: the repertoire's best pick-up: 1 if there is one, ``palm_from_goal`` of the palm's pose in which the digits close
+- ``grasp`` (objects, 26), if asked for: the planned pick-up (`ftac.grasps.pick_one`): 1 if there is one, ``palm_from_goal`` of the palm's pose in which the digits close
   (12, as ``objects``), tensions before and while they close (5 each, over 0 to the maximum), opposition over its range, rise meanwhile / `NEAR`, delay of
   the thumb / `DELAY`.
 - ``tactile`` (17, n, n, 3) uint8, with images: an image of each pad. With ``tactile="change"`` it is half of its difference from the
@@ -55,7 +55,7 @@ from numpy.typing import ArrayLike, NDArray
 from ftac import _native
 from ftac._arrays import side_of
 from ftac._poses import compose, inverse, pose_matrix, rotation_vector, rotation_of_vector
-from ftac.grasps import LEVEL, PickUp, palm_goal, repertoire
+from ftac.grasps import LEVEL, PickUp, palm_goal, pick_one
 
 Array = NDArray[np.float64]
 Row = NDArray[np.float32]
@@ -229,8 +229,10 @@ class Features:
         self.detected = np.asarray(detected, dtype=np.float64).reshape(-1, 7)
         self._objects = np.array([pose_matrix(pose) for pose in self.detected])
         self._fixed = {"shape": self._shape(shape)}
-        self.grasps: list[PickUp | None] = [next(iter(repertoire().get(name, [])), None) for name in objects]
-        """The repertoire's best pick-up of each object; None for an object that it does not have."""
+        self.grasps: list[PickUp | None] = [pick_one().get(name) for name in objects]
+        """The planned pick-up of each object (`ftac.grasps.pick_one`); None for an object of one's own."""
+        self.yaws = tuple(float(yaw) for yaw in yaws)
+        """Turns of the objects about the vertical from their rest poses, as detected, rad."""
         self.goals = [
             None if grasp is None else palm_goal(grasp, pose, yaw)
             for grasp, pose, yaw in zip(self.grasps, self.detected, yaws)
@@ -324,6 +326,10 @@ class Features:
         else:
             hand = [*(tensions - self.tensions) / TENSION_STEP, (opposition - self.opposition) / OPPOSITION_STEP]
         return np.clip([*asked, *hand], -1.0, 1.0).astype(np.float32)
+
+    def spools_of(self, observation: Observation) -> Array:
+        """Output angles of the servos (6,), rad, in an observation."""
+        return _within(observation["servos"][:, 0].astype(np.float64), self._spools)
 
     def copy(self) -> Features:
         """A copy that goes on independently."""

@@ -65,6 +65,15 @@ def repertoire() -> dict[str, list[PickUp]]:
 
 
 @cache
+def pick_one() -> dict[str, PickUp]:
+    """For each object, the pick-up that `ftac.scripted.Script` carries out best in ``ftac/PickOne-v1``, as ``examples/choose_grasps.py`` has measured it. An
+    object without pick-ups in the repertoire has one of a similar object."""
+    text = (Path(__file__).parent / "data" / "pick_one.json").read_text()
+    known = {(grasp.object, grasp.id): grasp for grasps in repertoire().values() for grasp in grasps}
+    return {name: known[one["object"], one["id"]] for name, one in json.loads(text).items()}
+
+
+@cache
 def collection() -> list[Held]:
     """The synthesized grasps of all objects."""
     return [_held(grasp) for grasp in json.loads(_native.collection())]

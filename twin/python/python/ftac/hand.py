@@ -99,6 +99,12 @@ def resting_posture(tensions: ArrayLike, opposition: float = 0.0) -> Array:
     return _native.resting_posture(numbers("tensions", tensions, 5), float(opposition))
 
 
+def friction_compensated(tensions: ArrayLike, spools: ArrayLike) -> Array:
+    """Tensions at the spools (5,), N, for which closing digits feel `tensions` (5,), N, at their middle joints in spite of the friction in the cables' guides; the
+    servos' output angles are `spools` (6,), rad."""
+    return _native.friction_compensated(numbers("tensions", tensions, 5), numbers("spools", spools, 6))
+
+
 def camera(name: int | str) -> int:
     """Index of a camera given by its index or name. ``ValueError`` if there is none."""
     names = [camera.name for camera in CAMERAS]
