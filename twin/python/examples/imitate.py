@@ -3,7 +3,7 @@
     python imitate.py --episodes 330 --rounds 5 --seeds 5 --tests 330 --out imitation
 
 Every round runs episodes in which the network moves the robot (in the first round the script does), and the script says in every step what it would do;
-a network is then fitted to all steps so far. Without the later rounds a clone never sees the states into which its own errors lead. The file ``policy.npz`` of
+a network is then fitted to all steps so far (its squared error is told as a share of the actions' variance). Without the later rounds a clone never sees the states into which its own errors lead. The file ``policy.npz`` of
 each network can be used as a policy of the benchmark and in the environment: class `Imitation` in this file.
 
 The network sees the observations of `ftac.features`, with the planned grasp, now and some steps ago: the script goes by a clock. It needs numpy and gymnasium.
@@ -53,10 +53,11 @@ def make(objects, tactile, task, **options):
 
 
 class Task(NamedTuple):
-    """What the teacher knows of the object's pose, and the standard deviation of the detected position (m; None for the benchmark's)."""
+    """What the teacher knows of the object's pose, and the standard deviation of the detected position (m): a value,
+    a range of which every episode draws one, or None for the benchmark's."""
 
     teacher: str = "detected"
-    xy_sigma: float | None = None
+    xy_sigma: float | tuple[float, float] | None = None
 
 
 def teacher_of(env, task):
@@ -74,7 +75,9 @@ class Inputs:
     def __call__(self, observation):
         moving = np.concatenate([observation[name].ravel() for name in ("servos", "palm", "command")])
         self.past.append(moving)
-        parts = [observation[name].ravel() for name in ("arm", "time", "objects", "shape", "grasp")] + [moving]
+        # Of several objects, the first is to be picked.
+        parts = [observation[name][:1].ravel() for name in ("objects", "shape", "grasp")]
+        parts += [observation["arm"].ravel(), observation["time"], moving]
         parts += [self.past[max(0, len(self.past) - 1 - before)] for before in BEFORE]
         if self.tactile:
             change = (observation["tactile"].astype(np.float32) - 128.0) / 128.0
@@ -84,7 +87,7 @@ class Inputs:
 
 
 class Imitation:
-    """A trained network as a policy: ``ftac bench --policy imitate.py:Imitation --policy-arg weights=policy.npz`` (one object at a time)."""
+    """A trained network as a policy, which picks the first object: ``ftac bench --policy imitate.py:Imitation --policy-arg weights=policy.npz``."""
 
     def __init__(self, weights):
         data = np.load(weights)
@@ -145,9 +148,9 @@ def train(args, workers, tactile, seed, objects):
             network = Network(inputs.shape[1], outputs.shape[1], args.hidden, random)
         network.standardize(inputs)
         fit = network.fit_on_gpu if args.gpu else network.fit
-        error = fit(inputs, outputs, args.epochs, random)
+        error = fit(inputs, outputs, args.epochs, random) / outputs.var(axis=0).mean()
         curve.append(sum(success for *_, success in runs) / len(runs))
-        print(f"  round {number + 1}: {curve[-1]:.3f} of {len(runs)} episodes succeed, {len(inputs)} steps, error {error:.5f}", flush=True)
+        print(f"  round {number + 1}: {curve[-1]:.3f} of {len(runs)} episodes succeed, {len(inputs)} steps, error {error:.4f}", flush=True)
     return network, curve
 
 
@@ -159,9 +162,12 @@ def main():
     parser.add_argument("--seeds", type=int, default=5, help="networks of each kind")
     parser.add_argument("--tests", type=int, default=330, help="episodes in which each network is tested")
     parser.add_argument("--first-seed", type=int, default=HELD_OUT, help="of the test episodes")
-    parser.add_argument("--kinds", default="plain,tactile", help="without images, with images")
+    parser.add_argument("--kinds", default="script,plain,tactile", help="of policies: script, network without images, with images")
     parser.add_argument("--teacher", choices=["detected", "truth"], default="detected", help="pose to which the script goes")
-    parser.add_argument("--xy-sigma", type=float, help="standard deviation of the detected position, m; the benchmark's if left out")
+    parser.add_argument(
+        "--xy-sigma", type=float, nargs=2, metavar=("LOW", "HIGH"), help="range of the standard deviation of the detected position in training, m"
+    )
+    parser.add_argument("--test-sigma", type=float, nargs="*", default=[], help="standard deviations of further tests, m")
     parser.add_argument("--first-network", type=int, default=0, help="number of the first network")
     parser.add_argument("--gpu", action="store_true", help="fit with torch on a GPU")
     parser.add_argument("--epochs", type=int, default=20)
@@ -170,23 +176,27 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("imitation"))
     args = parser.parse_args()
     args.out.mkdir(parents=True)
-    args.task = Task(args.teacher, args.xy_sigma)
+    args.task = Task(args.teacher, args.xy_sigma and tuple(args.xy_sigma))
     objects = known_objects(args.objects)
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
-        table.writerow(["policy", "seed", "successes", "episodes", "rounds"])
+        table.writerow(["policy", "seed", "xy_sigma", "successes", "episodes", "rounds"])
 
-        def test(name, tactile, seed, network, curve, task=args.task):
-            jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0) for n in range(args.tests)]
-            won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
-            table.writerow([name, seed, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
-            file.flush()
-            print(f"{name}, seed {seed}: {interval(sum(won), len(won))}", flush=True)
+        def test(name, tactile, seed, network, curve, teacher=args.teacher):
+            for sigma in [None, *args.test_sigma]:
+                task = Task(teacher, sigma)
+                jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0) for n in range(args.tests)]
+                won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
+                at = "" if sigma is None else sigma
+                table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
+                file.flush()
+                where = "the benchmark's errors" if sigma is None else f"detection error {1e3 * sigma:g} mm"
+                print(f"{name}, seed {seed}, {where}: {interval(sum(won), len(won))}", flush=True)
 
-        test("script", False, "", None, [], Task("detected", args.xy_sigma))
-        if args.teacher == "truth":
-            test("script that knows the truth", False, "", None, [])
-        for kind in args.kinds.split(","):
+        if "script" in args.kinds:
+            test("script", False, "", None, [], "detected")
+            test("script that knows the truth", False, "", None, [], "truth")
+        for kind in (kind for kind in args.kinds.split(",") if kind != "script"):
             for seed in range(args.first_network, args.first_network + args.seeds):
                 network, curve = train(args, workers, kind == "tactile", seed, objects)
                 network.save(args.out / f"{kind}_{seed}.npz", tactile=kind == "tactile")

@@ -28,10 +28,10 @@ class Examples(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             told = self.run_example(folder, "imitate.py", *few, "--rounds", "2", "--seeds", "1", "--epochs", "10", "--out", "made")
             for name in ("script, seed ", "plain, seed 0", "tactile, seed 0"):
-                self.assertRegex(told, f"{name}: [0-2] of 2")
+                self.assertRegex(told, f"{name}, the benchmark's errors: [0-2] of 2")
             errors = [float(line.split()[-1]) for line in told.splitlines() if "steps, error" in line]
-            # A network that answers nothing errs by the mean square of the actions, which is 0.02 at least.
-            self.assertTrue(len(errors) == 4 and all(error < 0.02 for error in errors), told)
+            # As shares of the variance, which the mean action would leave.
+            self.assertTrue(len(errors) == 4 and all(error < 0.7 for error in errors), told)
             start = ["--start", "made/tactile_0.npz", "--iterations", "2"]
             self.run_example(folder, "reinforce.py", *few, *start, "--out", "better")
             with open(Path(folder) / "better/curve.csv") as file:
