@@ -12,6 +12,10 @@ Map = NDArray[np.float32]
 
 Asked = tuple[Array | None, Array | None, Array | None, float | None, Array | None]
 """Twist or joints; tensions and opposition, or spools: in this order."""
+Setup = tuple[bool, str | None, str | None]
+"""Whether there are errors and effects; texts of the robot's files; text of the scenario."""
+Judgement = tuple[list[bool], list[float], bool, bool]
+"""Held; terms of progress (reach, near, touch, lift, hold); success; lost."""
 
 class Scene:
     def __init__(
@@ -19,8 +23,7 @@ class Scene:
         objects: list[tuple[str, float, float, float]],
         images: int | None,
         seed: int,
-        reality: bool,
-        robot: str | None,
+        setup: Setup,
     ) -> None: ...
     def step(self, asked: Asked) -> None: ...
     def observe(self) -> dict[str, Any]: ...
@@ -34,14 +37,16 @@ class Episode:
     def __init__(
         self,
         task: str,
-        images: int | None,
-        combination: int | None,
+        choices: tuple[int | None, int | None, list[str]],
         seed: int,
-        reality: bool,
-        robot: str | None,
-    ) -> None: ...
-    def step(self, asked: Asked) -> tuple[list[bool], float, float, bool, bool]:
-        """held, progress, gained, success, lost"""
+        setup: Setup,
+        variation: tuple[str | None, int | None],
+    ) -> None:
+        """`choices`: side of the images, combination, names of objects to draw from. `variation`: fields of the scenario as JSON, robot instance."""
+    def step(self, asked: Asked) -> Judgement: ...
+    def judge(self) -> Judgement: ...
+    def object_features(self) -> Array:
+        """(objects, 6): half extents (m), mass (kg), friction, height at rest (m)"""
     def observe(self) -> dict[str, Any]: ...
     def untouched(self) -> Image | None: ...
     def true_state(self) -> dict[str, Any]: ...
@@ -53,20 +58,25 @@ class Episode:
     def combination(self) -> int: ...
     def copy(self) -> Episode: ...
 
-def step_all(episodes: list[Episode], actions: Array, jobs: int) -> list[tuple[list[bool], float, float, bool, bool]]:
-    """`actions` (n, 12): twist, tensions, opposition."""
+def step_all(episodes: list[Episode], actions: list[Asked], jobs: int) -> list[Judgement]: ...
 
 class Benchmark:
     def __init__(self, seed: int) -> None: ...
-    def play(self, host: Any, guest: str, wall: bool, combination: int, trial: int) -> str:
-        """`host` is a `policy_host.Host`, `guest` what it says of its policy, as JSON."""
+    def run(self, host: Any, introduction: str, wall: bool, combination: int, trial: int) -> str:
+        """`host` is a `policy_host.Host`, `introduction` that of its policy, as JSON."""
     def condition(self, name: str, combination: int, trial: int) -> str: ...
 
 def session(path: os.PathLike[str], ticks: int, side: int) -> dict[str, Any]:
     """A recorded session, a frame every `ticks` ticks."""
 
-def robot(path: os.PathLike[str]) -> tuple[str, int, int]:
+def robot(path: os.PathLike[str] | str) -> tuple[str, int, int]:
     """The texts of a robot's files, how many joints its arm has, and how many pads its hand."""
+
+def scenario(path: os.PathLike[str] | str) -> str:
+    """The text of a scenario file that refers to no other file."""
+
+def benchmark_scenario() -> str:
+    """The tables of the benchmark's scenario, as JSON."""
 
 def objects() -> list[str]:
     """Names of the built-in objects."""
@@ -85,6 +95,7 @@ def excursions(q: Array) -> Array: ...
 def moment_arms(q: Array) -> Array: ...
 def torques(q: Array, tensions: Array) -> Array: ...
 def resting_posture(tensions: Array, opposition: float) -> Array: ...
+def friction_compensated(tensions: Array, spools: Array) -> Array: ...
 def background(index: int, unit: int | None) -> Image: ...
 def press_sphere(
     index: int,

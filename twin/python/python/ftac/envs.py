@@ -129,7 +129,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
         """Observations and actions of the present episode."""
         size = features.action_size(self.spec_of_features, self._joints)
         self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
-        self.observation_space = spaces.Dict(self._spaces())
+        self._named = self._spaces()
+        self.observation_space = spaces.Dict(self._named)
 
     def _spaces(self) -> dict[str, spaces.Space[Any]]:
         shapes = features.shapes(self.spec_of_features, OBJECTS[self.task], self._joints, self._pads)
@@ -251,7 +252,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
         poses = np.array([from_world @ pose_matrix(pose) for pose in true["objects"]])
         objects = np.concatenate([features.relative_rows(poses), true["velocities"]], axis=1)
         hand = [true["pad_forces"] / PAD_FORCE, true["joints"] / (0.5 * np.pi), true["tensions"] / features.TENSION]
-        return np.clip(np.concatenate([objects.ravel(), *hand]), -1.0, 1.0).astype(np.float32)
+        privileged: Vector = np.clip(np.concatenate([objects.ravel(), *hand]), -1.0, 1.0).astype(np.float32)
+        return privileged
 
     def _options(self, options: dict[str, Any] | None) -> tuple[int | None, list[str], Randomization]:
         known = ("combination", "objects", "randomization")
@@ -285,9 +287,8 @@ class LiftTo(Pick):
             if options.get(name) is not None:
                 raise ValueError(f"{name}: found {options[name]!r}, expected none for an environment with goals")
         super().__init__("pick_one", **options)
-        shapes = self.observation_space.spaces
-        self._order = list(shapes)
-        length = sum(int(np.prod(space.shape or ())) for space in shapes.values())
+        self._order = list(self._named)
+        length = sum(int(np.prod(space.shape or ())) for space in self._named.values())
         self._goal = np.zeros(3)
         self._held = False
         self.observation_space = spaces.Dict(

@@ -249,16 +249,16 @@ class Features:
         """Sets the set-points at the beginning: tensions (N), opposition (rad); joints of the arm (rad), or None for those first measured."""
         self.tensions = np.asarray(tensions, dtype=np.float64).copy()
         self.opposition = float(np.clip(opposition, *self._opposition))
-        self._spool_goals: Array | None = None
-        self._joints = None if joints is None else np.asarray(joints, dtype=np.float64).copy()
+        self._spool_goals: Array = np.zeros(len(self._spools))
+        self._joints: Array = np.zeros(0) if joints is None else np.asarray(joints, dtype=np.float64).copy()
+        self._begun = False
 
     def observe(self, measured: Mapping[str, Any]) -> Observation:
         """Observations from what the robot measures: ``time`` (s), ``servos`` (6, 3), ``arm`` (n, 3), ``palm`` (7,), and ``tactile`` with images."""
         servos, arm = np.array(measured["servos"], dtype=np.float64), np.array(measured["arm"], dtype=np.float64)
-        if self._spool_goals is None:
-            self._spool_goals = np.clip(servos[:, 0], self._spools[:, 0], self._spools[:, 1])
-        if self._joints is None:
-            self._joints = arm[:, 0].copy()
+        if not self._begun:
+            self._begun, self._spool_goals = True, np.clip(servos[:, 0], self._spools[:, 0], self._spools[:, 1])
+            self._joints = self._joints if len(self._joints) else arm[:, 0].copy()
         servos[:, 0] = _share(servos[:, 0], self._spools)
         servos[:, 1:] /= (SERVO_SPEED, SERVO_CURRENT)
         arm[:, 0] = np.remainder(arm[:, 0] + np.pi, 2.0 * np.pi) / np.pi - 1.0
@@ -325,7 +325,8 @@ class Features:
             hand = [*(2.0 * tensions / self._tension - 1.0), _share(np.array(opposition), self._opposition)]
         else:
             hand = [*(tensions - self.tensions) / TENSION_STEP, (opposition - self.opposition) / OPPOSITION_STEP]
-        return np.clip([*asked, *hand], -1.0, 1.0).astype(np.float32)
+        action: Row = np.clip([*asked, *hand], -1.0, 1.0).astype(np.float32)
+        return action
 
     def spools_of(self, observation: Observation) -> Array:
         """Output angles of the servos (6,), rad, in an observation."""
@@ -336,8 +337,7 @@ class Features:
         twin = object.__new__(Features)
         twin.__dict__.update(self.__dict__)
         for name in ("tensions", "_spool_goals", "_joints"):
-            value = getattr(self, name)
-            setattr(twin, name, None if value is None else value.copy())
+            setattr(twin, name, getattr(self, name).copy())
         return twin
 
     def _arm(self, shares: Array) -> tuple[Array | None, Array | None]:
@@ -363,7 +363,6 @@ class Features:
 
     def _command(self) -> Array:
         if self.spec.hand in ("spools", "spool_steps"):
-            assert self._spool_goals is not None
             return _share(self._spool_goals, self._spools)
         return np.append(2.0 * self.tensions / self._tension - 1.0, _share(np.array(self.opposition), self._opposition))
 
@@ -374,8 +373,10 @@ class Features:
         if grasp is None or goal is None:
             return np.zeros(GRASP_LENGTH, dtype=np.float32)
         tensions = 2.0 * np.concatenate([grasp.pre_tension, grasp.close_tension]) / self._tension - 1.0
-        ends = [_share(np.array(grasp.opposition), self._opposition), grasp.raise_ / NEAR, grasp.thumb_delay / DELAY]
-        return np.concatenate([[1.0], relative_rows((from_world @ goal)[None])[0], _clipped(np.append(tensions, ends))])
+        opposition = float(_share(np.array(grasp.opposition), self._opposition))
+        ends = np.array([opposition, grasp.raise_ / NEAR, grasp.thumb_delay / DELAY])
+        rows = [np.ones(1), relative_rows((from_world @ goal)[None])[0], _clipped(np.concatenate([tensions, ends]))]
+        return np.concatenate(rows).astype(np.float32)
 
 
 def limited_twist(palm: Array, goal: Array) -> Array:
@@ -398,7 +399,8 @@ def _within(shares: Array, limits: Array) -> Array:
 
 
 def _clipped(values: Array) -> Row:
-    return np.clip(values, -1.0, 1.0).astype(np.float32)
+    clipped: Row = np.clip(values, -1.0, 1.0).astype(np.float32)
+    return clipped
 
 
 def relative_rows(poses: Array) -> Row:

@@ -75,7 +75,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         self, actions: Vector
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """A step of 1/20 s of every environment. If the shape of `actions` is refused, with a ``ValueError``, no environment is stepped."""
-        size = self.single_action_space.shape[0]
+        size = int(np.prod(self.single_action_space.shape or ()))
         if np.shape(actions) != (self.num_envs, size):
             raise ValueError(f"actions: found shape {np.shape(actions)}, expected ({self.num_envs}, {size})")
         going = [n for n in range(self.num_envs) if not self._over[n]]
@@ -112,7 +112,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         self._over[:] = False
         return _stacked([env.restore(state) for env, state in zip(self.envs, states)])
 
-    def render(self) -> tuple[NDArray[np.uint8] | None, ...]:
+    def render(self) -> Any:
         """A picture of every environment, see `ftac.envs.Pick.render`."""
         return tuple(env.render() for env in self.envs)
 
