@@ -379,12 +379,12 @@ class Features:
         return np.concatenate(rows).astype(np.float32)
 
 
-def limited_twist(palm: Array, goal: Array) -> Array:
-    """Twist (6,) that moves the palm from one ``world_from_palm`` (4, 4) towards another, at most at `SPEED` and `TURN_SPEED` along each axis."""
+def limited_twist(palm: Array, goal: Array, share: float = 1.0) -> Array:
+    """Twist (6,) that moves the palm from one ``world_from_palm`` (4, 4) towards another, at most at a `share` of `SPEED` and `TURN_SPEED` along each axis."""
     shift = POSE_GAIN * (goal[:3, 3] - palm[:3, 3])
     turn = POSE_GAIN * rotation_vector(goal[:3, :3] @ palm[:3, :3].T)
     twist = np.concatenate([shift, turn])
-    return twist / max(1.0, float(np.abs(twist / np.repeat([SPEED, TURN_SPEED], 3)).max()))
+    return twist / max(1.0, float(np.abs(twist / np.repeat([SPEED, TURN_SPEED], 3)).max()) / share)
 
 
 def _share(values: Array, limits: Array) -> Array:

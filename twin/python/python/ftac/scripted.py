@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ftac._poses import compose, pose_matrix, rotation_of_vector, rotation_vector
-from ftac.features import CENTER, REACH, STEP, Features, Observation, Row
+from ftac._poses import compose, pose_matrix, rotation_vector
+from ftac.features import CENTER, REACH, STEP, Features, Observation, Row, limited_twist
 from ftac.grasps import PickUp, palm_goal
 from ftac.hand import friction_compensated
 
@@ -14,14 +14,14 @@ Array = NDArray[np.float64]
 
 APPROACH_DISTANCE = 0.09
 """Distance of the pose before the grasp, m."""
-PATH_SPEED, PATH_TURN_SPEED = 0.22, 0.9
-"""Largest speed along a path (m/s) and about an axis (rad/s)."""
-FINAL_SPEED_SHARE = 0.6
-"""Share of these speeds on the last part of the approach and while lifting."""
-TRACKING_GAIN = 2.0
-"""Velocity that corrects a deviation from the path, over the deviation, 1/s."""
-SETTLING_TIME = 0.1
-"""Time for which the palm rests at the end of a path, s."""
+POSE_TOLERANCE = 0.001, 0.005
+"""Distance (m) and angle (rad) from a pose that count as reached."""
+STAGE_TIMEOUT = 2.5
+"""Time after which the next stage begins in any case, s: something is in the way."""
+SPEED_SHARES = 1.0, 0.5, 1.0, 0.4
+"""Shares of the largest velocities in each stage."""
+STARTING_TIME = 0.8
+"""Time in which the palm reaches the velocity of a stage, s: a jerk would shake a heavy object out of the hand."""
 TENSION_RATE = 80.0
 """Rate of change of the tensions, N/s."""
 CLOSING_TIME = 1.1
@@ -70,35 +70,38 @@ class Script:
         self.stage, self.clock = 0, 0.0
         """Stage (0 to 3) and the time since it began, s."""
         self.tensions = grasp.pre_tension.copy()
-        self._path: tuple[Array, Array, float] | None = None
 
     def act(self, observation: Observation) -> Row:
-        """The next action."""
+        """The next action. But for the time in which the digits close, it depends on the observation alone."""
         palm = palm_of(observation)
-        if self._path is not None and self.stage < 3 and self.clock >= self._path[2] + SETTLING_TIME * (self.stage != 2):
-            self.stage, self.clock, self._path = self.stage + 1, 0.0, None
-        if self._path is None:
-            self._path = self._planned(palm)
-        start, turned, duration = self._path
-        here, there = (_minimum_jerk(time / duration) for time in (self.clock, self.clock + STEP))
-        shift, goal = self.goals[self.stage] - start, compose(rotation_of_vector(here * turned) @ self._begun, start)
-        goal[:3, 3] += here * shift
-        deviation = np.concatenate([goal[:3, 3] - palm[:3, 3], rotation_vector(goal[:3, :3] @ palm[:3, :3].T)])
-        twist = (there - here) / STEP * np.concatenate([shift, turned]) + TRACKING_GAIN * deviation
+        goal = compose(self.rotation, self._goal())
+        distance = float(np.linalg.norm(goal[:3, 3] - palm[:3, 3]))
+        angle = float(np.linalg.norm(rotation_vector(goal[:3, :3] @ palm[:3, :3].T)))
+        reached = distance < POSE_TOLERANCE[0] and angle < POSE_TOLERANCE[1]
+        over = self.clock >= CLOSING_TIME if self.stage == 2 else reached or self.clock >= STAGE_TIMEOUT
+        if over and self.stage < 3:
+            self.stage, self.clock = self.stage + 1, 0.0
+            goal = compose(self.rotation, self._goal())
+        starting = min(1.0, (self.clock + STEP) / STARTING_TIME)
+        twist = limited_twist(palm, goal, starting * SPEED_SHARES[self.stage])
+        if self.stage == 2:
+            twist[2] += (self._risen(self.clock + STEP) - self._risen(self.clock)) / STEP
         self.clock += STEP
         change = self._wanted() - self.tensions
         self.tensions += np.clip(change, -TENSION_RATE * STEP, TENSION_RATE * STEP)
         pulled = friction_compensated(self.tensions, self.features.spools_of(observation))
         return self.features.action(twist, pulled, self.grasp.opposition)
 
-    def _planned(self, palm: Array) -> tuple[Array, Array, float]:
-        """Start (m), rotation vector (rad) and duration (s) of the stage's path: a straight line with minimum jerk."""
-        self._begun = palm[:3, :3]
-        turned = rotation_vector(self.rotation @ palm[:3, :3].T)
-        length = float(np.linalg.norm(self.goals[self.stage] - palm[:3, 3]))
-        share = 1.0 if self.stage == 0 else FINAL_SPEED_SHARE
-        needed = 1.875 * max(length / PATH_SPEED, float(np.linalg.norm(turned)) / PATH_TURN_SPEED) / share
-        return palm[:3, 3].copy(), turned, CLOSING_TIME if self.stage == 2 else max(needed, STEP)
+    def _goal(self) -> Array:
+        """Position of the palm to reach now, m."""
+        if self.stage != 2:
+            return self.goals[self.stage]
+        return self.goals[1] + np.array([0.0, 0.0, self._risen(self.clock)])
+
+    def _risen(self, time: float) -> float:
+        """Height by which the palm has risen after this time of closing, m: with minimum jerk."""
+        part = min(time / CLOSING_TIME, 1.0)
+        return self.grasp.raise_ * part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
 
     def _wanted(self) -> Array:
         """Tensions of the present stage, N: the thumb may close later or earlier than the fingers."""
@@ -108,12 +111,6 @@ class Script:
         delays = np.where(np.arange(5) == 0, max(delay, 0.0), max(-delay, 0.0))
         waits = (self.stage == 2) & (self.clock < delays)
         return np.where(waits, self.grasp.pre_tension, self.grasp.close_tension)
-
-
-def _minimum_jerk(part: float) -> float:
-    """Share of a path that is covered after this share of its duration."""
-    part = min(max(part, 0.0), 1.0)
-    return part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
 
 
 def palm_of(observation: Observation) -> Array:
