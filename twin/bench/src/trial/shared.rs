@@ -94,7 +94,7 @@ impl Bench {
             cameras: self.cameras.clone(),
             pipeline: self.pipeline.clone(),
             known_objects: self.known_objects.clone(),
-            uncertainty: self.uncertainty.clone(),
+            uncertainty: self.uncertainty,
             seed: self.seed,
             profile: Arc::default(),
             rollout_model: None,
