@@ -10,6 +10,7 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `touch`: heights and normals from tactile images.
 - `grasps`: the grasps that come with the program.
 - `bench`: your own policy in the benchmark's trials.
+- `robot`: your own robot as a backend of the trials.
 - `envs`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
 - `scripted`: a policy for them that carries out one planned pick-up.
 - `lerobot`: recorded sessions as a LeRobot data set.
@@ -23,12 +24,12 @@ import importlib.metadata
 import importlib.util
 from typing import Any
 
-from ftac import bench, grasps, hand, lerobot, optics, scripted, touch
+from ftac import bench, grasps, hand, lerobot, optics, robot, scripted, touch
 from ftac._native import combinations, objects
 from ftac.scene import Scene
 
 __version__ = importlib.metadata.version("ftac")
-__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "lerobot", "objects", "optics", "scripted", "touch"]
+__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "lerobot", "objects", "optics", "robot", "scripted", "touch"]
 
 if importlib.util.find_spec("gymnasium") is not None:
     from ftac import envs
