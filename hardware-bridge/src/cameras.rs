@@ -1,9 +1,10 @@
-//! The tactile cameras, behind the camera board or as UVC devices.
+//! The tactile cameras: behind the camera board, as UVC devices, or behind the robot's own driver.
 
 use hand_model::robot::TactileFrame;
 
 use crate::clock::Clock;
 use crate::config::BridgeConfig;
+use crate::delivered_images::DeliveredImages;
 use crate::tactile_link::TactileLink;
 use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::link::TactileLinkError;
@@ -32,6 +33,8 @@ pub enum Cameras {
     /// UVC devices.
     #[cfg(feature = "uvc")]
     Uvc(crate::uvc::UvcCameras),
+    /// Behind the robot's own driver.
+    Delivered(DeliveredImages),
 }
 
 impl Cameras {
@@ -63,6 +66,7 @@ impl Cameras {
             Self::Board(link) => Some(link),
             #[cfg(feature = "uvc")]
             Self::Uvc(_) => None,
+            Self::Delivered(_) => None,
         }
     }
 
@@ -78,6 +82,10 @@ impl Cameras {
                 cameras.request_capture();
                 Ok(())
             }
+            Self::Delivered(images) => {
+                images.request();
+                Ok(())
+            }
         }
     }
 
@@ -87,15 +95,17 @@ impl Cameras {
             Self::Board(link) => link.take_images(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.take_images(),
+            Self::Delivered(images) => images.take(),
         }
     }
 
-    /// Returns the counters of every camera.
+    /// Returns the counters of every camera; a robot's own driver has none.
     pub fn camera_counters(&self) -> Vec<CameraCounters> {
         match self {
             Self::Board(link) => link.camera_counters(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.camera_counters(),
+            Self::Delivered(_) => Vec::new(),
         }
     }
 
@@ -105,6 +115,7 @@ impl Cameras {
             Self::Board(link) => link.port_error(),
             #[cfg(feature = "uvc")]
             Self::Uvc(cameras) => cameras.failure(),
+            Self::Delivered(_) => None,
         }
     }
 }

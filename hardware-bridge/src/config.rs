@@ -30,6 +30,7 @@
 //! ```
 
 mod limits;
+mod limits_file;
 pub mod secrets;
 mod uvc;
 
@@ -48,6 +49,11 @@ use crate::supported_robot::SERVOS;
 pub use limits::{ArmLimitConfig, LimitConfig, WorkspaceConfig};
 use secrets::{Password, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
+
+/// Range of the rate of the servo cycles, Hz.
+pub const RATES: (f64, f64) = (20.0, 500.0);
+/// Current limit of the hand's servos, A.
+const MAX_CURRENT: f64 = 0.91;
 
 /// Error in a configuration or calibration file.
 #[derive(Debug, thiserror::Error)]
@@ -223,7 +229,7 @@ impl BridgeConfig {
     }
 
     /// Returns the supervisor's limits, with the servos' travel (rad) from the calibration.
-    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> SafetyLimits {
+    pub fn limits(&self, travel: &[f64], arm: &Arm) -> SafetyLimits {
         self.limits.limits(travel, arm)
     }
 
@@ -248,23 +254,14 @@ impl BridgeConfig {
         if let Some((name, found, expected)) = uvc::find_square_error(&self.uvc) {
             return field(&name, found, expected);
         }
-        for (name, values) in self.limits.arm.joint_limits() {
-            if values.len() != JOINTS {
-                return field(
-                    &name,
-                    format!("{} numbers", values.len()),
-                    format!("{JOINTS}, one for each joint of the Gen3"),
-                );
+        let (rate, slack) = (self.servos.rate, self.servos.slack);
+        for (name, value, (low, high)) in [("servos.rate", rate, RATES), ("servos.slack", slack, (0.001, 1.0))] {
+            if !(low..=high).contains(&value) {
+                return field(name, value.to_string(), format!("{low} to {high}"));
             }
         }
-        let (rate, slack) = (self.servos.rate, self.servos.slack);
-        let mut ranges =
-            vec![("servos.rate".to_owned(), rate, 20.0, 500.0), ("servos.slack".to_owned(), slack, 0.001, 1.0)];
-        ranges.extend(self.limits.ranges(rate));
-        for (name, value, low, high) in ranges {
-            if !(low..=high).contains(&value) {
-                return field(&name, value.to_string(), format!("{low} to {high}"));
-            }
+        if let Some((name, found, expected)) = self.limits.first_error(JOINTS, rate, MAX_CURRENT) {
+            return field(&name, found, expected);
         }
         Ok(())
     }

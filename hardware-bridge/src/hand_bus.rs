@@ -5,8 +5,8 @@ use dynamixel_bus::protocol2::{ReplyError, Status};
 use dynamixel_bus::register::Register;
 use dynamixel_bus::servo_bus::{BusError, ServoBus};
 use dynamixel_bus::xc330::{self, PRESENT_BLOCK_LONG};
-use hand_model::Digit;
 use hand_model::robot::ServoState;
+use hand_model::{ActuatorVector, Digit};
 use robot_session_log::LinkTap;
 
 use crate::calibration::{HandCalibration, turn_offset};
@@ -84,7 +84,7 @@ impl HandBus {
     }
 
     /// Sends goals, the current first, so that no position is approached with an older, larger current.
-    pub fn send(&mut self, goals: &[SafeGoal; SERVOS]) -> Result<(), BusError> {
+    pub fn send(&mut self, goals: &[SafeGoal]) -> Result<(), BusError> {
         self.sync_write(&xc330::GOAL_CURRENT, |n| goals[n].current)?;
         let forget = self.turn_offsets;
         self.sync_write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0))
@@ -92,9 +92,10 @@ impl HandBus {
 
     /// Switches the torque on without a jerk: zero current, goals at the shafts' positions, and the watchdog off until
     /// all servos are on.
-    pub fn torque_on(&mut self, goals: &[SafeGoal; SERVOS], watchdog: f64) -> Result<(), BusError> {
+    pub fn torque_on(&mut self, goals: &[SafeGoal], watchdog: f64) -> Result<(), BusError> {
         self.set_watchdog(0.0)?;
-        self.send(&goals.map(|goal| SafeGoal { current: 0.0, ..goal }))?;
+        let idle: ActuatorVector<SafeGoal> = goals.iter().map(|goal| SafeGoal { current: 0.0, ..*goal }).collect();
+        self.send(&idle)?;
         let ids = self.ids;
         for result in self.bus.set_torque(&ids, true) {
             result?;
@@ -166,5 +167,5 @@ pub(crate) fn decode_reading(block: &[u8], alert: bool, forget: &mut Option<f64>
         current: value(xc330::PRESENT_CURRENT)?,
         temperature: value(xc330::PRESENT_TEMPERATURE)?,
     };
-    Some(ServoReading { received_at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert })
+    Some(ServoReading { received_at: now, state, voltage: Some(value(xc330::PRESENT_INPUT_VOLTAGE)?), alert })
 }

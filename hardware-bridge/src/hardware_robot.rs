@@ -4,46 +4,44 @@
 //! every measurement, and [`HardwareRobot::arm`] enables torque; before that, commands move nothing. A dropped robot
 //! keeps holding: only an explicit release opens the hand.
 
-use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, MutexGuard, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use dynamixel_bus::servo_bus::{BusError, ServoBus};
+use dynamixel_bus::servo_bus::BusError;
 use ftac_platform::data::DataError;
 use hand_model::RobotModel;
 use hand_model::robot::{Readings, RobotBackend, RobotCommand, RobotError, ServoGoal, Tick};
 use robot_session_log::{LinkPacket, LinkTap};
 
 use crate::arm_link::ArmLink;
+use crate::bus_link::{BusLink, open_hand};
 use crate::calibration::HandCalibration;
 use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
-use crate::hand_bus::HandBus;
+use crate::delivered_images::DeliveredImages;
 use crate::lock::lock;
 use crate::real_time::set_real_time_priority;
-use crate::remote::endpoint::{RemoteEndpoint, RequestHandler};
-use crate::remote::{RemoteCommand, RemoteError, socket_paths};
+use crate::remote::endpoint::RemoteEndpoint;
+use crate::remote::{RemoteCommand, RemoteError};
 use crate::requests;
-use crate::safety::checks::Measurements;
-use crate::safety::limits::{SafeGoal, SafetyLimits};
+use crate::robot_link::RobotLink;
+use crate::safety::limits::SafetyLimits;
 use crate::safety::set_points::TICK;
 use crate::safety::state::SupervisorState;
-use crate::safety::supervisor::{SafeCommand, Supervisor};
-use crate::servo_cycle::{CycleOrder, CycleReport, CycleShared, DryLines, ServoCycle, SharedState, send_order};
-use crate::setup;
-use crate::supported_robot::SERVOS;
+use crate::safety::supervisor::SafeCommand;
+use crate::servo_cycle::{CycleOrder, CycleReport, CycleShared, DryLines, Pace, ServoCycle, SharedState, send_order};
+use crate::stop_sockets::StopSockets;
 use crate::supported_robot::check_supported;
 use crate::tactile_link::TactileLink;
 
-/// Servo cycles between two audits, each of one servo.
-const AUDIT_INTERVAL: u64 = 5;
+/// Longest wait for the answer of this project's devices to an order.
+const ORDER_TIMEOUT: Duration = Duration::from_secs(3);
 /// Longest wait for the cycle that uses a command: a few cycles, or their time-outs on a bus that is being lost.
-const SEND_TIMEOUT: Duration = Duration::from_millis(50);
+const MIN_SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Error of connecting to the robot.
 #[derive(Debug, thiserror::Error)]
@@ -104,8 +102,33 @@ pub struct HardwareRobot {
     capture_error: Option<RobotError>,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
+    /// True if time passes with the controller's ticks only.
+    lockstep: bool,
+    send_timeout: Duration,
     next_tick: Instant,
     sequence: u64,
+}
+
+/// Passage of time of a robot behind a [`RobotLink`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LinkTiming {
+    /// On the wall clock, with this rate of the servo cycles, Hz.
+    Wall { rate: f64 },
+    /// In lock-step: with the controller's ticks only.
+    Lockstep,
+}
+
+/// Settings of a robot behind a [`RobotLink`].
+#[derive(Debug, Clone)]
+pub struct LinkSettings<'a> {
+    pub limits: SafetyLimits,
+    pub timing: LinkTiming,
+    /// Images that the link delivers, if the robot has cameras.
+    pub images: Option<DeliveredImages>,
+    /// File after which the robot's stop socket is named.
+    pub file: &'a Path,
+    /// Longest wait until the devices are checked, or their torque is on.
+    pub order_timeout: Duration,
 }
 
 impl HardwareRobot {
@@ -122,29 +145,73 @@ impl HardwareRobot {
         let clock = Clock::wall();
         let hand = open_hand(config, &calibration, robot)?;
         let cameras = Cameras::open(config, robot.hand.cameras.len(), &clock)?;
-        let cycle = servo_cycle(config, &calibration, hand, arm, robot, clock.clone());
-        let cycle = ServoCycle { dry, ..cycle };
-        let shared = cycle.shared.clone();
-        let doors = stop_sockets(config, &shared, &clock)?;
+        let limits = config.limits(&calibration.travel(), &robot.arm);
+        let link = BusLink::new(config, hand, arm);
+        let cycle = ServoCycle { dry, ..ServoCycle::new(link, robot, limits, clock, ORDER_TIMEOUT) };
+        // A configuration that was not read from a file is named after its port.
+        let file = if config.file.as_os_str().is_empty() { &config.servos.port } else { &config.file };
+        let sockets = StopSockets { file, additional: config.stop_socket.as_deref() };
+        let pace = Pace::Wall(Duration::from_secs_f64(1.0 / config.servos.rate));
+        Self::run(cycle, pace, cameras, limits.release_time, Some(sockets))
+    }
+
+    /// Connects the devices behind `link`, which are those of `robot`; torque stays as it is.
+    pub fn start(
+        link: impl RobotLink + 'static,
+        robot: &RobotModel,
+        settings: LinkSettings,
+    ) -> Result<Self, ConnectError> {
+        let LinkSettings { limits, timing, images, file, order_timeout } = settings;
+        let cameras = images.map(Cameras::Delivered);
+        let release_time = limits.release_time;
+        let new = |clock| ServoCycle::new(link, robot, limits, clock, order_timeout);
+        match timing {
+            LinkTiming::Lockstep => {
+                Self::run(new(Clock::emulated()), Pace::Lockstep(TICK), cameras, release_time, None)
+            }
+            LinkTiming::Wall { rate } => {
+                let pace = Pace::Wall(Duration::from_secs_f64(1.0 / rate));
+                let sockets = StopSockets { file, additional: None };
+                Self::run(new(Clock::wall()), pace, cameras, release_time, Some(sockets))
+            }
+        }
+    }
+
+    /// Runs `cycle` in a thread of its own.
+    fn run<L: RobotLink + 'static>(
+        cycle: ServoCycle<L>,
+        pace: Pace,
+        cameras: Option<Cameras>,
+        release_time: f64,
+        sockets: Option<StopSockets>,
+    ) -> Result<Self, ConnectError> {
+        let (shared, clock) = (cycle.shared.clone(), cycle.clock.clone());
+        let endpoints =
+            sockets.map(|sockets| sockets.open(&shared, &clock, release_time)).transpose()?.unwrap_or_default();
         let thread = std::thread::Builder::new()
             .name("servo cycle".into())
             .spawn(move || {
                 let mut cycle = cycle;
-                cycle.report.priority_error = set_real_time_priority().err();
-                cycle.run();
+                if matches!(pace, Pace::Wall(_)) {
+                    cycle.report.priority_error = set_real_time_priority().err();
+                }
+                cycle.run(pace);
             })
             .map_err(ConnectError::Thread)?;
-        let (release_time, next_tick) = (config.limits.release_time, Instant::now());
-        let (thread, unasked) = (Some(thread), None);
         Ok(Self {
             shared,
             cameras,
-            endpoints: doors,
+            endpoints,
             release_time,
-            capture_error: unasked,
-            thread,
+            capture_error: None,
+            thread: Some(thread),
             clock,
-            next_tick,
+            lockstep: matches!(pace, Pace::Lockstep(_)),
+            send_timeout: match pace {
+                Pace::Wall(period) => MIN_SEND_TIMEOUT.max(3 * period),
+                Pace::Lockstep(_) => MIN_SEND_TIMEOUT,
+            },
+            next_tick: Instant::now(),
             sequence: 0,
         })
     }
@@ -218,107 +285,27 @@ impl HardwareRobot {
     fn now(&self) -> f64 {
         self.clock.now()
     }
-}
 
-/// Opens the sockets on which this robot can be stopped: the default one, which any terminal finds, and the configured
-/// one.
-fn stop_sockets(
-    config: &BridgeConfig,
-    shared: &Arc<CycleShared>,
-    clock: &Clock,
-) -> Result<Vec<RemoteEndpoint>, RemoteError> {
-    let failed = |source| RemoteError::Socket { path: socket_paths::OPERATORS_FOLDER.into(), source };
-    let folder = socket_paths::folder().map_err(failed)?;
-    socket_paths::remove_stale_sockets(&folder.path);
-    // A configuration that was not read from a file is named after its port.
-    let file = if config.file.as_os_str().is_empty() { &config.servos.port } else { &config.file };
-    let of = format!("{}, process {}", file.display(), std::process::id());
-    let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
-    let fulfil: Arc<RequestHandler> =
-        Arc::new(move |request| requests::execute_request(&shared, &clock, request, release_time));
-    let mut doors =
-        vec![RemoteEndpoint::open(&socket_paths::socket_path(&folder.path, file), folder.group, &of, fulfil.clone())?];
-    if let Some(own) = &config.stop_socket {
-        doors.push(RemoteEndpoint::open(own, None, &of, fulfil)?);
-    }
-    Ok(doors)
-}
-
-/// Opens the servo bus and verifies that the servos are the calibrated ones.
-pub(crate) fn open_hand(
-    config: &BridgeConfig,
-    calibration: &HandCalibration,
-    robot: &RobotModel,
-) -> Result<HandBus, ConnectError> {
-    let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-    let names: Vec<&str> = robot.hand.parameters.actuator.iter().map(|actuator| actuator.name.as_str()).collect();
-    for (id, name) in config.servos.ids.iter().zip(&names) {
-        let findings = setup::check(&mut bus, config, *id, name)?;
-        if let Some(bad) = findings.into_iter().find(|finding| !finding.passed) {
-            return Err(ConnectError::Setup { what: bad.item, found: bad.found, expected: bad.expected });
+    /// Waits for the servo cycle while `waits` is true, and returns the shared state; none after the time-out. A robot
+    /// in lock-step, whose link has time limits of its own, is waited for as long as its thread lives.
+    fn wait_for_cycle<'a>(
+        &self,
+        board: MutexGuard<'a, SharedState>,
+        waits: impl Fn(&SharedState) -> bool,
+    ) -> Option<MutexGuard<'a, SharedState>> {
+        self.shared.requested.notify_all();
+        let mut board = board;
+        loop {
+            let waited = self.shared.cycle_done.wait_timeout_while(board, self.send_timeout, |board| waits(board));
+            let (next, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+            if !waited.timed_out() {
+                return Some(next);
+            }
+            if !self.lockstep || self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
+                return None;
+            }
+            board = next;
         }
-    }
-    let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
-    if let Some((actuator, found, expected)) = hand.compare_homing_offsets(calibration)? {
-        let owner = calibration.servos.iter().zip(&names).find(|(servo, _)| i64::from(servo.homing_offset) == found);
-        let why = match owner {
-            Some((_, owner)) => format!("it is that of {owner}; were their ids exchanged?"),
-            None => "the servo was replaced or remounted; calibrate".to_owned(),
-        };
-        return Err(ConnectError::Mismatch { actuator, name: names[actuator].to_owned(), why, found, expected });
-    }
-    Ok(hand)
-}
-
-/// Creates the servo cycle of `hand` and `arm`: connected, torque unchanged.
-pub(crate) fn servo_cycle(
-    config: &BridgeConfig,
-    calibration: &HandCalibration,
-    hand: HandBus,
-    arm: Box<dyn ArmLink>,
-    robot: &RobotModel,
-    clock: Clock,
-) -> ServoCycle {
-    let limits = config.limits(&calibration.travel(), &robot.arm);
-    let press = limits.torque.filter(|_| arm.senses_torque());
-    let mut supervisor = Supervisor::new(SafetyLimits { torque: press, ..limits }).with_monitors(robot);
-    // A new supervisor is disconnected, so this cannot be refused.
-    let _ = supervisor.connect();
-    let measured = Measurements { servos: [None; SERVOS], arm: None, cameras: true };
-    let shared = Arc::new(CycleShared {
-        tap: Mutex::new(None),
-        state: Mutex::new(SharedState {
-            requested: None,
-            requested_number: 0,
-            used_number: 0,
-            quiet_until: 0.0,
-            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.zero_speed() },
-            measured,
-            state: supervisor.state(),
-            orders: VecDeque::new(),
-            report: CycleReport::default(),
-            cameras: true,
-        }),
-        cycle_done: Condvar::new(),
-        stop: AtomicBool::new(false),
-    });
-    ServoCycle {
-        shared,
-        hand: Some(hand),
-        port: config.servos.port.clone(),
-        bus: config.bus(),
-        ids: config.servos.ids,
-        fast: config.servos.fast_sync_read,
-        arm,
-        supervisor,
-        period: Duration::from_secs_f64(1.0 / config.servos.rate),
-        clock,
-        audit_interval: AUDIT_INTERVAL,
-        dry: None,
-        measured,
-        report: CycleReport::default(),
-        lost_at: Instant::now(),
-        last_dry_line: 0.0,
     }
 }
 
@@ -341,15 +328,21 @@ impl RobotBackend for HardwareRobot {
         board.quiet_until = 0.0;
         board.requested_number += 1;
         let number = board.requested_number;
-        let waited = self.shared.cycle_done.wait_timeout_while(board, SEND_TIMEOUT, |board| board.used_number < number);
-        let (board, waited) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
-        if waited.timed_out() {
-            return Err(RobotError::NotSent(SEND_TIMEOUT.as_secs_f64()));
+        match self.wait_for_cycle(board, |board| board.used_number < number) {
+            Some(board) => Ok(sent_command(command, &board.sent, board.state)),
+            None => Err(RobotError::NotSent(self.send_timeout.as_secs_f64())),
         }
-        Ok(sent_command(command, &board.sent, board.state))
     }
 
     fn wait_for_tick(&mut self) -> Tick {
+        if self.lockstep {
+            let mut board = lock(&self.shared.state);
+            board.requested_ticks += 1;
+            let number = board.requested_ticks;
+            drop(self.wait_for_cycle(board, |board| board.ticks < number));
+            self.sequence += 1;
+            return Tick { time: self.now(), lateness: 0.0 };
+        }
         let tick = Duration::from_secs_f64(TICK);
         self.next_tick += tick;
         let now = Instant::now();
@@ -391,6 +384,9 @@ pub(crate) fn sent_command(asked: &RobotCommand, sent: &SafeCommand, state: Supe
 impl Drop for HardwareRobot {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
+        // A thread that waits for a request has not yet seen the flag, or sees it before it waits.
+        drop(lock(&self.shared.state));
+        self.shared.requested.notify_all();
         if let Some(thread) = self.thread.take() {
             // A panic is reported by the thread's own panic message.
             let _ = thread.join();

@@ -6,6 +6,8 @@
 //! - [`tactile_link`]: the camera board's protocol, with its own threads for images. [`uvc`]: webcams instead.
 //!   [`cameras`]: either of the two.
 //! - [`arm_link`]: the interface to an arm. [`kortex_link`]: a Gen3 behind it, through the crate [`kinova_kortex`].
+//! - [`robot_link`]: the interface to all devices of a robot. `bus_link`: those above behind it. A robot of another kind
+//!   implements it; [`delivered_images`] takes its images.
 //! - [`safety`]: the supervisor between controller and motors.
 //! - [`servo_cycle`]: the 200 Hz thread that joins all of these. [`hardware_robot`]: the controller's handle on it.
 //!   [`remote`]: the handle of another terminal; `requests` carries out its requests.
@@ -22,10 +24,12 @@
 //! drive the emulated servos.
 
 pub mod arm_link;
+mod bus_link;
 pub mod calibration;
 pub mod cameras;
 pub mod clock;
 pub mod config;
+pub mod delivered_images;
 #[cfg(feature = "emulator")]
 pub mod emulator;
 pub mod hand_bus;
@@ -39,9 +43,11 @@ pub mod reboot;
 pub mod reference_pictures;
 pub mod remote;
 mod requests;
+pub mod robot_link;
 pub mod safety;
 pub mod servo_cycle;
 pub mod setup;
+mod stop_sockets;
 pub mod supported_robot;
 pub mod tactile_link;
 pub mod uvc;

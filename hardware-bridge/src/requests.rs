@@ -8,7 +8,6 @@ use crate::remote::RemoteCommand;
 use crate::safety::state::SupervisorState;
 use crate::servo_cycle::send_order;
 use crate::servo_cycle::{CycleOrder, CycleShared, SharedState};
-use crate::supported_robot::SERVOS;
 
 /// Speed below which a joint of the arm counts as at rest, rad/s.
 const REST_SPEED: f64 = 0.02;
@@ -57,8 +56,8 @@ fn wait_for_release(shared: &CycleShared, timeout: Duration) -> Result<String, S
         let board = lock(&shared.state);
         match board.state {
             SupervisorState::Connected => {
-                let unsure = &board.report.torque_still_on;
-                let off = format!("torque read back as off from {} of {SERVOS} servos", SERVOS - unsure.len());
+                let (servos, unsure) = (board.measured.servos.len(), &board.report.torque_still_on);
+                let off = format!("torque read back as off from {} of {servos} servos", servos - unsure.len());
                 return if unsure.is_empty() { Ok(off) } else { Err(format!("{off}; {}", unsure.join("; "))) };
             }
             SupervisorState::Release { .. } if begun.elapsed() < timeout => {}
@@ -82,6 +81,7 @@ pub(crate) fn describe_state(board: &SharedState, now: f64) -> String {
         Some(speed) if speed <= REST_SPEED => "the arm stands".to_owned(),
         Some(speed) => format!("the arm moves at {speed:.2} rad/s"),
     };
-    let servos = board.measured.servos.iter().flatten().filter(|servo| now - servo.received_at <= MAX_AGE).count();
-    format!("{arm}, {servos} of {SERVOS} servos answer")
+    let servos = &board.measured.servos;
+    let answering = servos.iter().flatten().filter(|servo| now - servo.received_at <= MAX_AGE).count();
+    format!("{arm}, {answering} of {} servos answer", servos.len())
 }

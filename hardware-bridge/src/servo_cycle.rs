@@ -1,35 +1,38 @@
-//! The servo cycle: the thread that owns bus, arm and supervisor and runs at about 200 Hz.
+//! The servo cycle: the thread that owns a robot's devices and its supervisor.
 //!
-//! Each cycle reads all servos, reads the arm, lets the supervisor decide, and sends. It keeps its pace while the
-//! controller computes, which feeds the servos' watchdogs; the supervisor watches for a silent controller. If the
-//! process stops, this thread stops too, and the servos' watchdogs stop the hand.
+//! Each cycle reads all devices, lets the supervisor decide, and sends. It keeps its pace while the controller computes,
+//! which feeds the servos' watchdogs; the supervisor watches for a silent controller. If the process stops, this thread
+//! stops too, and the servos' watchdogs stop the hand. A robot in lock-step has cycles on request instead.
+
+mod pacing;
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use dynamixel_bus::servo_bus::statistics::BusStatistics;
-use dynamixel_bus::servo_bus::{BusSettings, ServoBus};
+use hand_model::RobotModel;
 use hand_model::robot::RobotCommand;
 use robot_session_log::LinkTap;
 
-use crate::arm_link::ArmLink;
 use crate::clock::Clock;
-use crate::hand_bus::{HandBus, servo_tap};
 use crate::lock::lock;
 use crate::remote::RemoteCommand;
+use crate::robot_link::RobotLink;
+use crate::safety::SafetyLimits;
 use crate::safety::checks::Measurements;
+use crate::safety::limits::SafeGoal;
 use crate::safety::state::{StopCause, SupervisorState};
-use crate::safety::supervisor::{ControllerCommand, SafeCommand, SafetyMargins, Supervisor, SupervisorStep};
-use crate::supported_robot::SERVOS;
+use crate::safety::supervisor::{
+    CheckFailed, ControllerCommand, SafeCommand, SafetyMargins, Supervisor, SupervisorStep,
+};
 
-/// Longest wait for the answer to an order.
-const ORDER_TIMEOUT: Duration = Duration::from_secs(3);
-/// Interval between attempts to reopen a lost port.
-const REOPEN_INTERVAL: Duration = Duration::from_millis(500);
+pub(crate) use self::pacing::Pace;
+
+/// Servo cycles between two audits, each of one device.
+const AUDIT_INTERVAL: u64 = 5;
 /// Interval between lines of a dry run, s.
 const DRY_LINE_INTERVAL: f64 = 0.5;
 
@@ -57,6 +60,8 @@ pub struct CycleReport {
     pub port_error: Option<String>,
     /// The last error of the arm's client.
     pub arm_error: Option<String>,
+    /// Failure of the robot's driver, in its own words, if it has failed.
+    pub driver_error: Option<String>,
     /// Reason why this thread does not have real-time priority, if it does not.
     pub priority_error: Option<String>,
     /// End and duration (s) of this thread's last standstill for longer than a device's watchdog.
@@ -83,6 +88,9 @@ pub(crate) struct SharedState {
     pub orders: VecDeque<(CycleOrder, OrderReply)>,
     pub report: CycleReport,
     pub cameras: bool,
+    /// Control ticks requested of a robot in lock-step; `ticks` is the number of those that have passed.
+    pub requested_ticks: u64,
+    pub ticks: u64,
 }
 
 pub(crate) struct CycleShared {
@@ -90,65 +98,78 @@ pub(crate) struct CycleShared {
     pub tap: Mutex<Option<LinkTap>>,
     pub state: Mutex<SharedState>,
     pub cycle_done: Condvar,
+    /// Signals a request to a robot in lock-step.
+    pub requested: Condvar,
     pub stop: AtomicBool,
+    /// Longest wait for the answer to an order.
+    pub order_timeout: Duration,
 }
 
 /// Passes an order to the servo cycle and waits for the answer.
 pub(crate) fn send_order(shared: &CycleShared, order: CycleOrder) -> Result<String, String> {
     let (answer, answered) = mpsc::channel();
     lock(&shared.state).orders.push_back((order, answer));
-    answered.recv_timeout(ORDER_TIMEOUT).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
+    shared.requested.notify_all();
+    answered.recv_timeout(shared.order_timeout).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
 }
 
 /// Receiver of the lines of a dry run.
 pub type DryLines = Box<dyn FnMut(String) + Send>;
 
-pub(crate) struct ServoCycle {
+pub(crate) struct ServoCycle<L> {
     pub shared: Arc<CycleShared>,
-    pub hand: Option<HandBus>,
-    pub port: PathBuf,
-    pub bus: BusSettings,
-    pub ids: [u8; SERVOS],
-    pub fast: bool,
-    pub arm: Box<dyn ArmLink>,
+    pub link: L,
     pub supervisor: Supervisor,
-    pub period: Duration,
     pub clock: Clock,
-    /// Servo cycles between two audits, each of one servo.
+    /// Servo cycles between two audits, each of one device.
     pub audit_interval: u64,
     /// Dry run, if `Some`: nothing is written to any device, and goals are reported here.
     pub dry: Option<DryLines>,
     pub measured: Measurements,
     pub report: CycleReport,
-    pub lost_at: Instant,
     pub last_dry_line: f64,
 }
 
-impl ServoCycle {
-    pub fn run(mut self) {
-        let mut next = Instant::now();
-        let mut begun = next;
-        // After a longer gap the devices' own watchdogs have stopped them: this program is the cause, not the devices.
-        let watchdogs = self.supervisor.limits().watchdogs;
-        let longest = watchdogs.servo_bus.min(watchdogs.arm);
-        while !self.shared.stop.load(Ordering::Relaxed) {
-            let gap = begun.elapsed().as_secs_f64();
-            begun = Instant::now();
-            self.report.longest_gap = self.report.longest_gap.max(gap);
-            if gap > longest {
-                self.report.last_standstill = Some((begun, gap));
-                self.supervisor.hold(StopCause::HostFrozen(gap));
-            }
-            self.cycle();
-            next += self.period;
-            let now = Instant::now();
-            if now > next + self.period {
-                self.report.late += 1;
-                next = now;
-            }
-            std::thread::sleep(next.saturating_duration_since(now));
+impl<L: RobotLink> ServoCycle<L> {
+    /// Creates the cycle of the devices behind `link` of a robot of this model: connected, torque unchanged.
+    pub fn new(link: L, robot: &RobotModel, limits: SafetyLimits, clock: Clock, order_timeout: Duration) -> Self {
+        let torque = limits.torque.filter(|_| link.senses_torque());
+        let mut supervisor = Supervisor::new(SafetyLimits { torque, ..limits }).with_monitors(robot);
+        // A new supervisor is disconnected, so this cannot be refused.
+        let _ = supervisor.connect();
+        let measured = Measurements::none(limits.servos.len());
+        let shared = Arc::new(CycleShared {
+            tap: Mutex::new(None),
+            state: Mutex::new(SharedState {
+                requested: None,
+                requested_number: 0,
+                used_number: 0,
+                quiet_until: 0.0,
+                sent: SafeCommand::at_rest(&limits),
+                measured,
+                state: supervisor.state(),
+                orders: VecDeque::new(),
+                report: CycleReport::default(),
+                cameras: true,
+                requested_ticks: 0,
+                ticks: 0,
+            }),
+            cycle_done: Condvar::new(),
+            requested: Condvar::new(),
+            stop: AtomicBool::new(false),
+            order_timeout,
+        });
+        Self {
+            shared,
+            link,
+            supervisor,
+            clock,
+            audit_interval: AUDIT_INTERVAL,
+            dry: None,
+            measured,
+            report: CycleReport::default(),
+            last_dry_line: 0.0,
         }
-        self.shut_down();
     }
 
     fn now(&self) -> f64 {
@@ -177,19 +198,19 @@ impl ServoCycle {
         if let (SupervisorState::Running, Some(asked)) = (self.supervisor.state(), asked) {
             self.report.longest_silence = self.report.longest_silence.max(now - asked.received_at);
         }
-        let step = self.supervisor.step(now, asked, &self.measured);
-        match step {
-            SupervisorStep::Silent => {}
-            SupervisorStep::Send(command) => self.send(&command),
-            SupervisorStep::TorqueOff => self.finish_release(),
-        }
+        let sent = match self.supervisor.step(now, asked, &self.measured) {
+            SupervisorStep::Silent => None,
+            SupervisorStep::Send(command) => Some(self.send(&command)),
+            SupervisorStep::TorqueOff => {
+                self.finish_release();
+                None
+            }
+        };
         self.audit();
         self.report.cycles += 1;
         self.report.margins = self.supervisor.margins();
         let mut board = lock(&self.shared.state);
-        if let SupervisorStep::Send(command) = step {
-            board.sent = command;
-        }
+        board.sent = sent.unwrap_or(board.sent);
         board.used_number = number;
         board.state = self.supervisor.state();
         board.report = self.report.clone();
@@ -199,35 +220,16 @@ impl ServoCycle {
 
     /// Runs the first half of a cycle: new measurements.
     pub fn measure(&mut self) {
-        let now = self.now();
-        self.reopen();
-        if let (Some(hand), Some(tap)) = (&mut self.hand, lock(&self.shared.tap).take()) {
-            hand.bus.tap(servo_tap(tap));
+        if let Some(tap) = lock(&self.shared.tap).take() {
+            self.link.tap(tap);
         }
-        if let Some(hand) = &mut self.hand {
-            match hand.read(now) {
-                Ok(readings) => {
-                    for (newest, reading) in self.measured.servos.iter_mut().zip(readings) {
-                        *newest = reading.or(*newest);
-                    }
-                    // The statistics hold thousands of numbers, so they are copied only once in a while.
-                    if self.report.cycles.is_multiple_of(50) {
-                        self.report.bus = hand.bus.statistics().clone();
-                    }
-                }
-                Err(error) => self.close_lost_port(error.to_string()),
-            }
-        }
-        match self.arm.read(now) {
-            Ok(reading) => self.measured.arm = Some(reading),
-            Err(error) => self.report.arm_error = Some(error.to_string()),
-        }
+        self.link.measure(&self.clock, &mut self.measured, &mut self.report);
         let mut board = lock(&self.shared.state);
         self.measured.cameras = board.cameras;
         board.measured = self.measured;
     }
 
-    /// Asks one servo after the other, while torque should be on, whether it is.
+    /// Audits one device after the other while torque should be on.
     fn audit(&mut self) {
         let on = matches!(
             self.supervisor.state(),
@@ -236,50 +238,37 @@ impl ServoCycle {
         if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(self.audit_interval) {
             return;
         }
-        let n = (self.report.cycles / self.audit_interval) as usize % SERVOS;
-        // A servo that does not answer now is noticed by the age of its readings.
-        if let Some(Ok(Some(cause))) = self.hand.as_mut().map(|hand| hand.audit(n)) {
+        if let Some(cause) = self.link.audit(self.report.cycles / self.audit_interval) {
             self.supervisor.hold(cause);
         }
     }
 
-    fn send(&mut self, command: &SafeCommand) {
+    /// Sends a command. Returns the one that was really sent.
+    fn send(&mut self, command: &SafeCommand) -> SafeCommand {
         let now = self.now();
-        if let Some(tell) = &mut self.dry {
-            if now - self.last_dry_line >= DRY_LINE_INTERVAL {
-                self.last_dry_line = now;
-                let goals = command.servos.map(|goal| format!("{:.2} rad {:.0} mA", goal.angle, 1e3 * goal.current));
-                tell(format!("{now:8.3} s, not sent: servos {}; arm {:.3?} rad", goals.join(", "), command.arm));
-            }
-            return;
+        let Some(tell) = &mut self.dry else { return self.link.send(command, &mut self.report) };
+        if now - self.last_dry_line >= DRY_LINE_INTERVAL {
+            self.last_dry_line = now;
+            let goal = |goal: &SafeGoal| format!("{:.2} rad {:.0} mA", goal.angle, 1e3 * goal.current);
+            let goals: Vec<String> = command.servos.iter().map(goal).collect();
+            tell(format!("{now:8.3} s, not sent: servos {}; arm {:.3?} rad", goals.join(", "), command.arm));
         }
-        if let Some(Err(error)) = self.hand.as_mut().map(|hand| hand.send(&command.servos)) {
-            self.close_lost_port(error.to_string());
-        }
-        if let Err(error) = self.arm.command(&command.arm) {
-            self.report.arm_error = Some(error.to_string());
-        }
+        *command
     }
 
-    /// Ends a release: switches the torque off and disengages the arm.
+    /// Ends a release: switches the torque off and stops the arm.
     fn finish_release(&mut self) {
         if self.dry.is_some() {
-            self.report.torque_still_on =
-                self.ids.iter().map(|id| format!("servo {id}: dry run, nothing was written")).collect();
+            let unwritten = |n| format!("servo {n}: dry run, nothing was written");
+            self.report.torque_still_on = (1..=self.measured.servos.len()).map(unwritten).collect();
             return;
         }
-        self.report.torque_still_on = match &mut self.hand {
-            Some(hand) => hand.torque_off(),
-            None => self.ids.iter().map(|id| format!("servo {id}: its port is gone")).collect(),
-        };
-        if let Err(error) = self.arm.disengage() {
-            self.report.arm_error = Some(error.to_string());
-        }
+        self.report.torque_still_on = self.link.torque_off(&mut self.report);
         // Commands given before a release no longer apply.
         lock(&self.shared.state).requested = None;
     }
 
-    /// Ends the program in an orderly way: the hand keeps holding, with its bus watchdogs off.
+    /// Ends the program in an orderly way: the hand keeps holding.
     pub fn shut_down(&mut self) {
         let on = matches!(
             self.supervisor.state(),
@@ -292,32 +281,7 @@ impl ServoCycle {
         if let SupervisorStep::Send(command) = self.supervisor.step(self.now(), None, &self.measured) {
             self.send(&command);
         }
-        if let Some(Err(error)) = self.hand.as_mut().map(|hand| hand.set_watchdog(0.0)) {
-            self.close_lost_port(error.to_string());
-        }
-        if let Err(error) = self.arm.disengage() {
-            self.report.arm_error = Some(error.to_string());
-        }
-    }
-
-    fn close_lost_port(&mut self, error: String) {
-        self.report.port_error = Some(error);
-        self.hand = None;
-        self.lost_at = Instant::now();
-    }
-
-    fn reopen(&mut self) {
-        if self.hand.is_some() || self.lost_at.elapsed() < REOPEN_INTERVAL {
-            return;
-        }
-        self.lost_at = Instant::now();
-        match ServoBus::open(&self.port, self.bus) {
-            Ok(bus) => {
-                self.hand = Some(HandBus::new(bus, self.ids, self.fast));
-                self.report.port_error = None;
-            }
-            Err(error) => self.report.port_error = Some(error.to_string()),
-        }
+        self.link.park(&mut self.report);
     }
 
     fn take_orders(&mut self) {
@@ -325,7 +289,10 @@ impl ServoCycle {
         for (order, answer) in orders {
             let result = self.execute_order(order).map(|()| self.supervisor.state().to_string());
             // A caller that reads the board after the answer must find the state that was answered.
-            lock(&self.shared.state).state = self.supervisor.state();
+            let mut board = lock(&self.shared.state);
+            board.state = self.supervisor.state();
+            board.report.driver_error.clone_from(&self.report.driver_error);
+            drop(board);
             // The sender of the order may be gone.
             let _ = answer.send(result);
         }
@@ -334,7 +301,9 @@ impl ServoCycle {
     fn execute_order(&mut self, order: CycleOrder) -> Result<(), String> {
         let now = self.now();
         match order {
-            CycleOrder::Check => self.supervisor.check(&self.measured, now).map_err(|error| error.to_string()),
+            CycleOrder::Check => {
+                self.supervisor.check(&self.measured, now).map_err(|error| self.describe_failure(&error))
+            }
             CycleOrder::Arm => self.arm_torque(now),
             CycleOrder::Remote(RemoteCommand::State) => Ok(()),
             CycleOrder::Remote(RemoteCommand::Hold) => {
@@ -350,19 +319,23 @@ impl ServoCycle {
         }
     }
 
+    /// Describes a failed check, with the words of a driver that has failed.
+    fn describe_failure(&self, error: &CheckFailed) -> String {
+        match &self.report.driver_error {
+            Some(words) => format!("{error} ({words})"),
+            None => error.to_string(),
+        }
+    }
+
     /// Switches the torque on at the present positions, with zero force.
     pub fn arm_torque(&mut self, now: f64) -> Result<(), String> {
-        let first = self.supervisor.arm(&self.measured, now).map_err(|error| error.to_string())?;
+        let first = self.supervisor.arm(&self.measured, now).map_err(|error| self.describe_failure(&error))?;
         lock(&self.shared.state).requested = None;
         if self.dry.is_some() {
             return Ok(());
         }
         let watchdog = self.supervisor.limits().watchdogs.servo_bus;
-        // The arm comes first: it takes its time, and the servos' watchdog does not wait.
-        let result = self.arm.engage().map_err(|error| error.to_string()).and_then(|()| match &mut self.hand {
-            Some(hand) => hand.torque_on(&first.servos, watchdog).map_err(|error| error.to_string()),
-            None => Err("the servo port is gone".into()),
-        });
+        let result = self.link.engage(&first, watchdog);
         if result.is_err() {
             // Torque on only a part of the hand is not an acceptable state.
             self.finish_release();

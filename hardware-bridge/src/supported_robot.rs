@@ -8,7 +8,7 @@ use kinova_kortex::joints::JOINTS;
 /// Number of servos on the bus: those of the F-TAC Hand, in the order of its actuators.
 pub const SERVOS: usize = 6;
 /// Name of the arm model that the bridge and its emulators drive.
-const SUPPORTED_ARM: &str = "gen3";
+pub(crate) const SUPPORTED_ARM: &str = "gen3";
 
 /// Rejects robots with an arm other than a Gen3, or with a hand whose actuators are not those of the F-TAC Hand.
 ///
@@ -17,7 +17,7 @@ const SUPPORTED_ARM: &str = "gen3";
 pub fn check_supported(robot: &RobotModel) -> Result<(), DataError> {
     let refused = |field: &str, found: String, expected: &str| {
         let expected = format!(
-            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` runs this one"
+            "{expected}: the hardware bridge and its emulated devices drive no other; `--robot sim` runs this one, and so does a driver of your own (`--robot FILE.py:CLASS`)"
         );
         Err(DataError::field(robot.file(), field, found, expected))
     };

@@ -228,10 +228,11 @@ fn members_know_only_whom_they_may() {
         ),
         (
             "robot-backends",
-            "object-detector ftac-platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex robot-session-log grasp-verification progress",
+            "object-detector ftac-platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex robot-session-log grasp-verification progress python-process",
         ),
         ("fault-detection", "hand-model world scenarios sim dexterous-grasping control grasp-verification"),
-        ("external-policy", "ftac-platform hand-model world control progress"),
+        ("python-process", "ftac-platform progress"),
+        ("external-policy", "hand-model world control python-process"),
         (
             "registration",
             "ftac-platform hand-model world scenarios sim tactile-perception dexterous-grasping control grasp-verification robot-backends",
@@ -261,7 +262,7 @@ fn members_know_only_whom_they_may() {
         ("workspace-hack", ""),
         (
             "ftac",
-            "object-detector robot-backends fault-detection external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection python-process external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
         ),
         (
             "ftac-python",

@@ -26,7 +26,7 @@ const RUN: [&str; 9] = [
     "tutorials/sweep.md",
 ];
 /// Pages with Python examples, which the test of the Python package runs.
-pub(crate) const PYTHON: [&str; 1] = ["tutorials/policy.md"];
+pub(crate) const PYTHON: [&str; 2] = ["tutorials/policy.md", "tutorials/robot.md"];
 /// Folder of the generated pages.
 const REFERENCE: &str = "reference";
 

@@ -8,7 +8,7 @@ use crate::safety::limits::{ArmLimits, SafetyLimits, ServoLimits, WatchdogTimeou
 use crate::safety::set_points::MotionLimits;
 use crate::safety::torque_monitor::TorqueLimits;
 use crate::safety::workspace::WorkspaceLimits;
-use crate::supported_robot::SERVOS;
+use crate::supported_robot::SUPPORTED_ARM;
 
 /// Limits of the robot; those of the servos are the same for every servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ impl Default for LimitConfig {
 
 impl ArmLimitConfig {
     /// Returns the limits that have a number for each joint, by name.
-    pub(super) fn joint_limits(&self) -> [(String, ArmVector); 4] {
+    fn joint_limits(&self) -> [(String, ArmVector); 4] {
         let own = self;
         [("acceleration", own.acceleration), ("jerk", own.jerk), ("torque", own.torque), ("residual", own.residual)]
             .map(|(name, values)| (format!("limits.arm.{name}"), values))
@@ -126,14 +126,14 @@ impl Default for WorkspaceConfig {
 
 impl LimitConfig {
     /// Returns all limits, for servos with this travel (rad) and for this arm.
-    pub fn limits(&self, travel: &[f64; SERVOS], arm: &Arm) -> SafetyLimits {
+    pub fn limits(&self, travel: &[f64], arm: &Arm) -> SafetyLimits {
         let own = self;
         let motion = arm.each(|joint| MotionLimits {
             speed: arm.velocity_limits[joint],
             acceleration: own.arm.acceleration[joint],
             jerk: own.arm.jerk[joint],
         });
-        let servos = travel.map(|travel| ServoLimits {
+        let servos = travel.iter().map(|&travel| ServoLimits {
             angle: (0.0, travel),
             speed: own.speed,
             current: own.current,
@@ -141,7 +141,7 @@ impl LimitConfig {
             temperature: own.temperature,
         });
         SafetyLimits {
-            servos,
+            servos: servos.collect(),
             arm: ArmLimits { motion: Some(motion), ..ArmLimits::from_model(arm) },
             voltage: (own.voltage[0], own.voltage[1]),
             staleness: own.staleness,
@@ -168,13 +168,43 @@ impl LimitConfig {
         }
     }
 
-    /// Returns every number with its name and permitted range (name, value, least, greatest), for servo cycles at
-    /// `rate` (Hz).
-    pub(super) fn ranges(&self, rate: f64) -> Vec<(String, f64, f64, f64)> {
+    /// Returns the limits for a robot with this arm: the usual ones, with the torques of a Gen3. Another arm is stopped
+    /// only where it presses harder than its drives can.
+    pub fn for_arm(arm: &Arm) -> Self {
+        if arm.name == SUPPORTED_ARM {
+            return Self::default();
+        }
+        let usual = ArmLimitConfig::default();
+        let own = ArmLimitConfig {
+            acceleration: arm.acceleration_limits,
+            jerk: arm.each(|joint| usual.jerk[joint]),
+            torque: arm.effort_limits,
+            residual: arm.effort_limits,
+            ..usual
+        };
+        Self { arm: own, ..Self::default() }
+    }
+
+    /// Returns the first number that is not permitted (name, found, expected), for an arm with this many joints, servo
+    /// cycles at `rate` (Hz), and servos that take up to `max_current` (A).
+    pub(super) fn first_error(&self, joints: usize, rate: f64, max_current: f64) -> Option<(String, String, String)> {
+        for (name, values) in self.arm.joint_limits() {
+            if values.len() != joints {
+                let expected = format!("{joints}, one for each joint of the arm");
+                return Some((name, format!("{} numbers", values.len()), expected));
+            }
+        }
+        let outside = |(_, value, low, high): &(String, f64, f64, f64)| !(low..=high).contains(&value);
+        let (name, value, low, high) = self.ranges(rate, max_current).into_iter().find(outside)?;
+        Some((name, value.to_string(), format!("{low} to {high}")))
+    }
+
+    /// Returns every number with its name and permitted range (name, value, least, greatest).
+    fn ranges(&self, rate: f64, max_current: f64) -> Vec<(String, f64, f64, f64)> {
         let own = self;
         let single = [
             ("speed", own.speed, 0.1, 10.0),
-            ("current", own.current, 0.01, 0.91),
+            ("current", own.current, 0.01, max_current),
             ("hold_current", own.hold_current, 0.0, own.current),
             ("temperature", own.temperature, 30.0, 70.0),
             ("voltage[0]", own.voltage[0], 5.5, own.voltage[1]),

@@ -21,7 +21,6 @@ use crate::hand_bus::decode_reading;
 use crate::hardware_robot::sent_command;
 use crate::kortex_link::to_gen3;
 use crate::safety::checks::{ArmReading, Measurements};
-use crate::safety::limits::SafeGoal;
 use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::{CheckFailed, ControllerCommand, SafeCommand, Supervisor, SupervisorStep};
 use crate::supported_robot::SERVOS;
@@ -72,8 +71,8 @@ impl DirectRobot {
             images: Vec::new(),
             arm: DirectArm::new(&robot.arm, observation.arm),
             supervisor,
-            sent: SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: observation.arm.position },
-            measured: Measurements { servos: [None; SERVOS], arm: None, cameras: true },
+            sent: SafeCommand { arm: observation.arm.position, ..SafeCommand::at_rest(&limits) },
+            measured: Measurements::none(SERVOS),
             capture: false,
             time: 0.0,
             sequence: 0,

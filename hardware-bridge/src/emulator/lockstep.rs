@@ -21,12 +21,13 @@ use super::lockstep_arm::LockstepArm;
 use super::pty::PtyError;
 use super::servo::EmulatedServo;
 use super::{EmulatedHand, EmulatorSettings};
+use crate::bus_link::{BusLink, open_hand};
 use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use crate::hand_bus::servo_tap;
-use crate::hardware_robot::{ConnectError, newest_readings, open_hand, sent_command, servo_cycle};
+use crate::hardware_robot::{ConnectError, newest_readings, sent_command};
 use crate::lock::lock;
 use crate::safety::state::SupervisorState;
 use crate::safety::supervisor::CheckFailed;
@@ -70,7 +71,7 @@ pub struct LockstepSettings {
 }
 
 pub struct LockstepRobot {
-    cycle: ServoCycle,
+    cycle: ServoCycle<BusLink>,
     cameras: Option<Cameras>,
     devices: EmulatedHand,
     arm: LockstepArm,
@@ -110,7 +111,9 @@ impl LockstepRobot {
                 tactile.tap(LinkTap::new("cameras", packets.clone()));
             }
         }
-        let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), robot, clock.clone());
+        let limits = config.limits(&calibration.travel(), &robot.arm);
+        let link = BusLink::new(&config, hand, Box::new(arm.link()));
+        let cycle = ServoCycle::new(link, robot, limits, clock.clone(), WIRE_TIMEOUT);
         let cycle = ServoCycle { audit_interval: 1, ..cycle };
         let mut started = Self {
             cycle,
@@ -153,8 +156,8 @@ impl LockstepRobot {
 
     /// Sets the time-out of the servos' answers, s of real time; shorter for tests with lost answers.
     pub fn set_slack(&mut self, seconds: f64) {
-        self.cycle.bus.slack = seconds;
-        if let Some(hand) = &mut self.cycle.hand {
+        self.cycle.link.bus.slack = seconds;
+        if let Some(hand) = &mut self.cycle.link.hand {
             hand.bus.set_slack(seconds);
         }
     }

@@ -1,6 +1,6 @@
 //! Checks of measurements against the limits.
 
-use crate::supported_robot::SERVOS;
+use hand_model::ActuatorVector;
 use hand_model::robot::{ArmState, Reading, Readings, RobotCommand, ServoGoal, ServoState, TactileFrame};
 
 use super::limits::SafetyLimits;
@@ -21,8 +21,8 @@ pub struct ServoReading {
     pub received_at: f64,
     /// State of the shaft.
     pub state: ServoState,
-    /// Supply voltage, V.
-    pub voltage: f64,
+    /// Supply voltage, V; none if the servo does not measure it.
+    pub voltage: Option<f64>,
     /// Alert bit of the servo's answer.
     pub alert: bool,
 }
@@ -42,19 +42,26 @@ pub struct ArmReading {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurements {
     /// Newest reading of each servo, in actuator order; `None` before the first.
-    pub servos: [Option<ServoReading>; SERVOS],
+    pub servos: ActuatorVector<Option<ServoReading>>,
     pub arm: Option<ArmReading>,
     /// True if the camera board's port works.
     pub cameras: bool,
+    /// True if the robot's driver works.
+    pub driver: bool,
 }
 
 impl Measurements {
+    /// Returns the measurements of a robot with this many servos before the first reading.
+    pub fn none(servos: usize) -> Self {
+        Self { servos: (0..servos).map(|_| None).collect(), arm: None, cameras: true, driver: true }
+    }
+
     /// Converts the measurements to the readings that a controller gets at `time` (s) in tick `sequence`.
     pub fn readings(&self, time: f64, sequence: u64, tactile: Vec<TactileFrame>) -> Readings {
-        let servos =
-            self.servos.map(|servo| servo.map(|servo| Reading { value: servo.state, time: servo.received_at }));
+        let reading = |servo: ServoReading| Reading { value: servo.state, time: servo.received_at };
+        let servos = self.servos.iter().map(|servo| servo.map(reading)).collect();
         let arm = self.arm.map(|arm| Reading { value: arm.state, time: arm.received_at });
-        Readings { time, sequence, servos: servos.into(), arm, tactile }
+        Readings { time, sequence, servos, arm, tactile }
     }
 }
 
@@ -71,6 +78,9 @@ pub fn is_valid(command: &RobotCommand) -> bool {
 
 /// Returns the most serious alarm raised by the measurements at `now` (s), if any.
 pub fn alarm(measured: &Measurements, limits: &SafetyLimits, now: f64) -> Option<StopCause> {
+    if !measured.driver {
+        return Some(StopCause::DriverFailed);
+    }
     if let Some(trouble) = measured.arm.and_then(|arm| arm.fault) {
         return Some(StopCause::ArmFault(trouble));
     }
@@ -109,10 +119,9 @@ fn servo_alarm(n: usize, reading: &ServoReading, limits: &SafetyLimits) -> Optio
         Some(StopCause::Current(n, current))
     } else if !(-20.0..=own.temperature).contains(&temperature) {
         Some(StopCause::Temperature(n, temperature))
-    } else if !(limits.voltage.0..=limits.voltage.1).contains(&reading.voltage) {
-        Some(StopCause::Voltage(n, reading.voltage))
     } else {
-        None
+        let volts = reading.voltage.filter(|volts| !(limits.voltage.0..=limits.voltage.1).contains(volts))?;
+        Some(StopCause::Voltage(n, volts))
     }
 }
 
@@ -123,9 +132,9 @@ pub(crate) mod tests {
 
     pub(crate) fn fine(now: f64) -> Measurements {
         let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
-        let servo = ServoReading { received_at: now, state, voltage: 11.1, alert: false };
+        let servo = ServoReading { received_at: now, state, voltage: Some(11.1), alert: false };
         let arm = ArmReading { received_at: now, state: ArmState::at_rest([0.0; 7].into()), fault: None };
-        Measurements { servos: [Some(servo); SERVOS], arm: Some(arm), cameras: true }
+        Measurements { servos: [Some(servo); 6].into(), arm: Some(arm), ..Measurements::none(0) }
     }
 
     fn with(change: impl FnOnce(&mut ServoReading)) -> Option<StopCause> {
@@ -144,7 +153,8 @@ pub(crate) mod tests {
         assert_eq!(with(|servo| servo.state.velocity = 12.0), Some(StopCause::Speed(2, 12.0)));
         assert_eq!(with(|servo| servo.state.current = 0.9), Some(StopCause::Current(2, 0.9)));
         assert_eq!(with(|servo| servo.state.temperature = 61.0), Some(StopCause::Temperature(2, 61.0)));
-        assert_eq!(with(|servo| servo.voltage = 5.2), Some(StopCause::Voltage(2, 5.2)));
+        assert_eq!(with(|servo| servo.voltage = Some(5.2)), Some(StopCause::Voltage(2, 5.2)));
+        assert_eq!(with(|servo| servo.voltage = None), None);
         assert_eq!(with(|servo| servo.alert = true), Some(StopCause::ServoAlert(2)));
         assert!(matches!(with(|servo| servo.received_at = 9.9), Some(StopCause::ServoSilent(2, _))));
         assert!(matches!(with(|servo| servo.state.current = f64::NAN), Some(StopCause::Current(2, _))));
@@ -154,5 +164,7 @@ pub(crate) mod tests {
         measured = fine(10.0);
         measured.cameras = false;
         assert_eq!(alarm(&measured, &limits(), 10.0), Some(StopCause::CamerasGone));
+        measured.driver = false;
+        assert_eq!(alarm(&measured, &limits(), 10.0), Some(StopCause::DriverFailed));
     }
 }

@@ -4,7 +4,6 @@
 //! heights and extents, which are exact, and enclosing capsules for distances. Digits take the posture of their servo
 //! angles as if they touched nothing.
 
-use crate::supported_robot::SERVOS;
 use std::fmt;
 
 use hand_model::digit::Digit;
@@ -118,19 +117,20 @@ impl PostureTable {
         };
         let joints =
             transmission.cables.iter().map(|cable| cable.joints.iter().map(|crossing| crossing.joint).collect());
-        let opposition = transmission.opposition.map(|joint| (joint, hand.servos[SERVOS - 1].gear_ratio_opposition));
+        // The opposition is driven by the actuator after the digits'.
+        let gear = hand.servos.get(transmission.cables.len()).map(|servo| servo.gear_ratio_opposition);
         Self {
             tables: (0..transmission.cables.len()).map(table).collect(),
             joints: joints.collect(),
-            opposition,
+            opposition: transmission.opposition.zip(gear),
             open: hand.open_angles(),
         }
     }
 
-    fn joint_angles(&self, servos: &[f64; SERVOS]) -> HandVector {
+    fn joint_angles(&self, servos: &[f64]) -> HandVector {
         let mut q = self.open;
-        if let Some((joint, gear)) = self.opposition {
-            q[joint] = (servos[SERVOS - 1] / gear).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        if let (Some((joint, gear)), Some(servo)) = (self.opposition, servos.get(self.tables.len())) {
+            q[joint] = (servo / gear).clamp(0.0, std::f64::consts::FRAC_PI_2);
         }
         for ((table, joints), servo) in self.tables.iter().zip(&self.joints).zip(servos) {
             let next = table.partition_point(|(angle, _)| angle < servo).clamp(1, table.len() - 1);
@@ -186,7 +186,7 @@ impl CollisionBodies {
     }
 
     /// Places the bodies with the arm at joint angles `q` and the servos at angles `servos`, rad.
-    pub fn place_at(&self, q: &[f64], servos: &[f64; SERVOS]) -> PlacedBodies<'_> {
+    pub fn place_at(&self, q: &[f64], servos: &[f64]) -> PlacedBodies<'_> {
         let links = self.robot.arm.tree.forward(q);
         let palm = links[self.robot.arm.last_link()] * self.last_from_palm;
         let digits = self.robot.hand.tree.forward(&self.postures.joint_angles(servos));
@@ -312,11 +312,10 @@ mod tests {
     fn folded_in_it_runs_into_itself() {
         let bodies = CollisionBodies::new(&RobotModel::ftac_gen3());
         for q in [[0.0; 7].into(), hand_model::Arm::gen3().home] {
-            let (distance, between) = bodies.place_at(&q, &[0.0; SERVOS]).nearest_pair();
+            let (distance, between) = bodies.place_at(&q, &[0.0; 6]).nearest_pair();
             assert!(distance > 0.015, "{distance}: {between:?}");
         }
-        let (distance, [one, other]) =
-            bodies.place_at(&[0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0], &[0.0; SERVOS]).nearest_pair();
+        let (distance, [one, other]) = bodies.place_at(&[0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0], &[0.0; 6]).nearest_pair();
         assert!(distance < 0.0 && matches!(other, CollisionBody::Arm(_)), "{distance}: {one}, {other}");
     }
 
@@ -327,7 +326,7 @@ mod tests {
         let postures = PostureTable::new(&hand);
         let tensions = [3.0, 5.0, 8.0, 2.0, 11.0];
         let free = hand_model::statics::free_equilibrium(&hand, &tensions, 0.6);
-        let servos = std::array::from_fn(|n| match tensions.get(n) {
+        let servos: [f64; 6] = std::array::from_fn(|n| match tensions.get(n) {
             Some(tension) => {
                 let own = &hand.cables[n];
                 (hand.transmission.cables[n].excursion(&free) + tension / own.stiffness) / own.spool_radius

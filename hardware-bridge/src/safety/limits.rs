@@ -3,9 +3,8 @@
 //! Speed is limited relative to the previous *command*, not to the measured state: with a measurement that lags, a
 //! limited command could creep past its limit.
 
-use crate::supported_robot::SERVOS;
 use hand_model::robot::ServoGoal;
-use hand_model::{Arm, ArmVector};
+use hand_model::{ActuatorVector, Arm, ArmVector};
 
 use super::set_points::MotionLimits;
 use super::torque_monitor::TorqueLimits;
@@ -20,7 +19,7 @@ pub const GOAL_LEAD: f64 = 1.0;
 /// its angle shows ([`super::checks`]).
 pub const MAX_GOAL_OVERTRAVEL: f64 = 0.5;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ServoLimits {
     /// Range of the output angle (least, greatest), rad.
     pub angle: (f64, f64),
@@ -62,7 +61,7 @@ pub struct WatchdogTimeouts {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SafetyLimits {
     /// The servos, in actuator order.
-    pub servos: [ServoLimits; SERVOS],
+    pub servos: ActuatorVector<ServoLimits>,
     pub arm: ArmLimits,
     /// Range of the supply voltage (least, greatest), V.
     pub voltage: (f64, f64),
@@ -182,7 +181,7 @@ pub(crate) mod tests {
             motion: None,
         };
         SafetyLimits {
-            servos: [servo; SERVOS],
+            servos: [servo; 6].into(),
             arm,
             voltage: (9.0, 12.5),
             staleness: 0.05,

@@ -111,6 +111,8 @@ pub enum StopCause {
     HostFrozen(f64),
     /// The port of the camera board is gone.
     CamerasGone,
+    /// The robot's driver has failed; its own words are in the report of the cycles.
+    DriverFailed,
     /// A servo and its angle, rad, outside its limits.
     Angle(usize, f64),
     /// A servo and its speed, rad/s, above its limit.
@@ -132,7 +134,7 @@ pub enum StopCause {
 impl StopCause {
     /// True if a device needs attention before the robot can run again.
     pub fn is_fault(&self) -> bool {
-        matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault(_))
+        matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault(_) | Self::DriverFailed)
     }
 }
 
@@ -191,6 +193,7 @@ impl fmt::Display for StopCause {
                 ms(gap)
             ),
             Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
+            Self::DriverFailed => write!(f, "the robot's driver has failed"),
             Self::Angle(n, angle) => {
                 write!(f, "{}: at {angle:.3} rad, out of its limits; look at its spool and cable", ServoName(*n))
             }

@@ -1,10 +1,9 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
-use crate::supported_robot::SERVOS;
 use hand_model::robot::{RobotCommand, ServoGoal};
-use hand_model::{ArmVector, RobotModel};
+use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
-use super::checks::{self, Measurements};
+use super::checks::{self, Measurements, ServoReading};
 use super::limits::{SafeGoal, SafetyLimits};
 use super::set_points::SetPoints;
 use super::state::{StopCause, SupervisorState, TransitionRefused};
@@ -20,16 +19,22 @@ const REST_TIMEOUT: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SafeCommand {
     /// Goals of the servos, in actuator order.
-    pub servos: [SafeGoal; SERVOS],
+    pub servos: ActuatorVector<SafeGoal>,
     /// Arm set-points, rad.
     pub arm: ArmVector,
 }
 
 impl SafeCommand {
+    /// Returns the command before any other: all goals zero, without current.
+    pub fn at_rest(limits: &SafetyLimits) -> Self {
+        let servos = limits.servos.iter().map(|_| SafeGoal::default()).collect();
+        Self { servos, arm: limits.arm.zero_speed() }
+    }
+
     /// Converts to a command of the robot interface.
     pub fn as_command(&self, capture: bool) -> RobotCommand {
-        let servos = self.servos.map(|goal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current });
-        RobotCommand { arm: self.arm, servos: servos.into(), capture }
+        let goal = |goal: &SafeGoal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current };
+        RobotCommand { arm: self.arm, servos: self.servos.iter().map(goal).collect(), capture }
     }
 }
 
@@ -80,7 +85,7 @@ pub struct Supervisor {
 impl Supervisor {
     /// Creates the supervisor of a robot that is not connected.
     pub fn new(limits: SafetyLimits) -> Self {
-        let sent = SafeCommand { servos: [SafeGoal::default(); SERVOS], arm: limits.arm.zero_speed() };
+        let sent = SafeCommand::at_rest(&limits);
         Self {
             limits,
             state: SupervisorState::Disconnected,
@@ -259,7 +264,8 @@ impl Supervisor {
             arm.stopping_position(&next.angles(), &next.speeds()),
             arm.stopping_position(&from.angles(), &from.speeds()),
         );
-        let servos = measured.servos.map(|servo| servo.map_or(0.0, |servo| servo.state.position));
+        let position = |servo: &Option<ServoReading>| servo.map_or(0.0, |servo| servo.state.position);
+        let servos: ActuatorVector = measured.servos.iter().map(position).collect();
         match self.workspace_monitor.as_mut().and_then(|space| space.check(&standing, &now, &servos)) {
             Some(cause) => self.hold(cause),
             None => self.set_points = next,
@@ -295,8 +301,8 @@ impl Supervisor {
     }
 
     fn follow(&mut self, command: &RobotCommand, measured: &Measurements, dt: f64) {
-        for n in 0..SERVOS {
-            let Some(servo) = measured.servos[n] else { continue };
+        for (n, servo) in measured.servos.iter().enumerate() {
+            let Some(servo) = servo else { continue };
             let limits = &self.limits.servos[n];
             self.sent.servos[n] = limits.limit(&command.servos[n], servo.state.position, self.sent.servos[n], dt);
         }

@@ -149,7 +149,7 @@ fn hold_keeps_what_is_held() {
     let changes: [(Change, StopCause); 5] = [
         (|m| m.servos[3].as_mut().expect("there").received_at = -1.0, StopCause::ServoSilent(3, 0.0)),
         (|m| m.servos[0].as_mut().expect("there").state.temperature = 75.0, StopCause::Temperature(0, 75.0)),
-        (|m| m.servos[5].as_mut().expect("there").voltage = 5.0, StopCause::Voltage(5, 5.0)),
+        (|m| m.servos[5].as_mut().expect("there").voltage = Some(5.0), StopCause::Voltage(5, 5.0)),
         (|m| m.arm = None, StopCause::ArmSilent(0.0)),
         (|m| m.cameras = false, StopCause::CamerasGone),
     ];

@@ -1,7 +1,5 @@
 //! Workspace limits of arm and hand: above the table, inside the workspace, clear of self-collision.
 
-use crate::supported_robot::SERVOS;
-
 use hand_model::RobotModel;
 use nalgebra::Vector3;
 
@@ -59,7 +57,7 @@ impl WorkspaceMonitor {
 
     /// Returns the violation that forbids sending the arm to `next` (rad) with the servos at `servos` (rad). A
     /// violation no deeper than that at `now` (rad) is allowed, so that the robot can leave a forbidden place.
-    pub fn check(&mut self, next: &[f64], now: &[f64], servos: &[f64; SERVOS]) -> Option<StopCause> {
+    pub fn check(&mut self, next: &[f64], now: &[f64], servos: &[f64]) -> Option<StopCause> {
         let room = self.margins_at(next, servos);
         let least = |one: f64, other: f64| one.min(other);
         self.margins = WorkspaceMargins {
@@ -72,7 +70,7 @@ impl WorkspaceMonitor {
         (depth > before).then_some(cause)
     }
 
-    fn margins_at(&self, q: &[f64], servos: &[f64; SERVOS]) -> (WorkspaceMargins, [StopCause; 3]) {
+    fn margins_at(&self, q: &[f64], servos: &[f64]) -> (WorkspaceMargins, [StopCause; 3]) {
         let placed = self.bodies.place_at(q, servos);
         let furthest = |direction: Vector3<f64>| {
             let start = (CollisionBody::Palm, f64::NEG_INFINITY);
@@ -110,7 +108,7 @@ impl WorkspaceMonitor {
 mod tests {
     use super::*;
 
-    const OPEN: [f64; SERVOS] = [0.0; SERVOS];
+    const OPEN: [f64; 6] = [0.0; 6];
 
     fn watch(limits: WorkspaceLimits) -> WorkspaceMonitor {
         WorkspaceMonitor::new(&RobotModel::ftac_gen3(), limits)

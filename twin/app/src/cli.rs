@@ -29,6 +29,7 @@ use crate::lab::arguments::report::ReportArgs;
 use crate::lab::arguments::study::StudyArgs;
 use crate::lab::hand_over::LabProgram;
 use crate::lab::identity::identity;
+use crate::options::backend::RobotOption;
 use crate::terminal::{Outcome, Terminal};
 
 /// Simulation, controller and hardware bridge of the F-TAC Hand on a Kinova Gen3 arm.
@@ -175,8 +176,8 @@ impl CommandLine for Cli {
     fn moves_devices(&self) -> bool {
         match &self.command {
             FtacCommand::Bridge(_) => true,
-            FtacCommand::Trial(args) => args.config.is_some(),
-            FtacCommand::Bench(args) => args.config.is_some(),
+            FtacCommand::Trial(args) => args.config.is_some() || matches!(args.robot, RobotOption::Driver(_)),
+            FtacCommand::Bench(args) => args.config.is_some() || matches!(args.robot, Some(RobotOption::Driver(_))),
             FtacCommand::Sysid(SysidCommand::Excite(args)) => args.config.is_some(),
             _ => false,
         }

@@ -20,7 +20,8 @@ use crate::provenance::Provenance;
 use crate::robot::robot_from_sources;
 use external_policy::PolicySource;
 use fault_detection::fault::FaultRow;
-use robot_backends::{PoseSources, TrialTask};
+use robot_backends::driver::RobotDriver;
+use robot_backends::{PoseSources, TrialTask, keeps_wall_time};
 
 /// Selection of the trials that are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -44,8 +45,11 @@ pub struct RunRequest {
     pub trials: usize,
     /// Seed of all random draws.
     pub seed: u64,
-    /// Backend: `sim`, `direct_emulation`, `wire_emulation` or `hardware`.
+    /// Backend: `sim`, `direct`, `emulated`, `hardware` or `python`.
     pub robot: String,
+    /// Driver of the robot, on the backend `python`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<RobotDriver>,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
     /// Conditions to run, in order.
@@ -120,10 +124,16 @@ impl RunRequest {
         self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
     }
 
+    /// True if time passes on the wall clock: trials cannot be repeated, and they need an operator.
+    pub fn keeps_wall_time(&self) -> bool {
+        keeps_wall_time(&self.robot, self.driver.as_ref())
+    }
+
     /// Returns the task of a unit under one condition; `watched` is true if it is recorded for a viewer.
     pub fn task(&self, unit: WorkUnit, condition: Condition, watched: bool) -> TrialTask {
         TrialTask {
             robot: self.robot.clone(),
+            driver: self.driver.clone(),
             seed: self.seed,
             combination: unit.combination,
             trial: unit.trial.unwrap_or(0),

@@ -133,9 +133,10 @@ pub fn write_results(
     let mut run = serde_json::json!({ "seed": request.seed, "robot": request.robot, "wall_s": summary.wall_s });
     add_provenance(&mut run, &request.provenance);
     if let Some(own) = &request.policy {
-        let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
-        run["external_policy"] =
-            format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+        run["external_policy"] = own.python_class().describe().into();
+    }
+    if let Some(driver) = &request.driver {
+        run["driver of the robot"] = driver.class.describe().into();
     }
     run["warnings"] = warnings(done, request).into();
     let noise = request.scenario()?.noise;

@@ -37,9 +37,6 @@ pub struct RunOptions<'a> {
     pub open_factory: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BackendFactory>>> + Sync),
 }
 
-/// Name of the backend with real trials.
-const HARDWARE_BACKEND: &str = "hardware";
-
 fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
     match record {
         RecordingSelection::None | RecordingSelection::Causes => false,
@@ -57,7 +54,7 @@ pub fn run_unit(
     options: &RunOptions,
 ) -> Result<TrialResults> {
     // A trial on real devices cannot be repeated, so it is always recorded.
-    let record = options.live || is_recorded(options.record, unit) || request.robot == HARDWARE_BACKEND;
+    let record = options.live || is_recorded(options.record, unit) || request.keeps_wall_time();
     run_unit_in_place(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
@@ -110,7 +107,7 @@ fn run_with_watchers(
     let (results, named) = fault_watch::run_with_detector(
         bench,
         recording,
-        (request.detects_faults, request.robot == "hardware", condition),
+        (request.detects_faults, request.keeps_wall_time(), condition),
         run_trial,
     );
     Ok(TrialResults { faults: named.unwrap_or_default(), ..results? })
@@ -139,7 +136,7 @@ fn run_conditions(
     let mut results = TrialResults::default();
     for condition in conditions {
         let task = request.task(unit, condition, record);
-        let began = if place.is_real() { TimeOrigin::Now } else { TimeOrigin::Never };
+        let began = if task.keeps_wall_time() { TimeOrigin::Now } else { TimeOrigin::Never };
         let run_trial = |watcher: &mut dyn Watcher| bench.run(&task, place.as_mut(), watcher).map(TrialResults::from);
         let one = match record {
             false => run_with_watchers(bench, request, None, condition, run_trial)?,
@@ -211,7 +208,7 @@ pub fn run(
     let bar = progress::resumed_bar(all.len() as u64, resumed as u64, "units", options.quiet);
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
-    let interrupt = (request.robot != HARDWARE_BACKEND).then(Interrupt::catch).transpose()?;
+    let interrupt = (!request.keeps_wall_time()).then(Interrupt::catch).transpose()?;
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
             let finished = journal.lock().map_or(0, |journal| journal.done.len());

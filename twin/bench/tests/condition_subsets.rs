@@ -32,6 +32,7 @@ fn request(conditions: &[Condition], record: RecordingSelection) -> RunRequest {
         trials: 1,
         seed: SEED,
         robot: "sim".into(),
+        driver: None,
         shard: (1, 1),
         conditions: conditions.to_vec(),
         ablations: Vec::new(),

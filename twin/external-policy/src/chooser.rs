@@ -8,7 +8,7 @@ use hand_model::robot::TactileImage;
 use serde_json::Value;
 
 use super::message;
-use super::server::{PolicyServer, QuestionArray};
+use super::server::{PolicyServer, QuestionArray, image_array};
 
 /// Asks a policy server for the decisions.
 pub struct ExternalChooser<'a> {
@@ -38,7 +38,7 @@ impl Chooser for ExternalChooser<'_> {
             self.server.ask(&reset, &[])?;
         }
         let images = situation.images.iter().map(|frame| &frame.image).chain(self.untouched_images);
-        let pictures: Vec<QuestionArray> = images.map(QuestionArray::from_image).collect();
+        let pictures: Vec<QuestionArray> = images.map(image_array).collect();
         Ok(message::parse_choice(self.server.ask(&message::choose_question(self.hand, situation), &pictures)?)?)
     }
 }

@@ -2,19 +2,16 @@
 //!
 //! [`server`] is the interface to the process or object that answers for a policy, including the introduction of the
 //! policy. [`message`] composes a question from information that a controller may have. [`process`] runs a policy in a
-//! separate process, with the [`python`] that is installed and under a time limit, and [`pool`] keeps such processes
-//! for a run. [`chooser`] is a policy that chooses grasps. The benchmark itself runs a policy that moves the robot.
+//! separate process (see [`python_process`]), and [`pool`] keeps such processes for a run. [`chooser`] is a policy that chooses grasps. The benchmark itself runs a policy that moves the robot.
 //!
 //! A policy receives the same information as the built-in ones: measurements, images, detections, and the estimates
 //! from touch. It runs outside of this process, or behind the Python interface. It can influence this process only
 //! through its answers to these questions.
 
 pub mod chooser;
-mod deadline;
 pub mod message;
 pub mod pool;
 pub mod process;
-pub mod python;
 pub mod server;
 pub mod source;
 

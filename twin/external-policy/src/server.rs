@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hand_model::robot::TactileImage;
+pub use python_process::QuestionArray;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -51,19 +52,10 @@ pub enum PolicyServerError {
     Pipe(#[from] std::io::Error),
 }
 
-/// Bytes that accompany a question, and their shape.
-#[derive(Debug, Clone)]
-pub struct QuestionArray<'a> {
-    pub shape: Vec<usize>,
-    pub bytes: &'a [u8],
-}
-
-impl<'a> QuestionArray<'a> {
-    /// The image of a camera.
-    pub fn from_image(image: &'a Arc<TactileImage>) -> Self {
-        let side = (image.rgb.len() / 3).isqrt();
-        Self { shape: vec![side, side, 3], bytes: &image.rgb }
-    }
+/// Returns the image of a camera as an array of a question.
+pub fn image_array(image: &Arc<TactileImage>) -> QuestionArray<'_> {
+    let side = (image.rgb.len() / 3).isqrt();
+    QuestionArray { shape: vec![side, side, 3], bytes: &image.rgb }
 }
 
 /// Answers the questions to a policy: a separate process, or an object in this one.

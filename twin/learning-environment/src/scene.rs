@@ -8,7 +8,7 @@ use control::workcell::Workcell;
 use grasp_verification::simulated_world::SimulatedWorld;
 use hand_model::DigitVector;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::{ArmState, Observation, RobotCommand, ServoState, TactileImage};
+use hand_model::robot::{ArmState, Observation, RobotCommand, ServoState, TactileFrame, TactileImage};
 use nalgebra::Isometry3;
 use scenarios::noise::TrialNoise;
 use sim::robot::GroundTruth;
@@ -171,12 +171,23 @@ impl TactileScene {
         Ok(())
     }
 
-    fn observe(&mut self) {
-        let mut observation = self.robot.observe();
+    /// Lets one tick of the robot pass with a command of its own, which has an angle for each joint and a goal for each
+    /// servo. Returns the frames of the cameras that arrived.
+    pub fn tick(&mut self, command: &RobotCommand) -> Vec<TactileFrame> {
+        let sent = self.robot.send(command);
+        self.robot.wait_for_tick();
+        self.stepper.adopt_sent(sent.arm);
+        self.observe()
+    }
+
+    /// Takes the newest measurements. Returns the frames that arrived.
+    fn observe(&mut self) -> Vec<TactileFrame> {
+        self.observation = self.robot.observe();
+        let frames = std::mem::take(&mut self.observation.tactile);
         if let Some(images) = &mut self.images {
-            images.show(&self.cell.robot.hand, std::mem::take(&mut observation.tactile));
+            images.show(&self.cell.robot.hand, frames.clone());
         }
-        self.observation = observation;
+        frames
     }
 
     /// Returns the limits of the actions.

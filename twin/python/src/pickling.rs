@@ -27,6 +27,8 @@ pub struct SteppedScene<S, M> {
     pub scene: S,
     pub arguments: M,
     pub actions: Vec<Action>,
+    /// True if a robot's own commands have moved it between the actions: it cannot be pickled.
+    pub ticked: bool,
 }
 
 /// Contents of a pickle beside the constructor arguments: version, actions, and digest of the state that they lead to.

@@ -8,8 +8,10 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
+use hand_model::RobotModel;
 use hand_model::arm::MAX_ARM_JOINTS;
 use hand_model::hand::{MAX_ACTUATORS, MAX_DIGITS};
+use hand_model::robot::{RobotCommand, ServoGoal, TactileFrame};
 use learning_environment::{
     EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, Progress, SceneObject, SceneOptions,
 };
@@ -27,6 +29,10 @@ use crate::shared_benches::{Setup, shared_bench, varied_bench};
 
 /// Constructor arguments of a scene: objects and their places, images, seed, setup.
 type SceneArguments = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, Setup);
+/// Arguments of a robot's own command: set-points of the joints (rad), goals (rad) and current limits (A) of the servos.
+type CommandArguments<'py> = (Numbers<'py>, Numbers<'py>, Numbers<'py>);
+/// Frame of a camera: camera, time (s), image.
+type CameraFrame<'py> = (usize, f64, Bound<'py, PyArray3<u8>>);
 /// Choices of an episode: images, combination, names of objects to draw from.
 type EpisodeChoices = (Option<usize>, Option<usize>, Vec<String>);
 /// Variation of an episode: fields of the scenario as JSON, and the number of the robot instance.
@@ -76,6 +82,15 @@ fn action((twist, joints, tensions, opposition, spools): ActionArguments) -> PyR
         _ => return Err(value_error("expected either tensions and opposition, or spools")),
     };
     Ok(Action { arm, hand })
+}
+
+/// Returns as many finite numbers as expected.
+fn sized(name: &str, values: &Numbers, expected: usize) -> PyResult<Vec<f64>> {
+    let values = values.as_slice().map_err(value_error)?;
+    if values.len() != expected || values.iter().any(|value| !value.is_finite()) {
+        return Err(value_error(format!("{name}: found {values:?}, expected {expected} finite numbers")));
+    }
+    Ok(values.to_vec())
 }
 
 /// Returns the observation: the measurements of the robot.
@@ -155,7 +170,7 @@ impl Scene {
         let scene =
             py.detach(|| learning_environment::TactileScene::new(&bench.world, &bench.cameras, &placed, options));
         let (scene, arguments) = (scene.map_err(value_error)?, (objects, images, seed, setup));
-        Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() })))
+        Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new(), ticked: false })))
     }
 
     fn step(&self, py: Python<'_>, asked: ActionArguments) -> PyResult<()> {
@@ -165,6 +180,44 @@ impl Scene {
         py.detach(|| scene.step(&action)).map_err(value_error)?;
         actions.push(action);
         Ok(())
+    }
+
+    /// Lets one tick pass with a robot's own command. Returns the frames that arrived.
+    fn tick<'py>(
+        &self,
+        py: Python<'py>,
+        command: CommandArguments<'py>,
+        capture: bool,
+    ) -> PyResult<Vec<CameraFrame<'py>>> {
+        let (arm, goals, limits) = command;
+        let mut stepped = lock_stepped(&self.0)?;
+        let robot = &stepped.scene.cell().robot;
+        let arm = sized("arm", &arm, robot.arm.joints())?;
+        let servos = robot.hand.servos.len();
+        let (goals, limits) = (sized("goals", &goals, servos)?, sized("current limits", &limits, servos)?);
+        if let Some(limit) = limits.iter().find(|limit| **limit < 0.0) {
+            return Err(value_error(format!("current limits: found {limit} A, expected 0 or more")));
+        }
+        let goal = |(&angle, &current_limit): (&f64, &f64)| ServoGoal::Position { angle, current_limit };
+        let servos = goals.iter().zip(&limits).map(goal).collect();
+        let command = RobotCommand { arm: arm.into_iter().collect(), servos, capture };
+        stepped.ticked = true;
+        let scene = &mut stepped.scene;
+        let frames = py.detach(|| scene.tick(&command));
+        let frame = |frame: TactileFrame| {
+            let side = (frame.image.rgb.len() / 3).isqrt();
+            Ok((frame.camera, frame.time, picture(py, side, frame.image.rgb.clone())?))
+        };
+        frames.into_iter().map(frame).collect()
+    }
+
+    /// Returns the names of the robot's joints, servos and cameras.
+    fn names(&self) -> PyResult<(Vec<String>, Vec<String>, Vec<String>)> {
+        let stepped = lock_stepped(&self.0)?;
+        let RobotModel { arm, hand, .. } = &stepped.scene.cell().robot;
+        let joints = arm.tree.joints.iter().take(arm.joints()).map(|joint| joint.name.clone()).collect();
+        let servos = hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect();
+        Ok((joints, servos, hand.cameras.iter().map(|camera| camera.name.clone()).collect()))
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -191,6 +244,10 @@ impl Scene {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (SceneArguments, PickledState<'py>))> {
         let stepped = lock_stepped(&self.0)?;
+        if stepped.ticked {
+            let words = "pickle: found a scene that was moved by tick(), expected one that was moved by step() alone";
+            return Err(PyRuntimeError::new_err(words));
+        }
         let kept = pickle(py, &stepped.scene, &stepped.actions);
         Ok((native(py, "restored_scene")?, (stepped.arguments.clone(), kept)))
     }
@@ -275,7 +332,7 @@ impl Episode {
         let options = EpisodeOptions { task: kind, images, combination, objects };
         let arguments = (task.to_owned(), choices, seed, setup, variation);
         match py.detach(|| learning_environment::Episode::begin(&bench, options, seed)) {
-            Ok(scene) => Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new() }))),
+            Ok(scene) => Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new(), ticked: false }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
             Err(error) => Err(value_error(error)),
         }

@@ -11,6 +11,7 @@ use nalgebra::Isometry3;
 use scenarios::referee::{FailureCause, Verdict};
 use sim::robot::GroundTruth;
 
+use super::driver::scene::{DriverScene, SceneError};
 use super::operator::Operator;
 use super::{Detection, TrialBackend};
 use object_detector::{VisionError, VisionLink, format_position};
@@ -34,9 +35,11 @@ pub struct HardwareBackend {
     names: Vec<String>,
     /// Longest pause while the controller computes, s.
     max_pause: f64,
-    /// Interrupt by the operator, caught from torque-on to the end.
-    interrupt: Interrupt,
+    /// Interrupt by the operator, caught from torque-on to the end; none on a robot without an operator.
+    interrupt: Option<Interrupt>,
     vision: Option<VisionLink>,
+    /// Scene of a driver that needs no operator.
+    scene: Option<DriverScene>,
     operator: Operator,
 }
 
@@ -108,19 +111,22 @@ impl TrialBackend for HardwareBackend {
         None
     }
 
-    /// Detects the object with the vision system. Without one, asks the operator, who puts the object at its nominal
-    /// place.
+    /// Detects the object with the vision system, or with the scene of the robot's driver. Without them, asks the
+    /// operator, who puts the object at its nominal place.
     fn detect(&mut self, glance: &Detection) -> Result<Option<PoseDetection>> {
         let object = glance.object;
         if let Some(detector) = &mut self.vision {
             self.robot.pause(OPERATOR_TIMEOUT);
-            let interrupt = &self.interrupt;
-            let seen = detector.detect(&self.names[object], || interrupt.happened());
+            let interrupt = self.interrupt.as_ref();
+            let seen = detector.detect(&self.names[object], || interrupt.is_some_and(Interrupt::happened));
             self.pause();
             return match seen {
                 Err(VisionError::Stopped(_)) => bail!(super::TrialStopped(self.stop_reason().unwrap_or_default())),
                 seen => Ok(seen?),
             };
+        }
+        if let Some(scene) = &self.scene {
+            return Ok(scene.detect(&self.names[object])?);
         }
         let place = self.nominal_poses[object];
         let question = format!(
@@ -144,8 +150,8 @@ impl TrialBackend for HardwareBackend {
     }
 
     fn stop_reason(&self) -> Option<String> {
-        if self.interrupt.happened() && matches!(self.robot.state(), SupervisorState::Running | SupervisorState::Armed)
-        {
+        let interrupted = self.interrupt.as_ref().is_some_and(Interrupt::happened);
+        if interrupted && matches!(self.robot.state(), SupervisorState::Running | SupervisorState::Armed) {
             // The state of a robot that cannot hold gives the reason.
             let _ = self.robot.hold();
         }
@@ -154,8 +160,9 @@ impl TrialBackend for HardwareBackend {
             return None;
         }
         let report = self.robot.report();
-        let own_words = match (state, report.arm_error) {
-            (SupervisorState::Fault(StopCause::ArmFault(_)), Some(words)) => format!(" ({words})"),
+        let own_words = match (state, report.arm_error, report.driver_error) {
+            (SupervisorState::Fault(StopCause::ArmFault(_)), Some(words), _) => format!(" ({words})"),
+            (SupervisorState::Fault(StopCause::DriverFailed), _, Some(words)) => format!(" ({words})"),
             _ => String::new(),
         };
         let frozen = match (state, report.last_standstill) {
@@ -172,6 +179,10 @@ impl TrialBackend for HardwareBackend {
     }
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
+        if let Some(scene) = &self.scene {
+            let stopped = |error: SceneError| super::TrialStopped(format!("{error}; the trial has no verdict"));
+            return Ok(Some(scene.judge().map_err(stopped)?));
+        }
         let contact = self.ask_yes_no(
             "Did a held object, the fingers that hold it, or the palm touch the next one before it was grasped? [yes/no]",
         )?;
@@ -210,6 +221,9 @@ impl TrialBackend for HardwareBackend {
 
     /// Opens the hand only at the operator's request.
     fn end_trial(&mut self, why: Option<&str>) -> Result<()> {
+        if self.scene.is_some() {
+            return Ok(());
+        }
         if let Some(why) = why {
             eprintln!("STOPPED: {why}");
             eprintln!(

@@ -2,8 +2,8 @@
 //!
 //! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other backend can be
 //! cloned ([`SingleUseBackend`]): the emulated devices with a plant behind them ([`wire_emulation`]), the real robot
-//! ([`hardware`]), a recorded session ([`replay`]), and the simulated robot if its session is recorded. On those, every
-//! condition begins a separate trial, and a clone is the same backend.
+//! ([`hardware`]), also behind a driver of its owner ([`driver`]), a recorded session ([`replay`]), and the simulated
+//! robot if its session is recorded. On those, every condition begins a separate trial, and a clone is the same backend.
 //!
 //! [`Backend`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of
 //! a trial (ground truth for the referee, prior perception, the operator) are in [`TrialBackend`], for the program
@@ -16,6 +16,7 @@ extern crate progress;
 pub mod arm_link;
 pub mod direct_emulation;
 pub mod disk;
+pub mod driver;
 pub mod hardware;
 pub mod operator;
 pub mod registration_plan;
@@ -39,7 +40,7 @@ use scenarios::referee::Verdict;
 use sim::SimulatedRobot;
 use sim::robot::GroundTruth;
 
-pub use self::task::{PoseSources, TrialTask};
+pub use self::task::{DRIVER_BACKEND, HARDWARE_BACKEND, PoseSources, TrialTask, keeps_wall_time};
 
 /// Reason for which a trial ended early. The hand keeps its grip.
 #[derive(Debug, Clone, thiserror::Error)]

@@ -6,14 +6,29 @@ use hand_model::RobotSources;
 use scenarios::record::Condition;
 use serde::{Deserialize, Serialize};
 
+use super::driver::RobotDriver;
 use super::pose_from_numbers;
 use super::registration_plan::{RegistrationPlan, hidden_mount};
+
+/// Name of the backend with real devices behind the hardware bridge.
+pub const HARDWARE_BACKEND: &str = "hardware";
+/// Name of the backend with a robot behind a driver of its owner.
+pub const DRIVER_BACKEND: &str = "python";
+
+/// True if time passes on the wall clock on the backend `robot`, with this driver if it has one: its trials cannot be
+/// repeated, and they need an operator.
+pub fn keeps_wall_time(robot: &str, driver: Option<&RobotDriver>) -> bool {
+    robot == HARDWARE_BACKEND || driver.is_some_and(|driver| !driver.lockstep)
+}
 
 /// Definition of a trial as stored in a session file: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialTask {
-    /// Robot backend: `sim`, `direct`, `emulated` or `hardware`.
+    /// Robot backend: `sim`, `direct`, `emulated`, `hardware` or `python`.
     pub robot: String,
+    /// Driver of the robot, on the backend `python`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<RobotDriver>,
     /// Seed of all random draws.
     pub seed: u64,
     /// Number of the combination.
@@ -56,6 +71,7 @@ impl TrialTask {
     pub fn new(robot: &str, seed: u64, [combination, trial, combos]: [usize; 3], condition: Condition) -> Self {
         Self {
             robot: robot.to_owned(),
+            driver: None,
             seed,
             combination,
             trial,
@@ -70,6 +86,17 @@ impl TrialTask {
             detects_faults: false,
             places: PoseSources::default(),
         }
+    }
+
+    /// True if the objects are where an operator or the robot's driver has put them: the draw of poses and errors does
+    /// not apply.
+    pub fn is_real(&self) -> bool {
+        self.robot == HARDWARE_BACKEND || self.driver.is_some()
+    }
+
+    /// True if the backend's time passes on the wall clock.
+    pub fn keeps_wall_time(&self) -> bool {
+        keeps_wall_time(&self.robot, self.driver.as_ref())
     }
 
     /// Returns a seed for draws other than the trial's own errors. It differs from trial to trial.

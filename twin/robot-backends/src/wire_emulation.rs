@@ -7,8 +7,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, Result};
 use control::detection::PoseDetection;
+use hand_model::parameters::Servo;
 use hand_model::robot::{Observation, Plant, RobotBackend, RobotCommand, Tick};
-use hand_model::{Hand, RobotModel};
+use hand_model::{ActuatorVector, Hand, RobotModel};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
@@ -66,12 +67,19 @@ impl Plant for SharedPlant {
     }
 }
 
-/// Returns the travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
-pub fn shaft_travel(hand: &Hand) -> [f64; SERVOS] {
-    std::array::from_fn(|n| match hand.transmission.cables.get(n) {
+/// Returns the travel of every servo of a hand, rad: the closing of all joints, and the cable's stretch.
+pub fn servo_travel(hand: &Hand) -> ActuatorVector {
+    let travel = |(n, servo): (usize, &Servo)| match hand.transmission.cables.get(n) {
         Some(cable) => cable.full_excursion() / hand.cables[n].spool_radius + CABLE_STRETCH,
-        None => std::f64::consts::FRAC_PI_2 * hand.servos[n].gear_ratio_opposition + CABLE_STRETCH,
-    })
+        None => std::f64::consts::FRAC_PI_2 * servo.gear_ratio_opposition + CABLE_STRETCH,
+    };
+    hand.servos.iter().enumerate().map(travel).collect()
+}
+
+/// Returns the travel of every shaft of a hand that the bridge drives, rad.
+pub fn shaft_travel(hand: &Hand) -> [f64; SERVOS] {
+    let travel = servo_travel(hand);
+    std::array::from_fn(|n| travel[n])
 }
 
 /// Returns the usual settings of the lock-step robot.

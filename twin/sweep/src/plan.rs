@@ -128,6 +128,7 @@ impl SweepPlan {
             trials: sweep.trials,
             seed: 1,
             robot: "sim".to_owned(),
+            driver: None,
             shard: (1, 1),
             conditions: policies.clone(),
             ablations: ablations.clone(),

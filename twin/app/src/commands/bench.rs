@@ -14,13 +14,15 @@ use bench::run::{self, RunOptions};
 use clap::{Args, ValueEnum};
 use control::uncertainty::Uncertainty;
 use external_policy::{ExternalPolicy, PolicySource, SimulatedTimePassage};
+use robot_backends::driver::DrivenRobot;
 use scenarios::Ablation;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
 
 pub use self::merge::report;
 use self::summary_output::{print_summary, shortfall};
-use crate::options::backend::{BackendKind, PoseSourceArgs, backend_factory, check_backend};
+use crate::options::backend::{BackendKind, PoseSourceArgs, RobotOption, RobotParser, backend_factory, check_backend};
+use crate::options::driver::{DriverArgs, introduce_again};
 use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
 use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
@@ -53,10 +55,14 @@ pub struct BenchArgs {
     /// Simulated time that passes while the policy computes: none (`paused`), or as much as on the wall clock (`wall`).
     #[arg(long, value_enum, default_value_t = PolicyTime::Paused, requires = "policy")]
     pub policy_time: PolicyTime,
-    /// Robot backend.
-    #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
-    pub robot: BackendKind,
-    /// Configuration file of the hardware bridge, for --robot hardware.
+    /// Robot backend, or a robot of your own behind a driver in Python: FILE.py:CLASS. Default: sim. See
+    /// twin/python/README.md.
+    #[arg(long, value_parser = RobotParser)]
+    pub robot: Option<RobotOption>,
+    #[command(flatten)]
+    pub driver: DriverArgs,
+    /// Configuration file of the hardware bridge, for --robot hardware; or file with the limits of a robot of your own,
+    /// for --robot FILE.py:CLASS.
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
@@ -129,7 +135,7 @@ pub struct BenchArgs {
     #[arg(
         long,
         conflicts_with_all = [
-            "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
+            "combos", "trials", "seed", "conditions", "robot_arg", "robot_timeout", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "instance", "plant",
             "look_ahead", "detect_faults", "pads", "tactile", "robot_model",
         ]
@@ -170,8 +176,16 @@ impl From<RecordArg> for Recorded {
     }
 }
 
-/// Returns the requested run, or the interrupted one to resume, and its folder.
-fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf)> {
+impl BenchArgs {
+    /// Returns the robot backend.
+    fn robot(&self) -> RobotOption {
+        self.robot.clone().unwrap_or(BackendKind::Sim.into())
+    }
+}
+
+/// Returns the requested run, or the interrupted one to resume, its folder, and the robot behind the driver that runs
+/// it, if there is one.
+fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf, Option<DrivenRobot>)> {
     if args.combos == Some(0) {
         bail!("--combos: found 0, expected at least 1");
     }
@@ -185,31 +199,37 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
     }
     let noise_scale = if args.no_errors { 0.0 } else { args.noise_scale };
-    if noise_scale != 1.0 && args.robot != BackendKind::Sim {
+    let (robot, config) = (args.robot(), args.config.as_deref());
+    if noise_scale != 1.0 && !robot.is(BackendKind::Sim) {
         let option =
             if args.no_errors { "--no-errors:".to_owned() } else { format!("--noise-scale: found {noise_scale}") };
-        bail!("{option} with --robot {}, expected it with the simulated robot", args.robot.name());
+        bail!("{option} with --robot {robot}, expected it with the simulated robot");
     }
     if let Some(folder) = &args.resume {
         let request = Journal::read(folder).context("--resume")?.1;
         check_policy(request.policy.as_ref(), args.policy.as_deref(), folder)?;
-        return Ok((request, folder.clone()));
+        let driven = resumed_driver(&request, args, folder)?;
+        return Ok((request, folder.clone(), driven));
     }
     let model = args.model.model()?;
-    args.robot.check_supported(&model)?;
+    robot.check_supported(&model)?;
+    check_backend(&robot, config, &[])?;
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combination_count();
     let combos = args.combos.unwrap_or(pairs.min(COMBINATION_COUNT));
     if combos > pairs {
         bail!("--combos: found {combos}, expected at most the scenario's {pairs} pairs");
     }
+    let conditions = parse_conditions(&args.conditions, args.policy.is_some())?;
+    let driven = args.driver.introduce(&robot, &model, config, &conditions)?;
     let request = RunRequest {
         combos,
         trials: args.trials,
         seed: terminal.seed,
-        robot: args.robot.name().into(),
+        robot: robot.name().into(),
+        driver: driven.as_ref().map(|driven| driven.driver.clone()),
         shard: parse_part(&args.shard, "--shard")?,
-        conditions: parse_conditions(&args.conditions, args.policy.is_some())?,
+        conditions,
         ablations: parse_ablations(args)?,
         without: if args.no_errors { Effect::ALL.to_vec() } else { parse_without(&args.without)? },
         uncertainty: read_uncertainty(args.uncertainty.as_deref())?,
@@ -217,7 +237,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         noise_scale,
         effort: args.effort,
         scenario: text,
-        places: args.places.pose_sources(args.robot)?,
+        places: args.places.pose_sources(&robot)?,
         robot_instance: instance_text(args.instance.as_deref(), &model)?.0,
         pads: pad_calibration_text(args.pads.as_deref(), &model)?,
         robot_model: model.sources,
@@ -231,31 +251,53 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         record: args.record.map_or_else(Recorded::default, Recorded::from),
         provenance: vec![Provenance::now()],
     };
-    Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
+    Ok((request, args.out.clone().unwrap_or_else(next_free_folder), driven))
+}
+
+/// Returns the robot behind the driver of a run that is resumed, if it has one. Another robot is refused.
+fn resumed_driver(request: &RunRequest, args: &BenchArgs, folder: &Path) -> Result<Option<DrivenRobot>> {
+    match (&request.driver, &args.robot) {
+        (Some(driver), named) => {
+            let model = request.robot_model(folder)?;
+            let robot = (&model, args.config.as_deref());
+            introduce_again(driver, named.as_ref(), robot, (folder, &request.conditions)).map(Some)
+        }
+        (None, Some(named)) => bail!(
+            "--robot: found {named} with --resume, expected none: the run in {} is on the robot {}",
+            folder.display(),
+            request.robot
+        ),
+        (None, None) => Ok(None),
+    }
 }
 
 /// Runs `ftac bench`. All input is checked before anything is written.
 pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
-    let (mut request, folder) = request(terminal, args)?;
-    let robot = <BackendKind as clap::ValueEnum>::from_str(&request.robot, false)
-        .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a backend", folder.display(), request.robot))?;
+    let (mut request, folder, driven) = request(terminal, args)?;
+    let robot = match &request.driver {
+        Some(driver) => RobotOption::Driver(driver.class.name()),
+        None => <BackendKind as clap::ValueEnum>::from_str(&request.robot, false)
+            .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a backend", folder.display(), request.robot))?
+            .into(),
+    };
     if request.places.detector != args.places.detector.is_some() {
         let (found, expected) = if request.places.detector { ("none", "one") } else { ("one", "none") };
         bail!("--detector: found {found}, expected {expected}, as at the start of the run in {}", folder.display());
     }
-    check_backend(robot, args.config.as_deref(), &request.conditions)?;
+    check_backend(&robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
-    if robot != BackendKind::Sim && !scenario.disturbance.is_none() {
-        bail!("--robot: found {}, expected the simulated robot (sim) for a scenario with [disturbance]", robot.name());
+    if !robot.is(BackendKind::Sim) && !scenario.disturbance.is_none() {
+        bail!("--robot: found {robot}, expected the simulated robot (sim) for a scenario with [disturbance]");
     }
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
         bail!("--ablations: found a scenario with disabled_digits, expected one without");
     }
-    if robot == BackendKind::Hardware && request.plant_instance.is_some() {
-        bail!("--plant: found --robot hardware, expected a simulated or emulated robot");
+    let real = robot.is(BackendKind::Hardware) || driven.is_some();
+    if real && request.plant_instance.is_some() {
+        bail!("--plant: found --robot {robot}, expected a simulated or emulated robot");
     }
     let quiet = terminal.quiet || terminal.json;
-    let jobs = if args.live || robot == BackendKind::Hardware {
+    let jobs = if args.live || request.keeps_wall_time() {
         1
     } else {
         args.jobs.unwrap_or_else(bench::workers::available_threads)
@@ -267,22 +309,22 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         request.combos = bench.grasp_pairs.pairs.len().min(asked);
         (request.notes, request.left_out) = (bench.notes.clone(), bench.left_out.clone());
     }
-    warn_nominal_pads(robot, &request.conditions, request.pads.as_deref());
+    warn_nominal_pads(request.keeps_wall_time(), &request.conditions, request.pads.as_deref());
     let tactile = if request.gpu { TactileBackend::Gpu } else { TactileBackend::Cpu };
     bench.cameras = tactile.select_renderer(bench.cameras);
     // A fault of a simulated robot is gone with its trial; a real robot waits for an operator.
-    bench.continues_after_faults = robot != BackendKind::Hardware && request.policy.is_none();
+    bench.continues_after_faults = !real && request.policy.is_none();
     if let Some(source) = &request.policy {
         source.check()?;
         bench.external_policy = Some(ExternalPolicy::start(source.clone())?);
     }
-    let sessions = |record: bool| (record || robot == BackendKind::Hardware).then(|| folder.join("sessions"));
+    let sessions = |record: bool| (record || real).then(|| folder.join("sessions"));
     let place = |record: bool| {
         backend_factory(
             &bench.world,
-            robot,
+            (&robot, driven.as_ref()),
             (args.config.as_deref(), &args.places),
-            sessions(record && robot != BackendKind::Sim),
+            sessions(record && !robot.is(BackendKind::Sim)),
         )
     };
     // A wrong configuration is detected before anything is written.
@@ -303,8 +345,8 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
 /// Parses `--ablations`; without names, all of them.
 fn parse_ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     let Some(names) = &args.ablations else { return Ok(Vec::new()) };
-    if args.robot != BackendKind::Sim {
-        bail!("--ablations: found --robot {}, expected sim, whose state can be restored", args.robot.name());
+    if !args.robot().is(BackendKind::Sim) {
+        bail!("--ablations: found --robot {}, expected sim, whose state can be restored", args.robot());
     }
     if names.is_empty() {
         return Ok(Ablation::ALL.to_vec());
@@ -327,7 +369,7 @@ fn parse_conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
 /// Parses `--policy` and its options.
 fn parse_policy(args: &BenchArgs) -> Result<Option<PolicySource>> {
     // On the real robot time passes anyway.
-    let waits = args.policy_time == PolicyTime::Wall && args.robot != BackendKind::Hardware;
+    let waits = args.policy_time == PolicyTime::Wall && !args.robot().is(BackendKind::Hardware);
     let pace = if waits { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
     let Some(text) = &args.policy else { return Ok(None) };
     let source = PolicySource::parse(text, &args.policy_arg, pace)?;

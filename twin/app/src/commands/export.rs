@@ -6,9 +6,9 @@ use std::process::Stdio;
 use anyhow::{Context as _, Result, bail};
 use bench::recording::{Recording, TimeOrigin};
 use clap::Subcommand;
-use external_policy::python;
 use hand_model::RobotModel;
 use hand_model::kinematics::Tree;
+use python_process::interpreter;
 use robot_backends::TrialStopped;
 use robot_backends::TrialTask;
 use robot_backends::replay::{ReplayFactory, check_session};
@@ -203,11 +203,15 @@ fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcom
 fn export_lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
     let all = sessions(folder)?;
     let out = out.map_or_else(|| folder.join("lerobot"), Path::to_owned);
-    let mut command = python::module_command("ftac.lerobot");
+    let mut command = interpreter::module_command("ftac.lerobot");
     command.arg(&out).arg(images.to_string()).args(&all).stdin(Stdio::null()).stderr(Stdio::inherit());
-    let output = command.output().with_context(|| python::missing_interpreter("export lerobot"))?;
+    let output = command.output().with_context(|| interpreter::missing_interpreter("export lerobot"))?;
     if !output.status.success() {
-        bail!("export lerobot: the data set was not written ({}); {}", output.status, python::INTERPRETER_REQUIREMENTS);
+        bail!(
+            "export lerobot: the data set was not written ({}); {}",
+            output.status,
+            interpreter::INTERPRETER_REQUIREMENTS
+        );
     }
     let told: LerobotOutput = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
     let text = format!("{} episodes, {} frames in {}\n", told.episodes, told.frames, out.display());
@@ -221,11 +225,9 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     let bench = build_bench(terminal, &task, scenario, session)?;
     let robot = &bench.world.cell.robot;
     check_session(session, robot)?;
-    let began = find_time_origin(session)?;
-    let (mut source, report) = ReplayFactory::new(
-        Replay::new(SessionReader::open(session, RobotSizes::from_robot(robot))?)?,
-        task.robot == "hardware",
-    );
+    let began = if task.keeps_wall_time() { find_time_origin(session)? } else { TimeOrigin::Never };
+    let (mut source, report) =
+        ReplayFactory::new(Replay::new(SessionReader::open(session, RobotSizes::from_robot(robot))?)?, task.is_real());
     let partial = out.with_extension("partial.rrd");
     // An existing file may be a link to somewhere else.
     drop(std::fs::remove_file(&partial));
@@ -252,12 +254,9 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     Ok((progress.ticks, left))
 }
 
-/// Finds the wall-clock time of the robot's time 0. Only sessions of hardware have one.
+/// Finds the wall-clock time of the robot's time 0.
 fn find_time_origin(session: &Path) -> Result<TimeOrigin> {
     let mut reader = SessionReader::open(session, RobotSizes::Any)?;
-    if reader.session().robot != "hardware" {
-        return Ok(TimeOrigin::Never);
-    }
     while let Some((times, event)) = reader.next_event()? {
         if let SessionEvent::Observation(observation) = event {
             let host = (reader.start_time() + times.host).as_nanos() as i64;

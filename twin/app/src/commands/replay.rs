@@ -23,7 +23,7 @@ use crate::terminal::Terminal;
 /// JSON output of `replay` of one session.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ReplayOutput {
-    /// Robot backend: sim, direct, emulated or hardware.
+    /// Robot backend: sim, direct, emulated, hardware or python.
     robot: String,
     /// Number of the combination, from 0.
     combination: usize,
@@ -205,7 +205,7 @@ fn replay_trial(
     let robot = &bench.world.cell.robot;
     let (outcome, whole) = read_outcome(path, robot)?;
     let reader = SessionReader::open(path, RobotSizes::from_robot(robot))?;
-    let (mut source, report) = ReplayFactory::new(Replay::new(reader)?, task.robot == "hardware");
+    let (mut source, report) = ReplayFactory::new(Replay::new(reader)?, task.is_real());
     let finished = bench.run(task, &mut source, &mut NoWatcher);
     let (finished, failed) = match finished {
         Ok(outcome) => (Some(outcome.record), None),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use bench::builtin::{COMBINATION_COUNT, make_bench, replace_calibration, set_expected_errors};
 use bench::fault_watch::run_with_detector;
-use bench::recording::Recording;
+use bench::recording::{Recording, TimeOrigin};
 use bench::robot::robot_from_sources;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
@@ -16,7 +16,8 @@ use scenarios::record::TrialRecord;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::options::backend::{BackendKind, PoseSourceArgs, backend_factory, check_backend};
+use crate::options::backend::{PoseSourceArgs, RobotOption, RobotParser, backend_factory, check_backend};
+use crate::options::driver::DriverArgs;
 use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
 use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
@@ -37,9 +38,11 @@ pub struct TrialArgs {
     pub model: RobotArgs,
     #[command(flatten)]
     pub scenario: ScenarioArgs,
-    /// Robot backend.
-    #[arg(long, value_enum, default_value_t = BackendKind::Sim)]
-    pub robot: BackendKind,
+    /// Robot backend, or a robot of your own behind a driver in Python: FILE.py:CLASS. See twin/python/README.md.
+    #[arg(long, value_parser = RobotParser, default_value = "sim")]
+    pub robot: RobotOption,
+    #[command(flatten)]
+    pub driver: DriverArgs,
     /// Robot instance for both the backend and the control stack: a file of `ftac sysid identify`; default: the nominal
     /// model.
     #[arg(long, value_name = "FILE")]
@@ -55,13 +58,14 @@ pub struct TrialArgs {
     /// printed.
     #[arg(long)]
     pub detect_faults: bool,
-    /// Configuration file of the hardware bridge, for --robot hardware.
+    /// Configuration file of the hardware bridge, for --robot hardware; or file with the limits of a robot of your own,
+    /// for --robot FILE.py:CLASS.
     #[arg(long)]
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub places: PoseSourceArgs,
-    /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by
-    /// default.
+    /// Folder for the session's MCAP file, for `ftac replay`; hardware and robots of your own always record, into
+    /// recordings/sessions by default.
     #[arg(long)]
     pub session: Option<PathBuf>,
     /// Stream to a Rerun viewer.
@@ -116,8 +120,9 @@ pub struct TrialOutput<'a> {
 
 /// Runs `ftac trial`: runs one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
-    check_backend(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
-    let places = args.places.pose_sources(args.robot)?;
+    let condition = args.policy.condition();
+    check_backend(&args.robot, args.config.as_deref(), &[condition])?;
+    let places = args.places.pose_sources(&args.robot)?;
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combination_count().min(COMBINATION_COUNT);
     if args.combination >= pairs {
@@ -131,6 +136,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     let robot_model = nominal.sources;
     let quiet = terminal.quiet || terminal.json;
     let model = robot_from_sources(robot_model.as_ref(), individual.as_deref(), &path)?;
+    let driven = args.driver.introduce(&args.robot, &model, args.config.as_deref(), &[condition])?;
     let mut bench = make_bench(&model, scenario, combos, terminal.seed, quiet)?;
     if bench.grasp_pairs.pairs.len() <= args.combination {
         bail!(
@@ -142,15 +148,18 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     places.apply_to(&mut bench.world)?;
     replace_calibration(&mut bench, pads.as_deref(), Path::new("--pads"))?;
-    warn_nominal_pads(args.robot, &[args.policy.condition()], pads.as_deref());
     bench.cameras = args.tactile.select_renderer(bench.cameras);
     bench.set_look_ahead(args.look_ahead);
     set_expected_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
-    let condition = args.policy.condition();
-    let mut place =
-        backend_factory(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
+    let mut place = backend_factory(
+        &bench.world,
+        (&args.robot, driven.as_ref()),
+        (args.config.as_deref(), &args.places),
+        args.session.clone(),
+    )?;
     let task = TrialTask {
         robot: args.robot.name().to_owned(),
+        driver: driven.map(|driven| driven.driver),
         seed: terminal.seed,
         combination: args.combination,
         trial: args.trial,
@@ -165,6 +174,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         looks_ahead: args.look_ahead,
         detects_faults: args.detect_faults,
     };
+    warn_nominal_pads(task.keeps_wall_time(), &[condition], task.pads.as_deref());
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
     });
@@ -175,7 +185,8 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if args.live {
         targets.push(telemetry::RecordingTarget::Spawn);
     }
-    let mut recording = Recording::open(&targets, &bench, &task, (args.robot.time_origin(), args.truth))?;
+    let began = if task.keeps_wall_time() { TimeOrigin::Now } else { TimeOrigin::Never };
+    let mut recording = Recording::open(&targets, &bench, &task, (began, args.truth))?;
     let run_trial = |watcher: &mut dyn Watcher| match (&mut place, condition) {
         (Some(place), _) => bench.run(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
         (None, Condition::Ideal) => bench.run_ideal(args.combination, watcher).map(|outcome| outcome.record),
@@ -183,7 +194,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
             .run_each_condition(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
     };
-    let tells = args.robot == BackendKind::Hardware && !terminal.quiet;
+    let tells = task.keeps_wall_time() && !terminal.quiet;
     let (outcome, named) =
         run_with_detector(&bench, Some(&mut recording), (args.detect_faults, tells, condition), run_trial);
     let named = named.map(|named| named.into_iter().map(|named| named.fault).collect::<Vec<_>>());

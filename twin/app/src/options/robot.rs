@@ -10,8 +10,6 @@ use hand_model::RobotModel;
 use plant::identified::IdentifiedRobot;
 use scenarios::record::Condition;
 
-use crate::options::backend::BackendKind;
-
 /// Option for the robot.
 #[derive(Debug, Clone, Default, Args)]
 pub struct RobotArgs {
@@ -57,13 +55,13 @@ pub fn pad_calibration_text(path: Option<&Path>, robot: &RobotModel) -> Result<O
     Ok(Some(text))
 }
 
-/// Warns that the pads of a real hand are treated as nominal, if tactile images are used and `pads` gives no
+/// Warns that the pads of a hand are treated as nominal if it is `real`, tactile images are used and `pads` gives no
 /// calibration of its own.
-pub fn warn_nominal_pads(robot: BackendKind, conditions: &[Condition], pads: Option<&str>) {
+pub fn warn_nominal_pads(real: bool, conditions: &[Condition], pads: Option<&str>) {
     let sees = |condition: &Condition| {
         PolicyCapabilities::for_condition(*condition).is_some_and(PolicyCapabilities::use_images)
     };
-    if robot == BackendKind::Hardware && pads.is_none() && conditions.iter().any(sees) {
+    if real && pads.is_none() && conditions.iter().any(sees) {
         eprintln!(
             "warning: touch uses the calibration of the nominal pads and the scenario's indentation of the gel: this hand's pads have no calibration (--pads)"
         );

@@ -7,7 +7,7 @@ use anyhow::Result;
 use scenarios::FailureCause;
 use scenarios::record::Condition;
 
-use super::{HARDWARE_BACKEND, RunOptions, condition_recording_name, run_unit_in_place, unit_name};
+use super::{RunOptions, condition_recording_name, run_unit_in_place, unit_name};
 use crate::journal::{JournalEntry, RunRequest, WorkUnit};
 use crate::trial::Bench;
 
@@ -28,7 +28,7 @@ pub fn record_causes(
     }
     let mut table = "condition,cause,recording\n".to_owned();
     for ((condition, cause), unit) in examples {
-        if request.robot != HARDWARE_BACKEND {
+        if !request.keeps_wall_time() {
             let found = replay_unit(bench, request, (unit, condition), folder, options)?;
             if found != Some(cause) {
                 let found = found.map_or_else(|| "no failure".to_owned(), |found| found.to_string());

@@ -10,6 +10,7 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `touch`: heights and normals from tactile images.
 - `grasps`: the grasps that come with the program.
 - `bench`: your own policy in the benchmark's trials.
+- `robot`: your own robot as a backend of the trials.
 - `features`: observations and actions as learners use them, the same in environments, policies and exported data.
 - `envs`, `vector`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
 - `randomization`: fields of the scenario that every episode draws anew.
@@ -25,7 +26,7 @@ import importlib.metadata
 import importlib.util
 from typing import Any
 
-from ftac import bench, features, grasps, hand, lerobot, optics, randomization, scripted, touch
+from ftac import bench, features, grasps, hand, lerobot, optics, randomization, robot, scripted, touch
 from ftac._native import combinations, objects
 from ftac.scene import Scene
 
@@ -41,6 +42,7 @@ __all__ = [
     "objects",
     "optics",
     "randomization",
+    "robot",
     "scripted",
     "touch",
 ]

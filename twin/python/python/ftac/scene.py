@@ -101,6 +101,30 @@ class Scene:
         self._scene.step(command(twist, joints, tensions, opposition, spools, len(self.limits["joints"])))
         return self.observe()
 
+    def tick(self, arm: ArrayLike, servos: ArrayLike, capture: bool = False) -> dict[str, Any]:
+        """Lets 1/120 s pass with a robot's own command, as a driver sends it, and returns `observe()` with ``frames``.
+
+        Parameters
+        ----------
+        arm: set-point of each joint, rad.
+        servos: (n, 2), a row for each servo: goal of the output angle (rad) and current limit (A).
+        capture: requests an image of every camera; with ``images``.
+
+        ``frames`` has the images that arrived: ``{name: (time, image)}``. A scene that was moved like this cannot be pickled.
+        """
+        goals = np.asarray(servos, dtype=np.float64)
+        if goals.ndim != 2 or goals.shape[1] != 2:
+            raise ValueError(f"servos: found shape {goals.shape}, expected a row of two numbers for each servo")
+        command = numbers("arm", arm), numbers("servos", goals[:, 0]), numbers("servos", goals[:, 1])
+        frames = self._scene.tick(command, bool(capture))
+        cameras = self.names["cameras"] if frames else []
+        return {**self.observe(), "frames": {cameras[camera]: (time, image) for camera, time, image in frames}}
+
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """Names of the arm's ``joints``, of the hand's ``servos`` and of its ``cameras``, in the order of measurements and commands."""
+        return dict(zip(("joints", "servos", "cameras"), self._scene.names()))
+
     def observe(self) -> dict[str, Any]:
         """What the robot measures; nothing here is the scene's truth.
 

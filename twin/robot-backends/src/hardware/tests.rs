@@ -73,11 +73,19 @@ fn bench() -> Bench {
     robot.arm().expect("arms");
     let (input, answers) = std::io::pipe().expect("a pipe");
     let operator = Operator::from_file(File::from(OwnedFd::from(input)));
-    let interrupt = Interrupt::catch().expect("caught");
+    let interrupt = Some(Interrupt::catch().expect("caught"));
     let places = vec![Isometry3::identity(); 2];
     let names = vec!["pear".to_owned(), "lemon".to_owned()];
-    let mut hardware =
-        HardwareBackend { robot, nominal_poses: places, names, max_pause: 60.0, interrupt, vision: None, operator };
+    let mut hardware = HardwareBackend {
+        robot,
+        nominal_poses: places,
+        names,
+        max_pause: 60.0,
+        interrupt,
+        vision: None,
+        scene: None,
+        operator,
+    };
     until("it runs", || {
         let seen = hardware.robot.observe().and_then(Readings::into_observation).expect("observed");
         let servos = [ServoGoal::Current(0.0); SERVOS];

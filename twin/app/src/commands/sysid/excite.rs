@@ -186,7 +186,7 @@ impl RobotBackend for ExcitationBackend {
 }
 
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
-    check_backend(args.robot, args.config.as_deref(), &[])?;
+    check_backend(&args.robot.into(), args.config.as_deref(), &[])?;
     if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
         bail!("--instance, --truth-out: found --robot hardware, expected a simulated or emulated robot");
     }

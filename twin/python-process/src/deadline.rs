@@ -1,5 +1,5 @@
-//! Termination of a policy's process: at a time limit, at the operator's request, or when it is no longer needed. No
-//! process is left behind.
+//! Termination of a hosted process: at a time limit, at the operator's request, or when it is no longer needed. No process
+//! is left behind.
 
 use std::process::Stdio;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -111,7 +111,7 @@ fn watch(state: &Mutex<DeadlineState>, changed: &Condvar) {
             state.stop_requested_at.get_or_insert(now);
         }
         let ended = match state.stop_requested_at {
-            Some(wished) if now >= wished + GRACE_PERIOD => Some(EndCause::Interrupted),
+            Some(requested) if now >= requested + GRACE_PERIOD => Some(EndCause::Interrupted),
             _ if now >= until => Some(EndCause::Late(limit)),
             _ => None,
         };

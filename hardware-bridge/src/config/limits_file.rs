@@ -1,0 +1,103 @@
+//! A file with the limits of a robot that has its own driver.
+//!
+//! ```toml
+//! version = 1
+//!
+//! [limits]                              # each field is optional
+//! current = 0.4
+//!
+//! [limits.space]
+//! table = 0.02
+//! ```
+
+use std::path::Path;
+
+use hand_model::RobotModel;
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use super::{ConfigError, LimitConfig};
+use crate::config::secrets::syntax_message;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LimitsFile {
+    version: u32,
+    #[serde(default)]
+    limits: Table,
+}
+
+impl LimitConfig {
+    /// Reads a file of limits for a robot of this model with servo cycles at `rate` (Hz). What it does not name is as
+    /// in [`LimitConfig::for_arm`].
+    pub fn read(path: &Path, robot: &RobotModel, rate: f64) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
+        Self::parse(&text, path, robot, rate)
+    }
+
+    fn parse(text: &str, path: &Path, robot: &RobotModel, rate: f64) -> Result<Self, ConfigError> {
+        let syntax = |error: &toml::de::Error| ConfigError::Syntax {
+            path: path.to_owned(),
+            message: syntax_message(text, error),
+        };
+        let field = |(field, found, expected)| ConfigError::Field { path: path.to_owned(), field, found, expected };
+        let file: LimitsFile = toml::from_str(text).map_err(|error| syntax(&error))?;
+        if file.version != 1 {
+            return Err(field(("version".to_owned(), file.version.to_string(), "1".to_owned())));
+        }
+        // Every field has a TOML form.
+        let mut limits = Table::try_from(Self::for_arm(&robot.arm)).unwrap_or_default();
+        overlay(&mut limits, file.limits);
+        let limits: Self = limits.try_into().map_err(|error| syntax(&error))?;
+        let current = robot.hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min);
+        match limits.first_error(robot.arm.joints(), rate, current) {
+            Some(error) => Err(field(error)),
+            None => Ok(limits),
+        }
+    }
+}
+
+/// Replaces values of `table` by those of `other`, table by table.
+fn overlay(table: &mut Table, other: Table) {
+    for (name, value) in other {
+        match (table.get_mut(&name), value) {
+            (Some(Value::Table(own)), Value::Table(value)) => overlay(own, value),
+            (_, value) => {
+                table.insert(name, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<LimitConfig, String> {
+        LimitConfig::parse(text, Path::new("limits.toml"), &RobotModel::ftac_gen3(), 100.0)
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn fields_that_are_not_named_keep_their_values() {
+        let limits = parse("version = 1\n[limits]\ncurrent = 0.3\nhold_current = 0.2\n[limits.space]\ntable = 0.02\n");
+        let limits = limits.expect("good");
+        let usual = LimitConfig::default();
+        assert_eq!((limits.current, limits.space.table, limits.speed), (0.3, 0.02, usual.speed));
+        assert_eq!((limits.arm, limits.space.high), (usual.arm, usual.space.high));
+    }
+
+    #[test]
+    fn errors_name_file_field_found_and_expected() {
+        for (text, words) in [
+            ("version = 2\n", "limits.toml: version: found 2, expected 1"),
+            ("version = 1\n[limits]\ncurrent = 1.5\n", "limits.toml: limits.current: found 1.5, expected 0.01 to 0.91"),
+            ("version = 1\n[limits]\ncurent = 0.5\n", "unknown field `curent`"),
+            ("version = 1\n[limits.arm]\ntorque = [1.0]\n", "limits.arm.torque: found 1 numbers, expected 7"),
+            ("version = 1\n[limits]\nstaleness = 0.01\n", "limits.staleness: found 0.01, expected 0.02 to 1"),
+        ] {
+            let error = parse(text).expect_err("refused");
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}
