@@ -73,11 +73,14 @@ pub struct QuestionArray<'a> {
     pub bytes: &'a [u8],
 }
 
-/// An answer, and the arrays that accompany it: shape and bytes.
+/// Array that accompanies an answer: shape and bytes.
+pub type AnswerArray = (Vec<usize>, Vec<u8>);
+
+/// An answer, and the arrays that accompany it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     pub value: Value,
-    pub arrays: Vec<(Vec<usize>, Vec<u8>)>,
+    pub arrays: Vec<AnswerArray>,
 }
 
 /// The process of an object.
@@ -209,7 +212,7 @@ impl Pipes {
         Ok(Answer { value, arrays: self.read_arrays(shapes)? })
     }
 
-    fn read_arrays(&mut self, shapes: Vec<Vec<usize>>) -> Result<Vec<(Vec<usize>, Vec<u8>)>, ProcessError> {
+    fn read_arrays(&mut self, shapes: Vec<Vec<usize>>) -> Result<Vec<AnswerArray>, ProcessError> {
         let size = |shape: &[usize]| shape.iter().try_fold(1_usize, |size, side| size.checked_mul(*side));
         let total = shapes.iter().try_fold(0_usize, |total, shape| total.checked_add(size(shape)?));
         if total.is_none_or(|total| total > MAX_ARRAY_SIZE) {
