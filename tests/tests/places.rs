@@ -58,7 +58,7 @@ fn places_that_cannot_be_are_refused() {
         assert_eq!(output.status.code(), Some(2), "{message}");
         words.iter().for_each(|words| assert!(message.contains(words), "{message}"));
     };
-    refused(&["--detector", "emulated"], &["--detector: found --robot sim, expected emulated or hardware"]);
+    refused(&["--detector", "emulated"], &["--detector: found --robot sim, expected emulated, hardware"]);
     refused(&["--mount", "1"], &["--mount: found --robot sim"]);
     refused(&["--robot", "emulated", "--detector", "nowhere"], &["expected HOST:PORT or unix:PATH"]);
     refused(&["--robot", "emulated", "--detector", "unix:/nowhere/eyes"], &["--detector unix:/nowhere/eyes"]);
