@@ -1,7 +1,8 @@
 //! Writing and reading of URDF.
 //!
-//! [`hand_urdf`] and [`arm_urdf`] write a model as URDF; those of the built-in hand and arm are in `data/*.urdf`. Any
-//! URDF can be read into a [`Tree`], with errors that name file, element and field.
+//! [`hand_urdf`] and [`arm_urdf`] write a model as URDF; those of the built-in hand and arm are in `data/*.urdf`.
+//! [`robot_urdf`] writes arm and hand as one. Any URDF can be read into a [`Tree`], with errors that name file, element
+//! and field.
 //!
 //! ```
 //! use std::path::Path;
@@ -16,132 +17,20 @@
 //! ```
 
 pub(crate) mod numbers;
+mod robot;
 mod screen;
+mod write;
 
-use std::fmt::Write as _;
 use std::io::Read as _;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
-use crate::hand::MassProperties;
 use crate::kinematics::{Joint, JointKind, Tree, pose_from_xyz_rpy};
-use crate::{Arm, Hand};
 use ftac_platform::data::DataError;
 
-/// Writes the hand as URDF text. The root link is `palm`; covers are boxes.
-pub fn hand_urdf(hand: &Hand) -> String {
-    let mut out = header(&hand.parameters.name);
-    link(&mut out, "palm", Some(&hand.palm_mass), Some((&hand.palm_cover.link_from_cover, hand.palm_cover.half)));
-    for (i, joint) in hand.tree.joints.iter().enumerate() {
-        let cover = &hand.covers[i];
-        link(&mut out, &joint.name, Some(&hand.masses[i]), Some((&cover.link_from_cover, cover.half)));
-        let parent = joint.parent.map_or("palm", |parent| hand.tree.joints[parent].name.as_str());
-        joint_element(&mut out, &format!("{}_joint", joint.name), joint, parent, &joint.name, (5.0, 6.8));
-    }
-    for pad in &hand.pads {
-        let parent = pad.link.map_or("palm", |link| hand.tree.joints[link].name.as_str());
-        link(&mut out, &format!("pad_{}", pad.name), None, None);
-        fixed(&mut out, &format!("pad_{}_joint", pad.name), &pad.link_from_pad, parent, &format!("pad_{}", pad.name));
-    }
-    out.push_str("</robot>\n");
-    out
-}
-
-/// Writes the arm as URDF text. The root link is `base_link`, the tool frame `end_effector_link`.
-pub fn arm_urdf(arm: &Arm) -> String {
-    let mut out = header(&arm.name);
-    link(&mut out, "base_link", None, None);
-    for (i, joint) in arm.tree.joints.iter().enumerate() {
-        link(&mut out, &arm.links[i], Some(&arm.masses[i]), None);
-        let parent = i.checked_sub(1).map_or("base_link", |parent| arm.links[parent].as_str());
-        joint_element(
-            &mut out,
-            &joint.name,
-            joint,
-            parent,
-            &arm.links[i],
-            (arm.effort_limits[i], arm.velocity_limits[i]),
-        );
-    }
-    link(&mut out, "end_effector_link", None, None);
-    fixed(&mut out, "end_effector", &arm.last_from_tool, &arm.links[arm.last_link()], "end_effector_link");
-    out.push_str("</robot>\n");
-    out
-}
-
-fn header(name: &str) -> String {
-    format!(
-        "<?xml version=\"1.0\"?>\n<!-- Generated from the parameter file by `cargo test -p hand-model`; do not edit. -->\n<robot name=\"{name}\">\n"
-    )
-}
-
-fn origin(pose: &Isometry3<f64>) -> String {
-    let t = pose.translation.vector;
-    let (r, p, y) = pose.rotation.euler_angles();
-    format!("<origin xyz=\"{:.9} {:.9} {:.9}\" rpy=\"{r:.9} {p:.9} {y:.9}\"/>", t.x, t.y, t.z)
-}
-
-fn link(out: &mut String, name: &str, mass: Option<&MassProperties>, cover: Option<(&Isometry3<f64>, Vector3<f64>)>) {
-    let _ = writeln!(out, "  <link name=\"{name}\">");
-    if let Some(m) = mass {
-        let i = &m.inertia;
-        let _ = writeln!(
-            out,
-            "    <inertial><origin xyz=\"{:.9} {:.9} {:.9}\" rpy=\"0 0 0\"/><mass value=\"{:.9}\"/><inertia ixx=\"{:.6e}\" ixy=\"{:.6e}\" ixz=\"{:.6e}\" iyy=\"{:.6e}\" iyz=\"{:.6e}\" izz=\"{:.6e}\"/></inertial>",
-            m.com.x,
-            m.com.y,
-            m.com.z,
-            m.mass,
-            i[(0, 0)],
-            i[(0, 1)],
-            i[(0, 2)],
-            i[(1, 1)],
-            i[(1, 2)],
-            i[(2, 2)]
-        );
-    }
-    if let Some((pose, half)) = cover {
-        for tag in ["visual", "collision"] {
-            let _ = writeln!(
-                out,
-                "    <{tag}>{}<geometry><box size=\"{:.6} {:.6} {:.6}\"/></geometry></{tag}>",
-                origin(pose),
-                2.0 * half.x,
-                2.0 * half.y,
-                2.0 * half.z
-            );
-        }
-    }
-    out.push_str("  </link>\n");
-}
-
-fn joint_element(
-    out: &mut String,
-    name: &str,
-    joint: &Joint,
-    parent: &str,
-    child: &str,
-    (effort, velocity): (f64, f64),
-) {
-    let continuous = joint.lower.is_infinite();
-    let kind = if continuous { "continuous" } else { "revolute" };
-    let range =
-        if continuous { String::new() } else { format!("lower=\"{:.9}\" upper=\"{:.9}\" ", joint.lower, joint.upper) };
-    let _ = writeln!(
-        out,
-        "  <joint name=\"{name}\" type=\"{kind}\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit {range}effort=\"{effort}\" velocity=\"{velocity}\"/></joint>",
-        origin(&joint.origin)
-    );
-}
-
-fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, child: &str) {
-    let _ = writeln!(
-        out,
-        "  <joint name=\"{name}\" type=\"fixed\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/></joint>",
-        origin(pose)
-    );
-}
+pub use robot::{CAMERA_DISTANCE, camera_pose, robot_urdf};
+pub use write::{arm_urdf, hand_urdf};
 
 /// Reads the movable joints of a URDF into a tree; fixed joints are folded into the frames. `expected` names joints
 /// that must exist. Link inertias are checked, because a moving link without mass breaks any dynamics engine.
@@ -343,6 +232,7 @@ fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: ErrorFn) -> Result<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Arm, Hand};
 
     /// Path of a checked-in file: Cargo runs a crate's tests in the crate's folder.
     fn data(name: &str) -> std::path::PathBuf {

@@ -84,6 +84,7 @@ fn what_decides_never_reaches_a_body() {
             "dynamixel-bus",
             "kinova-kortex",
             "robot-session-log",
+            "robot-ros2",
             "bench",
             "grasp-verification",
             "identification",
@@ -151,6 +152,7 @@ fn only_one_crate_names_each_engine() {
     assert_eq!(graph.users("burn"), ["ftac-lab"]);
     assert_eq!(graph.users("linfa"), ["grasp-analysis"]);
     assert_eq!(graph.users("parquet"), ["sweep"]);
+    assert_eq!(graph.users("rustdds"), ["robot-ros2"]);
 }
 
 /// Packages for validation, grasp analysis and training are in `ftac-lab` only.
@@ -206,7 +208,9 @@ fn members_know_only_whom_they_may() {
         ("grasp-analysis", "ftac-platform hand-model dexterous-grasping"),
         ("dynamixel-bus", ""),
         ("kinova-kortex", ""),
-        ("robot-session-log", "ftac-platform hand-model"),
+        ("robot-ros2-messages", "hand-model"),
+        ("robot-ros2", "hand-model robot-ros2-messages"),
+        ("robot-session-log", "ftac-platform hand-model robot-ros2-messages"),
         ("hardware-bridge", "ftac-platform hand-model dynamixel-bus kinova-kortex robot-session-log"),
         ("plant", "ftac-platform hand-model world"),
         ("scenarios", "statistics ftac-platform hand-model world plant"),
@@ -228,7 +232,7 @@ fn members_know_only_whom_they_may() {
         ),
         (
             "robot-backends",
-            "object-detector ftac-platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex robot-session-log grasp-verification progress python-process",
+            "object-detector ftac-platform hand-model world plant scenarios sim control hardware-bridge kinova-kortex robot-ros2 robot-session-log grasp-verification progress python-process",
         ),
         ("fault-detection", "hand-model world scenarios sim dexterous-grasping control grasp-verification"),
         ("python-process", "ftac-platform progress"),
@@ -262,7 +266,7 @@ fn members_know_only_whom_they_may() {
         ("workspace-hack", ""),
         (
             "ftac",
-            "object-detector robot-backends fault-detection python-process external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection python-process external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-ros2 robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
         ),
         (
             "ftac-python",

@@ -28,6 +28,7 @@ mod python;
 mod real_sensor;
 mod release;
 mod robot_model;
+mod ros2;
 mod slurm;
 mod stop;
 mod sweep;

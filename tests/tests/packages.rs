@@ -7,7 +7,7 @@ use e2e::{root, stderr};
 use tempfile::tempdir;
 
 /// Libraries, with their folders.
-const LIBRARIES: [(&str, &str); 9] = [
+const LIBRARIES: [(&str, &str); 11] = [
     ("ftac-platform", "hand-model/platform"),
     ("ftac-least-squares", "twin/least-squares"),
     ("hand-model", "hand-model"),
@@ -16,6 +16,8 @@ const LIBRARIES: [(&str, &str); 9] = [
     ("dexterous-grasping", "twin/dexterous-grasping"),
     ("kinova-kortex", "hardware-bridge/kortex"),
     ("dynamixel-bus", "hardware-bridge/dynamixel-bus"),
+    ("robot-ros2-messages", "hardware-bridge/ros2-messages"),
+    ("robot-ros2", "hardware-bridge/ros2"),
     ("robot-session-log", "hardware-bridge/session-log"),
 ];
 

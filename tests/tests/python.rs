@@ -40,13 +40,11 @@ fn run(command: &mut Command) -> Result<Output, String> {
     }
 }
 
-/// Makes a virtual environment for building and testing. Returns its Python, or the reason why there is none.
-fn environment(folder: &Path) -> Result<PathBuf, String> {
+/// Makes a virtual environment with these packages. Returns its Python, or the reason why there is none.
+pub(crate) fn environment(folder: &Path, packages: &[&str]) -> Result<PathBuf, String> {
     run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
     let python = folder.join("bin/python");
-    run(Command::new(&python)
-        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
-        .args(PIP_PACKAGES))?;
+    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(packages))?;
     Ok(python)
 }
 
@@ -95,7 +93,7 @@ fn refuses_to_build_without_rust(python: &Path, folder: &Path) {
 #[test]
 fn the_wheel_installs_and_its_examples_run() {
     let folder = tempdir().expect("a folder");
-    let python = match environment(&folder.path().join("venv")) {
+    let python = match environment(&folder.path().join("venv"), &PIP_PACKAGES) {
         Ok(python) => python,
         Err(why) => {
             assert!(std::env::var("FTAC_PYTHON").as_deref() != Ok("required"), "FTAC_PYTHON=required, but {why}");

@@ -14,14 +14,15 @@ use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
+use crate::commands::ros2::Ros2Command;
 use crate::commands::sweep::SweepCommand;
 use crate::commands::sysid::SysidCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, schema, shell, sweep, sysid, touch,
-    transport, trial, view,
+    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep, sysid,
+    touch, transport, trial, view,
 };
 use crate::front::CommandLine;
 use crate::lab::arguments::arm::ArmCommand;
@@ -102,6 +103,9 @@ pub enum FtacCommand {
     /// Excite a robot and identify its parameters, for use in place of the nominal model.
     #[command(subcommand)]
     Sysid(SysidCommand),
+    /// Publish sessions on ROS 2 topics, without a ROS installation.
+    #[command(subcommand)]
+    Ros2(Ros2Command),
     /// Set up and operate the real robot's devices, or their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
@@ -133,7 +137,7 @@ pub enum FtacCommand {
 /// Commands grouped by purpose, in the order of `ftac --help`.
 pub(crate) const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
-    ("Look at results", &["view", "report", "export", "replay"]),
+    ("Look at results", &["view", "report", "export", "replay", "ros2"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge", "sysid"]),
     ("Set up the terminal", &["completions", "man", "schema", "help"]),
@@ -206,6 +210,7 @@ impl CommandLine for Cli {
             FtacCommand::Study(_) | FtacCommand::Arm(_) | FtacCommand::Reference { .. } => Err(lab.exec_lab()),
             FtacCommand::Optics(command) => optics::run(terminal, command),
             FtacCommand::Bridge(command) => bridge::run(terminal, command),
+            FtacCommand::Ros2(command) => ros2::run(terminal, command),
             FtacCommand::Sysid(command) => sysid::run(terminal, command),
             FtacCommand::Completions { shell } => shell::print_completions(*shell, command_definition()),
             FtacCommand::Man { out } => shell::write_manual(out, command_definition()),

@@ -11,6 +11,7 @@ pub mod optics;
 pub mod reference;
 pub mod replay;
 pub mod report;
+pub mod ros2;
 pub mod schema;
 mod sessions;
 pub mod shell;

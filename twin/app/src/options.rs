@@ -6,5 +6,6 @@ pub mod driver;
 pub mod object_name;
 pub mod renamed_options;
 pub mod robot;
+pub mod ros2;
 pub mod scenario;
 pub mod tactile_backend;

@@ -2,7 +2,7 @@
 //!
 //! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other backend can be
 //! cloned ([`SingleUseBackend`]): the emulated devices with a plant behind them ([`wire_emulation`]), the real robot
-//! ([`hardware`]), also behind a driver of its owner ([`driver`]), a recorded session ([`replay`]), and the simulated
+//! ([`hardware`]), also behind a driver of its owner ([`driver`]) and on ROS 2 topics ([`ros2`]), a recorded session ([`replay`]), and the simulated
 //! robot if its session is recorded. On those, every condition begins a separate trial, and a clone is the same backend.
 //!
 //! [`Backend`] is the handle of the trial loop. The controller gets only the [`RobotBackend`] of it. The other needs of
@@ -21,6 +21,7 @@ pub mod hardware;
 pub mod operator;
 pub mod registration_plan;
 pub mod replay;
+pub mod ros2;
 mod task;
 pub mod validation;
 pub mod wire_emulation;
@@ -40,7 +41,7 @@ use scenarios::referee::Verdict;
 use sim::SimulatedRobot;
 use sim::robot::GroundTruth;
 
-pub use self::task::{DRIVER_BACKEND, HARDWARE_BACKEND, PoseSources, TrialTask, keeps_wall_time};
+pub use self::task::{DRIVER_BACKEND, HARDWARE_BACKEND, PoseSources, ROS2_BACKEND, TrialTask, keeps_wall_time};
 
 /// Reason for which a trial ended early. The hand keeps its grip.
 #[derive(Debug, Clone, thiserror::Error)]

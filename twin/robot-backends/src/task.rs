@@ -14,17 +14,19 @@ use super::registration_plan::{RegistrationPlan, hidden_mount};
 pub const HARDWARE_BACKEND: &str = "hardware";
 /// Name of the backend with a robot behind a driver of its owner.
 pub const DRIVER_BACKEND: &str = "python";
+/// Name of the backend with a robot on ROS 2 topics.
+pub const ROS2_BACKEND: &str = "ros2";
 
 /// True if time passes on the wall clock on the backend `robot`, with this driver if it has one: its trials cannot be
 /// repeated, and they need an operator.
 pub fn keeps_wall_time(robot: &str, driver: Option<&RobotDriver>) -> bool {
-    robot == HARDWARE_BACKEND || driver.is_some_and(|driver| !driver.lockstep)
+    robot == HARDWARE_BACKEND || robot == ROS2_BACKEND || driver.is_some_and(|driver| !driver.lockstep)
 }
 
 /// Definition of a trial as stored in a session file: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialTask {
-    /// Robot backend: `sim`, `direct`, `emulated`, `hardware` or `python`.
+    /// Robot backend: `sim`, `direct`, `emulated`, `hardware`, `ros2` or `python`.
     pub robot: String,
     /// Driver of the robot, on the backend `python`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,7 +93,7 @@ impl TrialTask {
     /// True if the objects are where an operator or the robot's driver has put them: the draw of poses and errors does
     /// not apply.
     pub fn is_real(&self) -> bool {
-        self.robot == HARDWARE_BACKEND || self.driver.is_some()
+        self.robot == HARDWARE_BACKEND || self.robot == ROS2_BACKEND || self.driver.is_some()
     }
 
     /// True if the backend's time passes on the wall clock.

@@ -7,7 +7,6 @@ use anyhow::{Context as _, Result, bail};
 use bench::recording::{Recording, TimeOrigin};
 use clap::Subcommand;
 use hand_model::RobotModel;
-use hand_model::kinematics::Tree;
 use python_process::interpreter;
 use robot_backends::TrialStopped;
 use robot_backends::TrialTask;
@@ -132,7 +131,7 @@ fn nothing_measured(session: &Path) -> String {
 }
 
 /// Returns the robot of a session, or the built-in one if the session belongs to no trial.
-fn robot_of_session(reader: &SessionReader) -> Result<RobotModel> {
+pub fn robot_of_session(reader: &SessionReader) -> Result<RobotModel> {
     let task = serde_json::from_slice::<TrialTask>(&reader.session().task).ok();
     Ok(RobotModel::from_sources(task.and_then(|task| task.robot_model).as_ref())?)
 }
@@ -141,14 +140,7 @@ fn robot_of_session(reader: &SessionReader) -> Result<RobotModel> {
 fn export_bag(session: &Path, out: &Path) -> Result<u64> {
     let reader = SessionReader::open(session, RobotSizes::Any)?;
     let robot = robot_of_session(&reader)?;
-    let RobotModel { hand, arm, .. } = &robot;
-    let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
-    let names = RobotNames {
-        arm: joints(&arm.tree),
-        servos: hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect(),
-        cameras: hand.cameras.iter().map(|camera| camera.name.clone()).collect(),
-        torque_constant: hand.parameters.servo.torque_constant,
-    };
+    let names = RobotNames::from_model(&robot);
     let reader = reader.with_sizes(RobotSizes::from_robot(&robot));
     // An unfinished file never has the bag's name.
     let partial = out.with_extension("partial");

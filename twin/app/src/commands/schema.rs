@@ -15,7 +15,7 @@ use sensor_calibration::render::real_sensor::SensorRender;
 use serde_json::json;
 
 use super::bridge;
-use super::{combos, demo, export, grasps, hand, optics, replay, sweep, sysid, touch, transport, trial};
+use super::{combos, demo, export, grasps, hand, optics, replay, ros2, sweep, sysid, touch, transport, trial};
 use crate::json_schema::{self, OutputSchema, schema_of};
 use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
@@ -64,6 +64,7 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("replay", schema_of::<replay::ReplayOutput>),
     ("replay", schema_of::<replay::FolderReplayOutput>),
     ("replay", schema_of::<replay::ComparisonOutput>),
+    ("ros2 publish", schema_of::<ros2::PublishOutput>),
     (SHARED_COMMAND, schema_of::<Summary>),
     (SHARED_COMMAND, schema_of::<Results>),
     ("sweep makespan", schema_of::<sweep::output::MakespanOutput>),

@@ -16,9 +16,10 @@ use scenarios::record::TrialRecord;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::options::backend::{PoseSourceArgs, RobotOption, RobotParser, backend_factory, check_backend};
+use crate::options::backend::{BackendKind, PoseSourceArgs, RobotOption, RobotParser, backend_factory, check_backend};
 use crate::options::driver::DriverArgs;
 use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
+use crate::options::ros2::Ros2Args;
 use crate::options::scenario::ScenarioArgs;
 use crate::options::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
@@ -68,6 +69,8 @@ pub struct TrialArgs {
     /// recordings/sessions by default.
     #[arg(long)]
     pub session: Option<PathBuf>,
+    #[command(flatten)]
+    pub ros2: Ros2Args,
     /// Stream to a Rerun viewer.
     #[arg(long)]
     pub live: bool,
@@ -122,6 +125,11 @@ pub struct TrialOutput<'a> {
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     let condition = args.policy.condition();
     check_backend(&args.robot, args.config.as_deref(), &[condition])?;
+    if args.ros2.ros2.is_some() && args.robot.is(BackendKind::Ros2) {
+        bail!(
+            "--ros2: found --robot ros2, expected another one: a robot on ROS 2 topics publishes its measurements itself"
+        );
+    }
     let places = args.places.pose_sources(&args.robot)?;
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combination_count().min(COMBINATION_COUNT);
@@ -151,12 +159,13 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     bench.cameras = args.tactile.select_renderer(bench.cameras);
     bench.set_look_ahead(args.look_ahead);
     set_expected_errors(&mut bench, None, Path::new("uncertainty"), args.robot.name())?;
-    let mut place = backend_factory(
+    let place = backend_factory(
         &bench.world,
         (&args.robot, driven.as_ref()),
         (args.config.as_deref(), &args.places),
         args.session.clone(),
     )?;
+    let mut place = args.ros2.publish(place, &bench.world.cell)?;
     let task = TrialTask {
         robot: args.robot.name().to_owned(),
         driver: driven.map(|driven| driven.driver),

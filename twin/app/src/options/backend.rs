@@ -17,8 +17,10 @@ use registration::RegistrationFile;
 use robot_backends::direct_emulation::DirectEmulationFactory;
 use robot_backends::driver::DrivenRobot;
 use robot_backends::hardware::HardwareFactory;
+use robot_backends::ros2::Ros2Robot;
+use robot_backends::ros2::config::Ros2Config;
 use robot_backends::wire_emulation::{SimulationFactory, WireEmulationFactory};
-use robot_backends::{BackendFactory, DRIVER_BACKEND, PoseSources, pose_numbers};
+use robot_backends::{BackendFactory, DRIVER_BACKEND, PoseSources, ROS2_BACKEND, pose_numbers};
 use scenarios::record::Condition;
 
 /// Robot backend that runs the trials.
@@ -30,6 +32,8 @@ pub enum BackendKind {
     Hardware,
     /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
+    /// A robot on ROS 2 topics, with --config; needs no ROS installation. The operator is asked for the verdict.
+    Ros2,
     /// The simulated robot with the same processing of commands, measurements and images as `emulated`, but without its
     /// wires: to isolate effects of the devices.
     Direct,
@@ -41,6 +45,7 @@ impl BackendKind {
         match self {
             Self::Sim => "sim",
             Self::Hardware => "hardware",
+            Self::Ros2 => ROS2_BACKEND,
             Self::Emulated => "emulated",
             Self::Direct => "direct",
         }
@@ -49,7 +54,7 @@ impl BackendKind {
     /// Refuses a robot that this backend does not support.
     pub fn check_supported(self, robot: &RobotModel) -> Result<()> {
         match self {
-            Self::Sim => Ok(()),
+            Self::Sim | Self::Ros2 => Ok(()),
             Self::Hardware | Self::Emulated | Self::Direct => Ok(check_supported(robot)?),
         }
     }
@@ -144,19 +149,19 @@ pub struct PoseSourceArgs {
 impl PoseSourceArgs {
     /// Checks the options and returns them in the form stored with a trial.
     pub fn pose_sources(&self, robot: &RobotOption) -> Result<PoseSources> {
-        use BackendKind::{Emulated, Hardware};
+        use BackendKind::{Emulated, Hardware, Ros2};
         let driven = matches!(robot, RobotOption::Driver(_));
-        let real = robot.is(Hardware) || robot.is(Emulated) || driven;
+        let real = robot.is(Hardware) || robot.is(Ros2) || robot.is(Emulated) || driven;
         if self.detector.is_some() && !real {
-            bail!("--detector: found --robot {}, expected emulated, hardware or FILE.py:CLASS", robot.name());
+            bail!("--detector: found --robot {}, expected emulated, hardware, ros2 or FILE.py:CLASS", robot.name());
         }
         if self.registration.is_some() && !real {
-            bail!("--registration: found --robot {}, expected emulated, hardware or FILE.py:CLASS", robot.name());
+            bail!("--registration: found --robot {}, expected emulated, hardware, ros2 or FILE.py:CLASS", robot.name());
         }
         if self.mount.is_some() && !robot.is(Emulated) {
             bail!("--mount: found --robot {}, expected emulated", robot.name());
         }
-        if (robot.is(Hardware) || driven) && self.detector == Some(VisionSource::Emulated) {
+        if (robot.is(Hardware) || robot.is(Ros2) || driven) && self.detector == Some(VisionSource::Emulated) {
             bail!("--detector emulated: found --robot {robot}, expected the address of a vision system");
         }
         let file = self.registration.as_deref().map(RegistrationFile::read).transpose()?;
@@ -175,11 +180,11 @@ impl PoseSourceArgs {
 /// Checks that backend and configuration match, and that they provide everything the conditions need. The
 /// configuration of a driver's robot has its limits alone, and is checked with the robot.
 pub fn check_backend(robot: &RobotOption, config: Option<&Path>, conditions: &[Condition]) -> Result<()> {
+    let sees = |condition: &&Condition| {
+        PolicyCapabilities::for_condition(**condition).is_some_and(PolicyCapabilities::use_images)
+    };
     match (robot, config) {
         (RobotOption::Backend(BackendKind::Hardware), Some(path)) => {
-            let sees = |condition: &&Condition| {
-                PolicyCapabilities::for_condition(**condition).is_some_and(PolicyCapabilities::use_images)
-            };
             let config = BridgeConfig::read(path)?;
             match conditions.iter().find(sees) {
                 Some(condition) if config.cameras.is_none() && config.uvc.is_empty() => bail!(
@@ -188,6 +193,19 @@ pub fn check_backend(robot: &RobotOption, config: Option<&Path>, conditions: &[C
                 ),
                 _ => Ok(()),
             }
+        }
+        (RobotOption::Backend(BackendKind::Ros2), Some(path)) => {
+            let has_cameras = Ros2Config::read(path)?.cameras.is_some();
+            match conditions.iter().find(sees) {
+                Some(condition) if !has_cameras => bail!(
+                    "{}: found no [cameras], expected it for the condition {condition}; blind and reflex need none",
+                    path.display()
+                ),
+                _ => Ok(()),
+            }
+        }
+        (RobotOption::Backend(BackendKind::Ros2), None) => {
+            bail!("--robot ros2: found no --config, expected the file that names domain, topics and joints")
         }
         (RobotOption::Backend(BackendKind::Hardware), None) => {
             bail!("--robot hardware: found no --config, expected the bridge's configuration")
@@ -218,6 +236,10 @@ pub fn backend_factory(
         RobotOption::Backend(BackendKind::Hardware) => {
             let config = config.context("--config")?;
             Some(real(HardwareFactory::new(config, model.clone(), ready, always())?))
+        }
+        RobotOption::Backend(BackendKind::Ros2) => {
+            let robot = Ros2Robot::read(config.context("--config")?, model)?;
+            Some(real(HardwareFactory::with_ros2(robot, model.clone(), ready, always())?))
         }
         RobotOption::Backend(BackendKind::Sim) => match sessions {
             Some(sessions) => Some(Box::new(SimulationFactory { sessions })),

@@ -24,6 +24,7 @@ use crate::disk::ensure_session_space;
 use crate::driver::scene::{DriverScene, SceneObject};
 use crate::driver::{DrivenRobot, SharedProcess};
 use crate::operator::{Operator, ask_until};
+use crate::ros2::Ros2Robot;
 use crate::wire_emulation::session_file;
 use crate::{BackendFactory, TrialBackend, TrialSetup, TrialStopped, TrialTask};
 use object_detector::{VisionLink, VisionSetup, VisionSource, format_position};
@@ -42,6 +43,8 @@ enum Devices {
     Bridge(Box<BridgeConfig>),
     /// Those behind a driver of the robot's owner.
     Driver(Box<DrivenRobot>),
+    /// Those on ROS 2 topics.
+    Ros2(Box<Ros2Robot>),
 }
 
 /// Source of the real robot.
@@ -79,6 +82,17 @@ impl HardwareFactory {
         Ok(Self { devices, header, model, ready, sessions, vision: None, packets: None })
     }
 
+    /// Source of a robot on ROS 2 topics. Sessions are always recorded, into `sessions`.
+    pub fn with_ros2(robot: Ros2Robot, model: RobotModel, ready: ArmVector, sessions: PathBuf) -> Result<Self> {
+        let header = SessionHeader {
+            configuration: toml::to_string(&robot.config)?.into_bytes(),
+            calibration: toml::to_string(&robot.limits)?.into_bytes(),
+            ..SessionHeader::default()
+        };
+        let devices = Devices::Ros2(Box::new(robot));
+        Ok(Self { devices, header, model, ready, sessions, vision: None, packets: None })
+    }
+
     /// Adds a vision system that reports object poses.
     #[must_use]
     pub fn with_vision(self, detector: Option<VisionSetup>) -> Self {
@@ -101,6 +115,7 @@ impl HardwareFactory {
         match &self.devices {
             Devices::Bridge(config) => config.cameras.is_some() || !config.uvc.is_empty(),
             Devices::Driver(robot) => !robot.description.cameras.is_empty(),
+            Devices::Ros2(robot) => robot.config.cameras.is_some(),
         }
     }
 
@@ -114,6 +129,11 @@ impl HardwareFactory {
                 check_bridge(config, &self.model, self.ready, packets)
             }
             Devices::Driver(robot) => self.check_driver(robot, robot.start_process()?, None),
+            Devices::Ros2(robot) => {
+                let connected = robot.connect()?;
+                wait_for_checks(&connected)?;
+                Ok(CheckedRobot::new(connected, self.ready, robot.limits.pause, None))
+            }
         }
     }
 
@@ -291,7 +311,7 @@ impl BackendFactory for HardwareFactory {
         // Faults of robot or detector are found before the objects are laid out.
         let mut detector = self.connect_vision()?;
         let mut checked = match &self.devices {
-            Devices::Bridge(_) => self.check()?,
+            Devices::Bridge(_) | Devices::Ros2(_) => self.check()?,
             Devices::Driver(robot) => self.open_driver(robot, setup, &simulated)?,
         };
         if checked.scene.is_none() {

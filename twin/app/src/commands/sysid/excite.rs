@@ -186,6 +186,9 @@ impl RobotBackend for ExcitationBackend {
 }
 
 pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
+    if args.robot == BackendKind::Ros2 {
+        bail!("--robot: found ros2, expected sim, direct, emulated or hardware");
+    }
     check_backend(&args.robot.into(), args.config.as_deref(), &[])?;
     if args.robot == BackendKind::Hardware && (args.instance != 0 || args.truth_out.is_some()) {
         bail!("--instance, --truth-out: found --robot hardware, expected a simulated or emulated robot");
@@ -329,7 +332,9 @@ fn open_backend(
             let calibration = serde_json::to_vec(robot.calibration())?;
             (ExcitationBackend::Lockstep(Box::new(robot)), SessionHeader { configuration, calibration, ..about })
         }
-        BackendKind::Sim | BackendKind::Hardware => (ExcitationBackend::Simulated(Box::new(robot)), about),
+        BackendKind::Sim | BackendKind::Hardware | BackendKind::Ros2 => {
+            (ExcitationBackend::Simulated(Box::new(robot)), about)
+        }
     })
 }
 

@@ -1,0 +1,92 @@
+"""A simulated robot on ROS 2 topics: it follows the commands of forward command controllers and publishes its joint states
+and images. Prints what it was told as JSON when it ends.
+
+robot.py DOMAIN SECONDS [CAMERAS]
+"""
+
+import json
+import math
+import signal
+import sys
+import time
+
+from messages import Float64MultiArray, Header, Image, JointState, Time
+from peer import Peer, take
+
+ARM = [f"joint_{joint}" for joint in range(1, 8)]
+SERVOS = ["thumb", "index", "middle", "ring", "little", "opposition"]
+# The home posture of the arm, rad, in which trials of the built-in robot begin.
+HOME = [float(angle) for angle in sys.argv[4].split(",")] if len(sys.argv) > 4 else [0.0] * 7
+RATE = 200.0
+# Speed with which a joint follows its goal, rad/s.
+ARM_SPEED, SERVO_SPEED = 1.5, 8.0
+# Torque of a spring that opens the hand, N m/rad, and the torque that closes it at most.
+SPRING = 0.02
+
+domain, seconds = int(sys.argv[1]), float(sys.argv[2])
+cameras = [name for name in sys.argv[3].split(",") if name] if len(sys.argv) > 3 else []
+peer = Peer(domain)
+states = peer.publish("/joint_states", JointState)
+images = {name: peer.publish(f"/tactile/{name}/image_raw", Image, reliable=False, depth=1) for name in cameras}
+arm_commands = peer.subscribe("/arm_position_controller/commands", Float64MultiArray)
+positions = peer.subscribe("/hand_position_controller/commands", Float64MultiArray)
+efforts = peer.subscribe("/hand_effort_controller/commands", Float64MultiArray)
+
+arm, arm_goal = list(HOME), list(HOME)
+servos, servo_goal, limit = [0.0] * 6, [0.0] * 6, [0.0] * 6
+told = {"arm": 0, "positions": 0, "efforts": 0, "largest_step": 0.0, "largest_effort": 0.0}
+running = True
+
+
+def stop(*_):
+    global running
+    running = False
+
+
+signal.signal(signal.SIGTERM, stop)
+signal.signal(signal.SIGINT, stop)
+
+
+def stamp():
+    now = time.time_ns()
+    return Time(now // 1_000_000_000, now % 1_000_000_000)
+
+
+def toward(value, goal, reach):
+    return value + max(-reach, min(reach, goal - value))
+
+
+begun = last = time.monotonic()
+count = 0
+while running and time.monotonic() - begun < seconds:
+    now = time.monotonic()
+    dt, last = min(now - last, 0.05), now
+    for message in take(arm_commands):
+        step = max(abs(new - old) for new, old in zip(message.data, arm_goal))
+        told["largest_step"] = max(told["largest_step"], step)
+        arm_goal = list(message.data)
+        told["arm"] += 1
+    for message in take(efforts):
+        limit = list(message.data)
+        told["efforts"] += 1
+        told["largest_effort"] = max(told["largest_effort"], *limit)
+    for message in take(positions):
+        servo_goal = list(message.data)
+        told["positions"] += 1
+    before, servos_before = list(arm), list(servos)
+    arm = [toward(value, goal, ARM_SPEED * dt) for value, goal in zip(arm, arm_goal)]
+    # A servo without torque is opened by its spring; with torque it winds as far as the torque lasts.
+    reach = [min(goal, torque / SPRING) for goal, torque in zip(servo_goal, limit)]
+    servos = [toward(value, goal, SERVO_SPEED * dt) for value, goal in zip(servos, reach)]
+    speed = [(new - old) / max(dt, 1e-3) for new, old in zip(arm + servos, before + servos_before)]
+    torque = [0.0] * 7 + [min(SPRING * angle, torque) for angle, torque in zip(servos, limit)]
+    states.write(JointState(Header(stamp(), ""), ARM + SERVOS, arm + servos, speed, torque))
+    count += 1
+    if images and count % 20 == 0:
+        for n, (name, writer) in enumerate(images.items()):
+            pixels = bytes([(7 * n + count) % 256, 128, 90]) * (240 * 240)
+            writer.write(Image(Header(stamp(), f"camera_{name}"), 240, 240, "bgr8", 0, 720, pixels))
+    time.sleep(max(0.0, 1.0 / RATE - (time.monotonic() - now)))
+told["states"] = count
+told["arm_moved"] = math.dist(arm, HOME)
+print(json.dumps(told))
