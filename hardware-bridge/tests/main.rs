@@ -5,5 +5,6 @@ mod faults;
 mod fuzz;
 mod hardware_robot;
 mod kortex_link;
+mod robot_link;
 mod servo_bus;
 mod soak;

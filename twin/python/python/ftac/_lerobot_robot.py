@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,10 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ftac.robot import Command, Description, Measurement, Robot
+
+
+SPEED_WINDOW = 0.05
+"""Time over which positions are differenced, s: over one cycle their resolution would look like speed."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Axis:
     offset: float = 0.0
     """rad."""
     velocity: str | None = None
-    """Key of its speed, in units of the position per s; None to difference positions."""
+    """Key of its speed, in units of the position per s; None to difference positions, over 0.05 s."""
     effort: str | None = None
     """Key of a joint's torque (N m) or of a servo's current (A)."""
     limit: str | None = None
@@ -90,7 +95,7 @@ class _LerobotDriver:
         first = robot.get_observation()
         mapped = {key for _, axis in self._axes() for key in (axis.position, axis.limit)}
         self._kept = {key: first[key] for key in robot.action_features if key not in mapped}
-        self._last: tuple[float, np.ndarray] | None = None
+        self._past: deque[tuple[float, np.ndarray]] = deque()
         self._angles = self._positions(first)
         self._goals = self._angles.copy()
         self._capture = False
@@ -133,9 +138,12 @@ class _LerobotDriver:
 
         seen, now = self.robot.get_observation(), time.monotonic()
         angles = self._positions(seen)
-        before, last = self._last or (now, angles)
-        differences = (angles - last) / (now - before) if now > before else np.zeros_like(angles)
-        self._last, self._angles = (now, angles), angles
+        self._past.append((now, angles))
+        while len(self._past) > 2 and self._past[1][0] <= now - SPEED_WINDOW:
+            self._past.popleft()
+        before, past = self._past[0]
+        differences = (angles - past) / max(now - before, SPEED_WINDOW)
+        self._angles = angles
         rows = []
         for (_, axis), angle, difference, goal in zip(self._axes(), angles, differences, self._goals):
             speed = difference if axis.velocity is None else axis.scale * float(seen[axis.velocity])
