@@ -1,7 +1,7 @@
 """A simulated robot on ROS 2 topics: it follows the commands of forward command controllers and publishes its joint states
-and images. Prints what it was told as JSON when it ends.
+and, with `images`, those of its cameras. It runs until it is ended, and then prints what it was told as JSON.
 
-robot.py DOMAIN SECONDS [CAMERAS]
+robot.py DOMAIN [images]
 """
 
 import json
@@ -15,19 +15,24 @@ from peer import Peer, take
 
 ARM = [f"joint_{joint}" for joint in range(1, 8)]
 SERVOS = ["thumb", "index", "middle", "ring", "little", "opposition"]
-# The home posture of the arm, rad, in which trials of the built-in robot begin.
-HOME = [float(angle) for angle in sys.argv[4].split(",")] if len(sys.argv) > 4 else [0.0] * 7
+LONG_DIGITS = ["index", "middle", "ring", "little"]
+CAMERAS = [f"{digit}_{phalanx}" for digit in LONG_DIGITS for phalanx in ["proximal", "middle", "distal"]]
+CAMERAS += ["thumb_metacarpal", "thumb_proximal", "thumb_distal", "palm_ulnar_0", "palm_ulnar_1", "palm_radial"]
+# The home posture of the arm, rad.
+HOME = [0.0, 0.26, 3.14, -2.27, 0.0, 0.96, 1.57]
 RATE = 200.0
 # Speed with which a joint follows its goal, rad/s.
 ARM_SPEED, SERVO_SPEED = 1.5, 8.0
 # Torque of a spring that opens the hand, N m/rad, and the torque that closes it at most.
 SPRING = 0.02
 
-domain, seconds = int(sys.argv[1]), float(sys.argv[2])
-cameras = [name for name in sys.argv[3].split(",") if name] if len(sys.argv) > 3 else []
-peer = Peer(domain)
+# States between two images; the cameras take turns, because Python takes long to encode an image.
+IMAGE_INTERVAL = 8
+
+peer = Peer(int(sys.argv[1]))
 states = peer.publish("/joint_states", JointState)
-images = {name: peer.publish(f"/tactile/{name}/image_raw", Image, reliable=False, depth=1) for name in cameras}
+cameras = CAMERAS if sys.argv[2:] == ["images"] else []
+images = [peer.publish(f"/tactile/{name}/image_raw", Image, reliable=False, depth=1) for name in cameras]
 arm_commands = peer.subscribe("/arm_position_controller/commands", Float64MultiArray)
 positions = peer.subscribe("/hand_position_controller/commands", Float64MultiArray)
 efforts = peer.subscribe("/hand_effort_controller/commands", Float64MultiArray)
@@ -56,9 +61,9 @@ def toward(value, goal, reach):
     return value + max(-reach, min(reach, goal - value))
 
 
-begun = last = time.monotonic()
+last = time.monotonic()
 count = 0
-while running and time.monotonic() - begun < seconds:
+while running:
     now = time.monotonic()
     dt, last = min(now - last, 0.05), now
     for message in take(arm_commands):
@@ -82,10 +87,10 @@ while running and time.monotonic() - begun < seconds:
     torque = [0.0] * 7 + [min(SPRING * angle, torque) for angle, torque in zip(servos, limit)]
     states.write(JointState(Header(stamp(), ""), ARM + SERVOS, arm + servos, speed, torque))
     count += 1
-    if images and count % 20 == 0:
-        for n, (name, writer) in enumerate(images.items()):
-            pixels = bytes([(7 * n + count) % 256, 128, 90]) * (240 * 240)
-            writer.write(Image(Header(stamp(), f"camera_{name}"), 240, 240, "bgr8", 0, 720, pixels))
+    if images and count % IMAGE_INTERVAL == 0:
+        turn = count // IMAGE_INTERVAL % len(images)
+        pixels = bytes([10 * turn, 128, 90]) * (240 * 240)
+        images[turn].write(Image(Header(stamp(), f"camera_{cameras[turn]}"), 240, 240, "bgr8", 0, 720, pixels))
     time.sleep(max(0.0, 1.0 / RATE - (time.monotonic() - now)))
 told["states"] = count
 told["arm_moved"] = math.dist(arm, HOME)

@@ -126,10 +126,10 @@ fn write_configuration(folder: &Path, more: &str) {
 fn a_trial_runs_on_a_robot_of_another_implementation() {
     let Some(peers) = Peers::new() else { return };
     let folder = peers.folder.path();
-    write_configuration(folder, "");
+    write_configuration(folder, "[cameras]\n");
     // The operator begins, confirms each object, judges, and opens the hand. Empty lines are no verdict.
     let output = peers.in_namespace(
-        "$PYTHON robot.py 6 600 \"\" 0,0.26,3.14,-2.27,0,0.96,1.57 > $FOLDER/robot.json &
+        "$PYTHON robot.py 6 images > $FOLDER/robot.json &
          robot=$!
          (yes '' | head -12; echo no; echo yes; echo release) | $FTAC trial 0 --policy blind --robot ros2 \
             --config $FOLDER/ros2.toml --session $FOLDER/sessions --out $FOLDER/trial.rrd --json
@@ -153,6 +153,14 @@ fn a_trial_runs_on_a_robot_of_another_implementation() {
     let replayed = json(&replayed.stdout);
     assert_eq!((&replayed["robot"], &replayed["difference"]), (&Value::from("ros2"), &Value::Null));
     assert!(replayed["identical_commands"].as_u64() > Some(200), "{replayed}");
+    // The images are in the session: bgr8 became RGB.
+    let bag = folder.join("session.ros2.mcap");
+    let exported = run(&["export", "ros2", text(&session.path()), "--out", text(&bag), "--json"]);
+    assert_eq!(exported.status.code(), Some(0), "{}", stderr(&exported));
+    let bytes = std::fs::read(&bag).expect("written");
+    let (topic, pixels) = (b"/tactile/index_distal/image_raw", [90, 128, 20].repeat(240));
+    assert!(bytes.windows(topic.len()).any(|window| window == topic), "no image of the index finger");
+    assert!(bytes.windows(pixels.len()).any(|window| window == pixels), "no row of its colour");
 }
 
 /// A robot that is not there, or lacks a joint or a camera, is named with its topic and domain before anything is asked.
@@ -180,7 +188,7 @@ fn a_robot_that_is_not_there_is_named() {
          of sensor_msgs/msg/JointState",
     );
     let with_robot = format!(
-        "$PYTHON robot.py 6 600 > /dev/null & robot=$!; {trial}; code=$?; kill $robot; wait $robot; exit $code"
+        "$PYTHON robot.py 6 > /dev/null & robot=$!; {trial}; code=$?; kill $robot; wait $robot; exit $code"
     );
     let servos = "[hand]\njoints = [\"thumb\", \"index\", \"middle\", \"ring\", \"little\", \"wrist\"]\n";
     configure("timeout = 10.0", servos);

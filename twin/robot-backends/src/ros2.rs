@@ -16,7 +16,6 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use hand_model::RobotModel;
-use hardware_bridge::clock::Clock;
 use hardware_bridge::config::{ConfigError, LimitConfig};
 use hardware_bridge::delivered_images::DeliveredImages;
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot, LinkSettings, LinkTiming};
@@ -114,11 +113,10 @@ impl Ros2Robot {
         let timeout = Duration::from_secs_f64(config.timeout);
         let mut joints = JointTable::new(config, model);
         self.wait_for_joints(&states, &mut joints, timeout)?;
-        let clock = Clock::wall();
         let images = config.cameras.as_ref().map(|_| DeliveredImages::default());
         let cameras = match (&config.cameras, &images) {
             (Some(topics), Some(images)) => {
-                Some(Ros2Cameras::start(&node, topics, &model.hand, images.clone(), &clock, timeout)?)
+                Some(Ros2Cameras::subscribe(&node, topics, &model.hand, images.clone(), timeout)?)
             }
             _ => None,
         };

@@ -19,8 +19,10 @@ use super::stamps::StampClock;
 /// Pause between two looks for images.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
-/// Thread that receives the images, and its failure.
+/// The cameras' topics, received in a thread once the servo cycle runs.
 pub struct Ros2Cameras {
+    /// The topics, until the thread takes them.
+    receiver: Option<Receiver>,
     failure: Arc<Mutex<Option<String>>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -35,18 +37,17 @@ struct CameraTopic {
 }
 
 impl Ros2Cameras {
-    /// Subscribes to the images of all cameras, waits for one of each, and starts the thread. A requested image, taken
-    /// after the request, goes to `images` with its time on `clock`.
+    /// Subscribes to the images of all cameras of a hand, and waits for one of each. Requested images, taken after the
+    /// request, go to `images` once the thread runs.
     ///
     /// # Errors
     /// [`Ros2Error::Silent`] with the topic on which no image arrived within `timeout`, and [`Ros2Error::Message`] for one
     /// of another format or size.
-    pub fn start(
+    pub fn subscribe(
         node: &Ros2Node,
         topics: &CameraTopics,
         hand: &Hand,
         images: DeliveredImages,
-        clock: &Clock,
         timeout: Duration,
     ) -> Result<Self, Ros2Error> {
         let subscribe = |topic: String| node.subscribe::<Image>(&topic, QosProfile::BestEffort);
@@ -61,32 +62,32 @@ impl Ros2Cameras {
                 source,
             })?;
         }
-        let (failure, stop) = (Arc::new(Mutex::new(None)), Arc::new(AtomicBool::new(false)));
-        let mut receiver = Receiver {
-            cameras: subscribed
-                .into_iter()
-                .map(|images| CameraTopic { images, stamps: StampClock::default(), requested_at: None })
-                .collect(),
+        let cameras = subscribed.into_iter().map(|images| CameraTopic {
             images,
-            clock: clock.clone(),
-        };
-        let (noted, stopped) = (failure.clone(), stop.clone());
+            stamps: StampClock::default(),
+            requested_at: None,
+        });
+        let receiver = Some(Receiver { cameras: cameras.collect(), images });
+        Ok(Self { receiver, failure: Arc::default(), stop: Arc::default(), thread: None })
+    }
+
+    /// Starts the thread, unless it runs. Times are those of `clock`, the bridge's.
+    pub fn start(&mut self, clock: &Clock) {
+        let Some(mut receiver) = self.receiver.take() else { return };
+        let (failure, stop, clock) = (self.failure.clone(), self.stop.clone(), clock.clone());
         let run = move || {
-            while !stopped.load(Ordering::Relaxed) {
-                if let Err(error) = receiver.receive() {
-                    *lock(&noted) = Some(error);
+            while !stop.load(Ordering::Relaxed) {
+                if let Err(error) = receiver.receive(&clock) {
+                    *lock(&failure) = Some(error);
                     return;
                 }
                 std::thread::sleep(POLL_INTERVAL);
             }
         };
-        let failed = |error: std::io::Error| Ros2Error::Dds {
-            item: "thread of the cameras".to_owned(),
-            domain: node.domain(),
-            reason: error.to_string(),
-        };
-        let thread = std::thread::Builder::new().name("ROS 2 cameras".into()).spawn(run).map_err(failed)?;
-        Ok(Self { failure, stop, thread: Some(thread) })
+        match std::thread::Builder::new().name("ROS 2 cameras".into()).spawn(run) {
+            Ok(thread) => self.thread = Some(thread),
+            Err(error) => *lock(&self.failure) = Some(format!("thread of the cameras: {error}")),
+        }
     }
 
     /// Returns the reason why no more images are received, if there is one.
@@ -108,19 +109,18 @@ impl Drop for Ros2Cameras {
 struct Receiver {
     cameras: Vec<CameraTopic>,
     images: DeliveredImages,
-    clock: Clock,
 }
 
 impl Receiver {
     /// Takes the images that have arrived, and delivers those that were requested.
-    fn receive(&mut self) -> Result<(), String> {
+    fn receive(&mut self, clock: &Clock) -> Result<(), String> {
         if self.images.take_request() {
-            let now = self.clock.now();
+            let now = clock.now();
             self.cameras.iter_mut().for_each(|camera| camera.requested_at = Some(now));
         }
         for (n, camera) in self.cameras.iter_mut().enumerate() {
             let Some(image) = camera.images.take_newest().map_err(|error| error.to_string())? else { continue };
-            let taken = camera.stamps.host_time(image.header.stamp.as_secs_f64(), self.clock.now());
+            let taken = camera.stamps.host_time(image.header.stamp.as_secs_f64(), clock.now());
             if camera.requested_at.is_none_or(|requested| taken < requested) {
                 continue;
             }

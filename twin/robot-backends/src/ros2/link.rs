@@ -108,6 +108,9 @@ impl Ros2Link {
 
 impl RobotLink for Ros2Link {
     fn measure(&mut self, clock: &Clock, measured: &mut Measurements, report: &mut CycleReport) {
+        if let Some(cameras) = &mut self.cameras {
+            cameras.start(clock);
+        }
         let now = clock.now();
         if let Err(error) = self.take_states(now) {
             self.failure.get_or_insert(error);
