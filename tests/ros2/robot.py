@@ -23,8 +23,8 @@ HOME = [0.0, 0.26, 3.14, -2.27, 0.0, 0.96, 1.57]
 RATE = 200.0
 # Speed with which a joint follows its goal, rad/s.
 ARM_SPEED, SERVO_SPEED = 1.5, 8.0
-# Torque of a spring that opens the hand, N m/rad, and the torque that closes it at most.
-SPRING = 0.02
+# Torque of the spring that opens a digit, N m/rad, and the angle at which its closed stop is, rad.
+SPRING, STOP = 0.02, 3.5
 
 # States between two images; the cameras take turns, because Python takes long to encode an image.
 IMAGE_INTERVAL = 8
@@ -81,7 +81,7 @@ while running:
     before, servos_before = list(arm), list(servos)
     arm = [toward(value, goal, ARM_SPEED * dt) for value, goal in zip(arm, arm_goal)]
     # A servo without torque is opened by its spring; with torque it winds as far as the torque lasts.
-    reach = [min(goal, torque / SPRING) for goal, torque in zip(servo_goal, limit)]
+    reach = [min(goal, torque / SPRING, STOP) for goal, torque in zip(servo_goal, limit)]
     servos = [toward(value, goal, SERVO_SPEED * dt) for value, goal in zip(servos, reach)]
     speed = [(new - old) / max(dt, 1e-3) for new, old in zip(arm + servos, before + servos_before)]
     torque = [0.0] * 7 + [min(SPRING * angle, torque) for angle, torque in zip(servos, limit)]

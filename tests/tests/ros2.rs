@@ -106,7 +106,7 @@ fn a_domain_that_does_not_exist_is_refused() {
 }
 
 /// Limits that a busy machine keeps: measurements and commands may be late.
-const LIMITS: &str = "version = 1\n[limits]\nstaleness = 1.0\narm_watchdog = 1.0\nhost_watchdog = 10.0\n";
+const LIMITS: &str = "version = 1\n[limits]\nstaleness = 1.0\narm_watchdog = 1.0\nhost_watchdog = 10.0\npause = 60.0\n";
 
 /// Writes the configuration of the robot of `tests/ros2/robot.py`, with `more` lines.
 fn write_configuration(folder: &Path, more: &str) {
