@@ -1,8 +1,8 @@
 //! The Python package: its wheel is built and installed into a fresh environment, in which the examples of its page and
 //! of the book, and its own tests run.
 //!
-//! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, pyarrow and av. Without them it prints a
-//! note and passes, unless `FTAC_PYTHON=required` is set.
+//! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, matplotlib, pyarrow and av. Without them it
+//! prints a note and passes, unless `FTAC_PYTHON=required` is set.
 
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
@@ -15,7 +15,7 @@ use tempfile::tempdir;
 use crate::guide;
 
 /// Packages that the test downloads.
-const PIP_PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
+const PIP_PACKAGES: [&str; 6] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "matplotlib", "pyarrow", "av"];
 
 /// Returns the Python blocks of a page.
 fn examples(page: &str) -> Vec<String> {

@@ -15,13 +15,16 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `envs`, `vector`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
 - `randomization`: fields of the scenario that every episode draws anew.
 - `scripted`: a policy for them that carries out one planned pick-up.
+- `plot`: plots in one call, with ``matplotlib``.
 - `lerobot`: recorded sessions as a LeRobot data set.
 
-Bad input raises `ValueError` with what was found and what was expected.
+In a notebook, scenes, presses, surfaces, grasps, images and rows of trials show themselves as pictures or tables. Bad input raises `ValueError` with what
+was found and what was expected.
 """
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import importlib.util
 from typing import Any
@@ -55,6 +58,9 @@ if importlib.util.find_spec("gymnasium") is not None:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "plot":
+        # Loaded when it is used, because matplotlib is optional and takes time to load.
+        return importlib.import_module("ftac.plot")
     if name in ("envs", "vector"):
         raise ImportError(f"ftac.{name} needs gymnasium: pip install 'ftac[gym]'")
     raise AttributeError(f"module 'ftac' has no attribute {name!r}")

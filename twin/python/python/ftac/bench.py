@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from ftac import _native
 from ftac._arrays import seed_of, whole
+from ftac._rows import Rows
+from ftac._rows import rates as _rates
 from ftac.grasps import PickUp
 
 Array = NDArray[np.float64]
@@ -135,8 +137,8 @@ def run(
     seed: int = 1,
     beside: Sequence[str] = (),
     wall: bool = False,
-) -> list[dict[str, Any]]:
-    """Runs trials of the benchmark and returns a row for each, which ``pandas.DataFrame`` takes.
+) -> Rows:
+    """Runs trials of the benchmark and returns a list with a row for each, which ``pandas.DataFrame`` takes and a notebook shows as a table.
 
     Parameters
     ----------
@@ -160,7 +162,7 @@ def run(
         raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
     count = len(_native.combinations())
     numbers = range(count) if combinations is None else [whole("combination", n, 0, count - 1) for n in combinations]
-    benchmark, introduction, rows = _benchmark(seed), json.dumps(host.introduction()), []
+    benchmark, introduction, rows = _benchmark(seed), json.dumps(host.introduction()), Rows()
     for combination in numbers:
         for trial in range(trials):
             rows.append(_row(benchmark.run(host, introduction, wall, combination, trial), type(policy).__name__))
@@ -168,7 +170,7 @@ def run(
     return rows
 
 
-def play(*arguments: Any, **named: Any) -> list[dict[str, Any]]:
+def play(*arguments: Any, **named: Any) -> Rows:
     """Former name of `run`."""
     warnings.warn("ftac.bench.play is now called run", DeprecationWarning, stacklevel=2)
     return run(*arguments, **named)
@@ -181,15 +183,8 @@ def _benchmark(seed: int) -> _native.Benchmark:
 
 
 def rates(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """By policy: ``trials``, and the shares with an unwanted ``contact``, a ``success`` and a ``clean_success``."""
-    by_policy: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        by_policy.setdefault(row["policy"], []).append(row)
-    names = ("contact", "success", "clean_success")
-    return {
-        policy: {"trials": len(own), **{name: sum(row[name] for row in own) / len(own) for name in names}}
-        for policy, own in by_policy.items()
-    }
+    """By policy: number of ``trials``, and the shares (0 to 1) with an unwanted ``contact``, a ``success`` and a ``clean_success``."""
+    return _rates(rows)
 
 
 def _row(record: str, policy: str) -> dict[str, Any]:

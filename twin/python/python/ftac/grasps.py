@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from functools import cache
+from functools import cache, lru_cache
+from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ftac import _native
+from ftac import _native, hand
 from ftac._arrays import seed_of, whole
 from ftac._poses import compose, pose_matrix, turn
 from ftac.program import call
@@ -44,10 +45,29 @@ class PickUp(NamedTuple):
     thumb_delay: float
     score: float
 
+    def __repr__(self) -> str:
+        return f"<PickUp {self.id} of {self.object} by {', '.join(self.digits)}: score {self.score:.2f}>"
+
+    def _repr_html_(self) -> str:
+        degrees = {name: f"{np.degrees(getattr(self, name)):.0f} deg" for name in ("yaw", "pitch", "roll", "opposition")}
+        center, tension = 1e3 * self.center, self.close_tension
+        rows = {
+            "object": f"{self.object}, pick-up {self.id}",
+            "digits": ", ".join(self.digits),
+            **degrees,
+            "center": f"{np.array2string(center, precision=0)} mm in the palm frame",
+            "close_tension": f"{np.array2string(tension, precision=1)} N",
+            "raise_": f"{1e3 * self.raise_:.0f} mm",
+            "score": f"{self.score:.2f}",
+        }
+        cells = (f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+        return f"<table>{''.join(cells)}</table>"
+
 
 class Held(NamedTuple):
     """A grasp as it was held in physics: ``palm_from_object`` (7,) m, ``joints`` (15,) rad, ``tensions`` (5,) N, ``opposition`` rad; ``contacts`` (k, 8): link (-1
-    is the palm), point (m), normal into the object, force (N), palm frame; ``margin`` is the wrench that it resists in every direction, N."""
+    is the palm), point (m), normal into the object, force (N), palm frame; ``margin`` is the wrench that it resists in every direction, N. A notebook shows
+    the hand from the palm's and the thumb's side, without the object."""
 
     object: str
     palm_from_object: Array
@@ -56,6 +76,14 @@ class Held(NamedTuple):
     opposition: float
     contacts: Array
     margin: float
+
+    def __repr__(self) -> str:
+        return f"<Held {self.object}: joints {self.joints.shape}, contacts {self.contacts.shape}, margin {self.margin:.2f} N>"
+
+    def _repr_png_(self) -> bytes:
+        # A joint on its stop is pressed a little beyond it.
+        low, high = np.ceil(1e3 * np.degrees(hand.LIMITS[:, 0])), np.floor(1e3 * np.degrees(hand.LIMITS[:, 1]))
+        return _hand_picture(tuple(float(angle) for angle in 1e-3 * np.clip(1e3 * np.degrees(self.joints), low, high)))
 
 
 @cache
@@ -134,6 +162,16 @@ def pick_up(grasp: dict[str, Any]) -> PickUp:
     arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
     same = ("object", "id", "yaw", "pitch", "roll", "opposition", "thumb_delay", "score")
     return PickUp(digits=tuple(grasp["digits"]), raise_=grasp["raise"], **arrays, **{name: grasp[name] for name in same})
+
+
+@lru_cache(maxsize=64)
+def _hand_picture(angles: tuple[float, ...]) -> bytes:
+    """PNG of the hand with these joint angles, deg: ``ftac hand picture``."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "hand.png"
+        pose = ",".join(f"{angle:.3f}" for angle in angles)
+        call("hand", "picture", "--pose", pose, "--view", "palm,thumb", "--size", 320, "--plain", "--out", file)
+        return file.read_bytes()
 
 
 def _held(grasp: dict[str, Any]) -> Held:

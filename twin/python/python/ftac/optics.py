@@ -14,20 +14,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, hand
 from ftac._arrays import seed_of, whole
+from ftac._images import Images, beside, coloured, images as shown, png
 from ftac.program import call
 
 
 class Press(NamedTuple):
-    """A rendered press: ``image`` (240, 240, 3) uint8, ``depth`` of the gel's indentation (240, 240) float32, m, and the normal ``force``, N."""
+    """A rendered press: ``image`` (240, 240, 3) uint8, ``depth`` of the gel's indentation (240, 240) float32, m, and the normal ``force``, N. A notebook
+    shows the image beside the depth."""
 
-    image: NDArray[np.uint8]
+    image: Images
     depth: NDArray[np.float32]
     force: float
 
+    def __repr__(self) -> str:
+        deepest = 1e3 * float(self.depth.max())
+        return f"<Press: image {self.image.shape} uint8, depth {self.depth.shape} up to {deepest:.2f} mm, force {self.force:.2f} N>"
 
-def background(camera: int | str, *, unit: int | None = None) -> NDArray[np.uint8]:
-    """Image of the untouched pad, without read-out noise."""
-    return _native.background(hand.camera(camera), _serial(unit))
+    def _repr_png_(self) -> bytes:
+        return png(beside(np.asarray(self.image), coloured(self.depth, 0.0, float(self.depth.max()))))
+
+
+def _press(rendered: tuple[NDArray[np.uint8], NDArray[np.float32], float]) -> Press:
+    image, depth, force = rendered
+    return Press(shown(image), depth, force)
+
+
+def background(camera: int | str, *, unit: int | None = None) -> Images:
+    """Image (240, 240, 3) uint8 of the untouched pad, without read-out noise."""
+    return shown(_native.background(hand.camera(camera), _serial(unit)))
 
 
 def press_sphere(
@@ -43,12 +57,13 @@ def press_sphere(
     """A ball of `radius` (m) over `center` (x, y in m, pad frame), pressed `depth` (m) below the pad's plane or with `force` (N).
 
     `seed` is that of the read-out noise. ``ValueError`` where not exactly one of `depth` and `force` is given.
+
+    Returns a `Press`: image (240, 240, 3) uint8, depth (240, 240) m, force N.
     """
     x, y = center
-    return Press(
-        *_native.press_sphere(
-            hand.camera(camera), float(radius), depth, force, (float(x), float(y)), _serial(unit), seed_of(seed)
-        )
+    at = (float(x), float(y))
+    return _press(
+        _native.press_sphere(hand.camera(camera), float(radius), depth, force, at, _serial(unit), seed_of(seed))
     )
 
 
@@ -58,12 +73,12 @@ def press_heights(
     """Any surface pressed in with `force` (N) until the gel bears it.
 
     `surface` (240, 240) is the height of the object's lowest point over every pixel: m, pad frame, z out of the pad, from any zero; NaN where there is
-    nothing.
+    nothing. Returns a `Press`: image (240, 240, 3) uint8, depth (240, 240) m, force N.
     """
     heights = np.ascontiguousarray(surface, dtype=np.float64)
     if heights.ndim != 2:
         raise ValueError(f"surface: found shape {heights.shape}, expected (240, 240)")
-    return Press(*_native.press_heights(hand.camera(camera), heights, float(force), _serial(unit), seed_of(seed)))
+    return _press(_native.press_heights(hand.camera(camera), heights, float(force), _serial(unit), seed_of(seed)))
 
 
 def _serial(unit: int | None) -> int | None:
@@ -79,7 +94,10 @@ def press_mesh(
     unit: int | None = None,
     seed: int = 0,
 ) -> Press:
-    """A mesh pressed in with `force` (N) from above: `vertices` (n, 3), m, pad frame, z out of the pad, from any zero; `triangles` (k, 3), places among them."""
+    """A mesh pressed in with `force` (N) from above: `vertices` (n, 3), m, pad frame, z out of the pad, from any zero; `triangles` (k, 3), places among them.
+
+    Returns a `Press`: image (240, 240, 3) uint8, depth (240, 240) m, force N.
+    """
     points, faces = np.asarray(vertices, dtype=np.float64), np.asarray(triangles)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ValueError(f"vertices: found shape {points.shape}, expected (n, 3) finite numbers")

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers, robot_of, scenario_of, seed_of, side_of
+from ftac._arrays import numbers, robot_of, scenario_of, seed_of, side_of, whole
+from ftac._images import Images, enlarged, images as shown, png
 from ftac._poses import pose_matrix
 
 Place = tuple[str, float, float, float]
@@ -135,7 +136,22 @@ class Scene:
         - ``tactile`` (17, n, n, 3) uint8: an image a pad (`ftac.hand.PADS`), row 0 at the fingertip's side; only with ``images``.
         - ``tactile_time`` (17,): when they were taken, s; NaN for those from before the scene.
         """
-        return self._scene.observe()
+        measured = self._scene.observe()
+        if "tactile" in measured:
+            measured["tactile"] = shown(measured["tactile"])
+        return measured
+
+    def picture(self, side: int = 480) -> Images:
+        """The scene as rendered for people: (side, side, 3) uint8 RGB, with `side` from 16 to 2048 pixels."""
+        return shown(self._scene.picture(whole("side", side, 16, 2048)))
+
+    def __repr__(self) -> str:
+        measured = self._scene.observe()
+        pads = f", tactile {measured['tactile'].shape} uint8" if "tactile" in measured else ", no images"
+        return f"<Scene at {measured['time']:.2f} s: {', '.join(self.objects) or 'no objects'}{pads}>"
+
+    def _repr_png_(self) -> bytes:
+        return png(enlarged(self.picture()))
 
     def true_state(self) -> dict[str, Any]:
         """The scene as it really is, for judging and plotting. No real robot can know it: keep it from policies.
@@ -145,12 +161,13 @@ class Scene:
         """
         return self._scene.true_state()
 
-    def untouched(self) -> NDArray[np.uint8] | None:
-        """The pads before anything touched them, as ``tactile`` of `observe`; None without ``images``.
+    def untouched(self) -> Images | None:
+        """The pads before anything touched them, (17, n, n, 3) uint8 as ``tactile`` of `observe`; None without ``images``.
 
         With ``images=240`` the picture of a pad with one camera is that camera's image: `ftac.touch.surface` compares the two.
         """
-        return self._scene.untouched()
+        untouched = self._scene.untouched()
+        return None if untouched is None else shown(untouched)
 
     def copy(self) -> Scene:
         """A scene that goes its own way from the same bits.

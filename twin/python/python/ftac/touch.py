@@ -9,16 +9,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, hand
 from ftac._arrays import image as picture
+from ftac._images import beside, coloured, png
 
 Map = NDArray[np.float32]
 
 
 class Surface(NamedTuple):
     """The gel under a pad. ``indentation`` (240, 240), m, is positive into the gel; ``normals`` (240, 240, 3) are unit vectors out of the surface, pad
-    frame."""
+    frame. A notebook shows the indentation beside the normals."""
 
     indentation: Map
     normals: Map
+
+    def __repr__(self) -> str:
+        deepest = 1e3 * float(self.indentation.max())
+        return f"<Surface: indentation {self.indentation.shape} up to {deepest:.2f} mm, normals {self.normals.shape}>"
+
+    def _repr_png_(self) -> bytes:
+        depth = coloured(self.indentation, 0.0, float(self.indentation.max()))
+        # A component of a normal from -1 to 1 is a channel from 0 to 255.
+        return png(beside(depth, np.rint(127.5 * (self.normals + 1.0)).astype(np.uint8)))
 
     def points(self, camera: int | str) -> NDArray[np.float64]:
         """The surface as points (57600, 3), m, pad frame."""
@@ -31,7 +41,9 @@ class Surface(NamedTuple):
 
 
 def surface(camera: int | str, image: ArrayLike, background: ArrayLike) -> Surface:
-    """What `camera` sees in `image` against `background`, its image untouched; both (240, 240, 3) uint8.
+    """The surface that `camera` sees in `image` against `background`, its image untouched; both (240, 240, 3) uint8.
+
+    Returns a `Surface`: indentation (240, 240) m, normals (240, 240, 3).
 
     A pad whose image does not differ from its background is flat.
     """
