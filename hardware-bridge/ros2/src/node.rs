@@ -17,7 +17,8 @@ use rustdds::dds::adapters::no_key::{Decode, DefaultDecoder, DeserializerAdapter
 use rustdds::no_key::{DataWriter, SimpleDataReader};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, QosPolicies, QosPolicyBuilder, RepresentationIdentifier, TopicKind,
+    DomainParticipant, DomainParticipantBuilder, QosPolicies, QosPolicyBuilder, RTPSEntity, RepresentationIdentifier,
+    TopicKind,
 };
 
 use crate::error::Ros2Error;
@@ -228,11 +229,15 @@ impl<M: Message> Publisher<M> {
         self.unsent.load(Ordering::Relaxed)
     }
 
-    /// Returns the number of subscribers found in the domain.
+    /// Returns the number of subscribers of other participants found in the domain.
     pub fn subscribers(&self) -> usize {
-        let name = format!("rt{}", self.topic);
+        let (name, own) = (format!("rt{}", self.topic), self.participant.guid().prefix);
         let readers = self.participant.discovered_readers();
-        readers.iter().filter(|reader| *reader.subscription_topic_data.topic_name() == name).count()
+        readers
+            .iter()
+            .filter(|reader| reader.reader_proxy.remote_reader_guid.prefix != own)
+            .filter(|reader| *reader.subscription_topic_data.topic_name() == name)
+            .count()
     }
 
     /// Waits for a subscriber. Returns true if there is one within `timeout`.
@@ -296,16 +301,21 @@ impl<M: Message + 'static> Subscription<M> {
     /// Returns the error of a topic without a message for `timeout`.
     pub fn silent(&self, timeout: Duration) -> Ros2Error {
         let name = format!("rt{}", self.topic);
+        let own = self.participant.guid().prefix;
         let writers = self.participant.discovered_writers();
-        let topics: Vec<_> = writers.iter().map(|writer| &writer.publication_topic_data).collect();
-        let own: Vec<_> = topics.iter().filter(|topic| topic.topic_name == name).collect();
-        let found = match own.iter().find(|topic| topic.type_name != dds_type(M::NAME)) {
+        let topics: Vec<_> = writers
+            .iter()
+            .filter(|writer| writer.writer_proxy.remote_writer_guid.prefix != own)
+            .map(|writer| &writer.publication_topic_data)
+            .collect();
+        let publishers: Vec<_> = topics.iter().filter(|topic| topic.topic_name == name).collect();
+        let found = match publishers.iter().find(|topic| topic.type_name != dds_type(M::NAME)) {
             _ if topics.is_empty() => "nobody publishes anything in this domain".to_owned(),
             Some(other) => format!("it is published as {}", other.type_name),
-            None if own.is_empty() => {
+            None if publishers.is_empty() => {
                 format!("nobody publishes it; {} other topics are published", topics.len())
             }
-            None => format!("{} publish it", own.len()),
+            None => format!("{} publish it", publishers.len()),
         };
         Ros2Error::Silent {
             topic: self.topic.clone(),
