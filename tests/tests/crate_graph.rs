@@ -223,7 +223,7 @@ fn members_know_only_whom_they_may() {
         ),
         (
             "report",
-            "statistics ftac-platform hand-model world plant scenarios sim dexterous-grasping grasp-verification telemetry",
+            "statistics ftac-platform hand-model world plant scenarios sim dexterous-grasping grasp-verification telemetry progress",
         ),
         ("object-detector", "world scenarios control progress"),
         (

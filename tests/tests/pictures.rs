@@ -28,13 +28,19 @@ fn the_hand_is_drawn_in_any_posture() {
 }
 
 #[test]
-fn a_demo_without_a_viewer_is_a_page_with_two_films() {
+fn a_demo_without_a_viewer_is_a_page_with_a_film() {
     let folder = tempdir().expect("a folder");
     let path = folder.path().to_str().expect("UTF-8");
     let output = ftac(&["demo", "--no-viewer", "--out", path]).output().expect("runs");
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let page = fs::read_to_string(folder.path().join("index.html")).expect("a page");
-    assert!(page.matches("data:image/jpeg;base64,").count() > 60 && page.matches("class=\"film\"").count() == 2);
+    let film = fs::read(folder.path().join("film.webp")).expect("a film");
+    // Chunks of the container: an animation, and a frame for every picture that differs from the one before.
+    assert_eq!((&film[..4], &film[8..12]), (b"RIFF".as_slice(), b"WEBP".as_slice()));
+    let frames = film.windows(4).filter(|chunk| chunk == b"ANMF").count();
+    assert!(frames > 100, "{frames} frames");
+    assert_eq!(page.matches("data:image/webp;base64,").count(), 1);
+    assert!(page.matches("<h2>").count() == 2 && page.contains("touched from above to locate it"), "the notes");
     assert!(!page.contains("src=\"http"), "one file, nothing fetched");
     for name in ["blind.png", "touch.png", "blind.rrd", "touch.rrd"] {
         assert!(fs::metadata(folder.path().join(name)).expect(name).len() > 10_000, "{name}");

@@ -1,25 +1,36 @@
-//! Films of trials, rendered without a screen: as a page that shows them side by side, and as strips of stills.
+//! Films of trials, rendered without a screen: as an animation with the conditions side by side, as a page that shows
+//! it, and as strips of stills. [`tactile_map`] shows the tactile images as a hand, `composition` draws a frame, and
+//! `animation` encodes all of them.
+
+mod animation;
+mod composition;
+pub mod tactile_map;
 
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use hand_model::{Arm, Hand};
-use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, RgbImage};
+use image::RgbImage;
 use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, Vector3};
-use rayon::prelude::*;
 use telemetry::mesh::Mesh;
 use world::objects::ObjectModel;
 
+use self::composition::Composition;
+use self::tactile_map::CameraTile;
 use crate::html::{self, data_uri};
 use crate::picture::{Picture, View, tile};
 
 const TABLE_COLOR: [f64; 3] = [206.0, 196.0, 182.0];
 /// Number of stills in the strip of a trial, and their size in pixels.
 pub const STRIP_LAYOUT: (usize, u32) = (5, 220);
-/// JPEG quality of a frame.
-const JPEG_QUALITY: u8 = 72;
+/// Frames of an animation, 1/s.
+pub const FRAME_RATE: f64 = 25.0;
+/// Direction from the scene to the eye.
+const EYE: [f64; 3] = [0.30, -0.88, 0.36];
+
+/// Point in the middle of a picture of the scene (m, world frame), and the picture's width, m.
+pub type SceneView = (Point3<f64>, f64);
 
 /// Poses of everything at one time, in the world frame; those of the hand's links are in the palm frame.
 #[derive(Debug, Clone)]
@@ -31,6 +42,8 @@ pub struct FilmFrame {
     pub palm: Isometry3<f64>,
     pub links: Vec<Isometry3<f64>>,
     pub objects: Vec<Isometry3<f64>>,
+    /// Newest change of each tactile camera; `None` before its first image.
+    pub tactile: Vec<Option<Arc<CameraTile>>>,
 }
 
 /// Film of one trial.
@@ -53,10 +66,16 @@ pub struct FilmStage<'a> {
 }
 
 impl FilmStage<'_> {
-    /// Renders a still of `size` pixels, centred at `center` (m) and `width` m wide.
-    pub fn still(&self, frame: &FilmFrame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
-        let eye = Vector3::new(0.30, -0.88, 0.36).normalize();
-        let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center, width });
+    /// Renders a square still of `size` pixels.
+    pub fn still(&self, frame: &FilmFrame, size: u32, view: SceneView) -> RgbImage {
+        self.scene(frame, [size, size], &view)
+    }
+
+    /// Renders a picture of `[width, height]` pixels.
+    pub fn scene(&self, frame: &FilmFrame, size: [u32; 2], (center, width): &SceneView) -> RgbImage {
+        let eye = Vector3::from(EYE).normalize();
+        let view = View { eye, up: Vector3::z(), center: *center, width: *width };
+        let mut picture = Picture::rectangle(size, view);
         let mesh = |mesh: &Mesh| -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
             let vertices = mesh.vertices.iter().map(|v| Point3::from(*v).cast());
             (vertices.collect(), mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect())
@@ -75,14 +94,13 @@ impl FilmStage<'_> {
         picture.finish("")
     }
 
-    /// Returns centre and width (m) of a view that shows the whole film: the objects at their initial poses, and the
-    /// hand above them.
-    fn enclosing_view(film: &Film) -> (Point3<f64>, f64) {
+    /// Returns a view that shows the whole film: the objects at their initial poses, and the hand above them.
+    fn enclosing_view(film: &Film) -> SceneView {
         let Some(first) = film.frames.first() else { return (Point3::origin(), 1.0) };
         let sum: Vector3<f64> = first.objects.iter().map(|pose| pose.translation.vector).sum();
         let mut center = Point3::from(sum / first.objects.len().max(1) as f64);
-        center.z += 0.11;
-        (center, 0.56)
+        center.z += 0.13;
+        (center, 0.66)
     }
 
     /// Renders `count` stills side by side, evenly spread over the time from the first approach to the end and closer
@@ -100,64 +118,45 @@ impl FilmStage<'_> {
         tile(&stills, count)
     }
 
-    /// Renders all frames of a film as JPEG, on all cores.
-    fn frames(&self, film: &Film, size: u32) -> Result<Vec<Vec<u8>>> {
-        let around = Self::enclosing_view(film);
-        film.frames.par_iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
-    }
-}
-
-fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-        .encode(image.as_raw(), image.width(), image.height(), ExtendedColorType::Rgb8)
-        .context("a frame of the film")?;
-    Ok(bytes)
-}
-
-/// Returns a page that shows `films` side by side with frames of `size` pixels at `rate` Hz. `about` is the text above
-/// them.
-pub fn page(
-    stage: &FilmStage,
-    films: &[Film],
-    (size, rate): (u32, f64),
-    (title, about): (&str, &Markup),
-) -> Result<String> {
-    let (mut columns, mut data) = (Vec::new(), "const films=[];\n".to_owned());
-    for (n, film) in films.iter().enumerate() {
-        let frames = stage.frames(film, size)?;
-        let uris: Vec<String> = frames.iter().map(|bytes| data_uri("image/jpeg", bytes)).collect();
-        let (first, (outcome, good)) = (uris.first().map_or("", String::as_str), &film.outcome);
-        columns.push(html! {
-            figure.film {
-                h2 { (film.title) }
-                img id={ "f" (n) } width=(size) height=(size) src=(first) alt={ "film of the trial, " (film.title) };
-                figcaption {
-                    b id={ "p" (n) } {}
-                    br;
-                    span class=(if *good { "good" } else { "bad" }) { (outcome) }
-                    ol id={ "n" (n) } {
-                        @for (at, note) in &film.notes { li data-t=(format!("{at:.2}")) { (format!("{at:.1} s: {note}")) } }
-                    }
-                }
-            }
+    /// Returns `films` side by side and in step as an animated WebP of [`FRAME_RATE`]. Without `quiet`, a bar shows
+    /// the progress.
+    pub fn animation(&self, films: &[Film], quiet: bool) -> Result<Vec<u8>> {
+        let composition = Composition::new(self, films);
+        let count = composition.frame_count();
+        let bar = progress::bar(count as u64, "frames", quiet);
+        let animation = animation::encode(count, FRAME_RATE, &|index| {
+            let frame = composition.frame(index);
+            bar.inc(1);
+            frame
         });
-        let words: Vec<String> =
-            film.frames.iter().map(|frame| format!("{:.1} s: {}", frame.time, frame.phase)).collect();
-        let times: Vec<f64> = film.frames.iter().map(|frame| frame.time).collect();
-        data += &format!("films.push({});\n", serde_json::json!({ "frames": uris, "words": words, "times": times }));
+        bar.finish_and_clear();
+        animation
     }
+}
+
+/// Returns a page that shows an animation of `films` ([`FilmStage::animation`]), and their notes. `about` is the text
+/// above them.
+pub fn page(films: &[Film], animation: &[u8], (title, about): (&str, &Markup)) -> String {
+    let [width, height] = composition::PART_SIZE;
     let main = html! {
         h1 { (title) }
         (about)
-        div.films { @for column in columns { (column) } }
-        p.player { button id="play" { "Pause" } " " input id="at" type="range" min="0" value="0" aria-label="time"; }
+        img.film width=(width * films.len() as u32) height=(height) src=(data_uri("image/webp", animation))
+            alt="film of the trials: scene, phase, tactile images and notes";
+        div.films {
+            @for film in films {
+                section {
+                    h2 { (film.title) }
+                    p class=(if film.outcome.1 { "good" } else { "bad" }) { (film.outcome.0) }
+                    ol { @for (at, note) in &film.notes { li { (format!("{at:.1} s: {note}")) } } }
+                }
+            }
+        }
     };
-    Ok(html::page(title, STYLE, &main, &format!("{data}const rate={rate};\n{SCRIPT}")))
+    html::page(title, STYLE, &main, "")
 }
 
 const STYLE: &str = include_str!("../data/film.css");
-const SCRIPT: &str = include_str!("../data/film.js");
 
 #[cfg(test)]
 mod tests {
@@ -172,6 +171,7 @@ mod tests {
             palm: Isometry3::translation(0.5, 0.0, 0.3),
             links: hand.tree.forward(&vec![0.1 * n as f64; hand.tree.len()]),
             objects: vec![],
+            tactile: vec![],
         };
         Film {
             title: "touch <1>".into(),
@@ -181,17 +181,38 @@ mod tests {
         }
     }
 
-    /// The page holds every frame and every note; names are escaped.
+    /// Films run in step, and the shorter one keeps its last frame; the page holds the animation and every note, and
+    /// names are escaped.
     #[test]
-    fn a_page_holds_all_frames() {
+    fn a_page_holds_the_animation_and_all_notes() {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let stage = FilmStage { hand: &hand, arm: &arm, objects: vec![] };
-        let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", &html! { p { "about" } })).expect("drawn");
-        assert_eq!(html.matches("data:image/jpeg;base64,").count(), 4, "the first frame, and three in the film");
-        for part in ["touch &lt;1&gt;", "touched &amp; decided", "0.5 s: phase 2", "both objects held"] {
-            assert!(html.contains(part), "{part}");
+        let (first, mut second) = (film(&hand, &arm), film(&hand, &arm));
+        second.frames.truncate(2);
+        let films = [first, second];
+        let bytes = stage.animation(&films, true).expect("encoded");
+        let decoder = webp_animation::Decoder::new(&bytes).expect("a WebP");
+        assert_eq!(decoder.dimensions(), (1280, 720));
+        let frames: Vec<_> = decoder.into_iter().collect();
+        assert_eq!(frames.len(), 3);
+        // The phase of the first film changes between the last two frames, and nothing of the second film.
+        let part = |frame: &webp_animation::Frame, columns: std::ops::Range<usize>| -> Vec<u8> {
+            (480..500)
+                .flat_map(|row| &frame.data()[4 * (row * 1280 + columns.start)..4 * (row * 1280 + columns.end)])
+                .copied()
+                .collect()
+        };
+        let change = |columns: std::ops::Range<usize>| -> u8 {
+            let [before, after] = [1, 2].map(|n| part(&frames[n], columns.clone()));
+            before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+        };
+        assert!(change(0..600) > 60 && change(660..1280) < 30, "{} {}", change(0..600), change(660..1280));
+        let html = page(&films, &bytes, ("A trial", &html! { p { "about" } }));
+        assert_eq!(html.matches("data:image/webp;base64,").count(), 1);
+        for part in ["touch &lt;1&gt;", "touched &amp; decided", "both objects held"] {
+            assert_eq!(html.matches(part).count(), 2, "{part}");
         }
-        let strip = stage.strip(&film(&hand, &arm), 2, 64);
+        let strip = stage.strip(&films[0], 2, 64);
         assert_eq!((strip.width(), strip.height()), (128, 64));
     }
 }

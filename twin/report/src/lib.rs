@@ -1,8 +1,8 @@
 //! Report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
 //! The report is made from the records and their summary only, so `ftac report` can make it again at any time.
-//! [`chart`] draws charts, [`picture`] the hand, [`plot`] line plots; the checks use the last two as well.
-//! [`grasp_gallery`] shows the best grasps of each object.
+//! [`chart`] draws charts, [`picture`] the hand, [`plot`] line plots; the checks use the last two as well. [`film`] shows
+//! trials, with text by [`lettering`]. [`grasp_gallery`] shows the best grasps of each object.
 
 mod ablation;
 pub mod chart;
@@ -15,6 +15,7 @@ pub mod grasp_gallery;
 mod heat_map;
 pub mod html;
 pub mod identified;
+pub mod lettering;
 mod page;
 mod panels;
 mod paper;

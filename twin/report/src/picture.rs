@@ -7,7 +7,6 @@ use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use font8x8::UnicodeFonts;
 use ftac_platform::data::write_atomically;
 use hand_model::pads::Pad;
 use hand_model::{Arm, Hand};
@@ -17,12 +16,13 @@ use sim::test_stand::{HandTestStand, Prop};
 use telemetry::hand_mesh::{self, Material, RigidPart};
 use telemetry::mesh::Mesh;
 
+use crate::lettering::{self, LINE_HEIGHT, TEXT_COLOR};
+
 /// Colours of the arm's parts, used in turn.
 const ARM_COLORS: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
 /// Oversampling factor: each pixel is the mean of this many by this many.
 const OVERSAMPLE: u32 = 2;
 const BACKGROUND_COLOR: [f64; 3] = [250.0, 250.0, 248.0];
-const TEXT_COLOR: [u8; 3] = [40, 42, 48];
 const COVER_COLOR: [f64; 3] = [196.0, 199.0, 206.0];
 const PALM_COLOR: [f64; 3] = [170.0, 174.0, 184.0];
 const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
@@ -112,7 +112,8 @@ impl View {
 
 /// A picture that is being drawn.
 pub struct Picture {
-    size: u32,
+    /// Width and height of the oversampled picture.
+    size: [u32; 2],
     right: Vector3<f64>,
     up: Vector3<f64>,
     view: View,
@@ -123,10 +124,16 @@ pub struct Picture {
 impl Picture {
     /// Creates an empty square picture of `size` pixels.
     pub fn new(size: u32, view: View) -> Self {
+        Self::rectangle([size, size], view)
+    }
+
+    /// Creates an empty picture of `[width, height]` pixels.
+    pub fn rectangle(size: [u32; 2], view: View) -> Self {
         let right = view.up.cross(&view.eye).normalize();
-        let count = (size * OVERSAMPLE).pow(2) as usize;
+        let size = size.map(|side| side * OVERSAMPLE);
+        let count = (size[0] * size[1]) as usize;
         Self {
-            size: size * OVERSAMPLE,
+            size,
             right,
             up: view.eye.cross(&right),
             view,
@@ -138,9 +145,9 @@ impl Picture {
     /// Projects a point to (column, row, nearness to the eye).
     fn project(&self, point: &Point3<f64>) -> [f64; 3] {
         let d = point - self.view.center;
-        let scale = f64::from(self.size) / self.view.width;
-        let half = 0.5 * f64::from(self.size);
-        [half + scale * d.dot(&self.right), half - scale * d.dot(&self.up), d.dot(&self.view.eye)]
+        let scale = f64::from(self.size[0]) / self.view.width;
+        let [x, y] = self.size.map(|side| 0.5 * f64::from(side));
+        [x + scale * d.dot(&self.right), y - scale * d.dot(&self.up), d.dot(&self.view.eye)]
     }
 
     /// Draws triangles. `pose` maps the frame of the vertices to the palm frame.
@@ -186,8 +193,9 @@ impl Picture {
         if area.abs() < 1e-9 {
             return;
         }
-        let limit = f64::from(self.size - 1);
+        let per_area = 1.0 / area;
         let span = |axis: usize| {
+            let limit = f64::from(self.size[axis] - 1);
             let low = a[axis].min(b[axis]).min(c[axis]).ceil().clamp(0.0, limit);
             let high = a[axis].max(b[axis]).max(c[axis]).floor().clamp(0.0, limit);
             (low as u32, high as u32)
@@ -196,11 +204,11 @@ impl Picture {
         for y in y0..=y1 {
             for x in x0..=x1 {
                 let (px, py) = (f64::from(x), f64::from(y));
-                let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) / area;
-                let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) / area;
+                let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) * per_area;
+                let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) * per_area;
                 let w = 1.0 - u - v;
                 if u >= 0.0 && v >= 0.0 && w >= 0.0 {
-                    draw((y * self.size + x) as usize, [w, u, v]);
+                    draw((y * self.size[0] + x) as usize, [w, u, v]);
                 }
             }
         }
@@ -286,13 +294,13 @@ impl Picture {
     /// Draws a dot on top of everything, `radius` in m.
     pub fn dot(&mut self, point: &Point3<f64>, radius: f64, color: [f64; 3]) {
         let [x, y, _] = self.project(point);
-        let reach = radius * f64::from(self.size) / self.view.width;
+        let reach = radius * f64::from(self.size[0]) / self.view.width;
         for row in (y - reach) as i64..=(y + reach) as i64 {
             for column in (x - reach) as i64..=(x + reach) as i64 {
                 let inside = (column as f64 - x).hypot(row as f64 - y) <= reach;
-                let fits = |value: i64| (0..i64::from(self.size)).contains(&value);
-                if inside && fits(row) && fits(column) {
-                    self.color[(row as u32 * self.size + column as u32) as usize] = color;
+                let fits = |value: i64, axis: usize| (0..i64::from(self.size[axis])).contains(&value);
+                if inside && fits(row, 1) && fits(column, 0) {
+                    self.color[(row as u32 * self.size[0] + column as u32) as usize] = color;
                 }
             }
         }
@@ -300,58 +308,40 @@ impl Picture {
 
     /// Returns the finished picture with a caption.
     pub fn finish(&self, caption: &str) -> RgbImage {
-        let pixel = self.view.width / f64::from(self.size);
-        let shade = occlusion::shading(&self.depth, self.size as usize, pixel);
-        let mut image = RgbImage::new(self.size / OVERSAMPLE, self.size / OVERSAMPLE);
+        let [width, height] = self.size;
+        let mut image = RgbImage::new(width / OVERSAMPLE, height / OVERSAMPLE);
+        let samples = |x: u32, y: u32| {
+            let inside = (0..OVERSAMPLE).flat_map(|dx| (0..OVERSAMPLE).map(move |dy| (dx, dy)));
+            inside.map(move |(dx, dy)| ((y * OVERSAMPLE + dy) * width + x * OVERSAMPLE + dx) as usize)
+        };
+        // Corners are darkened by the nearest sample of each pixel, outlines by every sample.
+        let nearest = |(x, y): (u32, u32)| samples(x, y).map(|index| self.depth[index]).fold(f64::MIN, f64::max);
+        let places = (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (x, y)));
+        let depth: Vec<f64> = places.map(nearest).collect();
+        let shade = occlusion::shading(&depth, image.width() as usize, self.view.width / f64::from(image.width()));
+        let outline = |index: usize| occlusion::outline(&self.depth, width as usize, index);
+        let columns = image.width() as usize;
         for (x, y, pixel) in image.enumerate_pixels_mut() {
             let mut sum = [0.0; 3];
-            for (dx, dy) in (0..OVERSAMPLE).flat_map(|dx| (0..OVERSAMPLE).map(move |dy| (dx, dy))) {
-                let index = ((y * OVERSAMPLE + dy) * self.size + x * OVERSAMPLE + dx) as usize;
+            for index in samples(x, y) {
+                let background = self.depth[index] == f64::NEG_INFINITY;
+                let light = if background { 1.0 } else { shade[y as usize * columns + x as usize] * outline(index) };
                 for (total, part) in sum.iter_mut().zip(self.color[index]) {
-                    *total += shade[index] * part / f64::from(OVERSAMPLE * OVERSAMPLE);
+                    *total += light * part / f64::from(OVERSAMPLE * OVERSAMPLE);
                 }
             }
             *pixel = Rgb(sum.map(|part| part as u8));
         }
         for (row, line) in caption.lines().enumerate() {
-            text(&mut image, 6, 6 + 11 * row as i64, line, TEXT_COLOR);
+            lettering::text(&mut image, (6, 6 + LINE_HEIGHT * row as i64), line, TEXT_COLOR);
         }
         image
-    }
-}
-
-/// Writes `line` with its upper left corner at (x, y).
-pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
-    for (n, letter) in line.chars().enumerate() {
-        let Some(glyph) = font8x8::BASIC_FONTS.get(letter) else { continue };
-        for (row, bits) in glyph.iter().enumerate() {
-            for column in (0..8).filter(|column| bits >> column & 1 == 1) {
-                let (px, py) = (x + 8 * n as i64 + column, y + row as i64);
-                if let (Ok(px), Ok(py)) = (u32::try_from(px), u32::try_from(py))
-                    && px < image.width()
-                    && py < image.height()
-                {
-                    image.put_pixel(px, py, Rgb(color));
-                }
-            }
-        }
     }
 }
 
 /// Draws a square of `side` pixels with its upper left corner at (x, y).
 pub fn swatch(image: &mut RgbImage, (x, y): (i64, i64), side: u32, color: [u8; 3]) {
     image::imageops::replace(image, &RgbImage::from_pixel(side, side, Rgb(color)), x, y);
-}
-
-/// Writes `line` in ink, `scale` times as large as [`text`].
-pub fn large_text(image: &mut RgbImage, (x, y): (i64, i64), scale: u32, line: &str) {
-    let width = 8 * line.chars().count() as u32;
-    let mut small = RgbImage::from_pixel(width.max(1), 8, Rgb([255; 3]));
-    text(&mut small, 0, 0, line, [0; 3]);
-    for (column, row, _) in small.enumerate_pixels().filter(|(.., pixel)| pixel.0 == [0; 3]) {
-        let at = |start: i64, n: u32| start + i64::from(n * scale);
-        swatch(image, (at(x, column), at(y, row)), scale, TEXT_COLOR);
-    }
 }
 
 /// Arranges pictures side by side, `columns` per row.

@@ -4,7 +4,7 @@
 
 use image::{Rgb, RgbImage};
 
-use super::picture::text;
+use crate::lettering::{TEXT_COLOR, text};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 420;
@@ -12,7 +12,6 @@ const LEFT: f64 = 64.0;
 const RIGHT: f64 = WIDTH as f64 - 150.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = HEIGHT as f64 - 52.0;
-const TEXT_COLOR: [u8; 3] = [40, 42, 48];
 const GRID_COLOR: [u8; 3] = [225, 226, 228];
 const LINE_COLORS: [[u8; 3]; 6] =
     [[31, 99, 170], [206, 92, 28], [52, 140, 72], [150, 70, 150], [120, 120, 120], [180, 150, 30]];
@@ -41,17 +40,17 @@ impl Plot {
         let down = |y: f64| BOTTOM - (y - ys.0) / (ys.1 - ys.0) * (BOTTOM - TOP);
         for x in ticks(xs) {
             line(&mut image, [across(x), TOP], [across(x), BOTTOM], GRID_COLOR);
-            text(&mut image, across(x) as i64 - 12, BOTTOM as i64 + 8, &label(x), TEXT_COLOR);
+            text(&mut image, (across(x) as i64 - 12, BOTTOM as i64 + 8), &label(x), TEXT_COLOR);
         }
         for y in ticks(ys) {
             line(&mut image, [LEFT, down(y)], [RIGHT, down(y)], GRID_COLOR);
-            text(&mut image, 8, down(y) as i64 - 4, &format!("{:>6}", label(y)), TEXT_COLOR);
+            text(&mut image, (8, down(y) as i64 - 7), &format!("{:>6}", label(y)), TEXT_COLOR);
         }
         line(&mut image, [LEFT, TOP], [LEFT, BOTTOM], TEXT_COLOR);
         line(&mut image, [LEFT, BOTTOM], [RIGHT, BOTTOM], TEXT_COLOR);
-        text(&mut image, 8, 8, &self.title, TEXT_COLOR);
-        text(&mut image, 8, 24, &self.y, TEXT_COLOR);
-        text(&mut image, LEFT as i64, BOTTOM as i64 + 28, &self.x, TEXT_COLOR);
+        text(&mut image, (8, 4), &self.title, TEXT_COLOR);
+        text(&mut image, (8, 20), &self.y, TEXT_COLOR);
+        text(&mut image, (LEFT as i64, BOTTOM as i64 + 28), &self.x, TEXT_COLOR);
         for (n, (name, points)) in self.lines.iter().enumerate() {
             let color = LINE_COLORS[n % LINE_COLORS.len()];
             for pair in points.windows(2) {
@@ -66,7 +65,7 @@ impl Plot {
                     line(&mut image, [x - 2.0, y + 3.0], [x + 3.0, y - 2.0], color);
                 }
             }
-            text(&mut image, RIGHT as i64 + 10, TOP as i64 + 14 * n as i64, name, color);
+            text(&mut image, (RIGHT as i64 + 10, TOP as i64 + 14 * n as i64), name, color);
         }
         image
     }

@@ -32,7 +32,7 @@ pub mod signals;
 pub mod sink;
 pub mod state_page;
 pub mod tactile;
-mod tactile_changes;
+pub mod tactile_changes;
 pub mod viewer;
 
 pub use error::TelemetryError;

@@ -26,13 +26,14 @@ const IDLE_BRIGHTNESS: f32 = 0.62;
 type ChangeMap = [f32; MAP_CELLS * MAP_CELLS];
 
 /// Untouched reference images, and the change of each camera since.
-pub(crate) struct TactileChanges {
+pub struct TactileChanges {
     untouched: Vec<Option<TactileImage>>,
     maps: Vec<ChangeMap>,
     active: Vec<bool>,
 }
 
 impl TactileChanges {
+    /// Creates the changes of so many cameras, of which no image has come yet.
     pub fn new(cameras: usize) -> Self {
         Self {
             untouched: vec![None; cameras],

@@ -20,8 +20,10 @@ use telemetry::viewer;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Frame rate of the film, 1/s, and size of a frame, pixels.
-const FILM_FORMAT: (f64, u32) = (3.0, 340);
+/// Simulated seconds in a second of the film.
+const FILM_SPEED: f64 = 2.0;
+/// File of the film.
+const FILM_FILE: &str = "film.webp";
 const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Arguments of `demo`.
@@ -33,7 +35,7 @@ pub struct DemoArgs {
     /// Number of the trial, from 0.
     #[arg(long, default_value_t = 0)]
     pub trial: usize,
-    /// Folder for the page, the strips of stills and the recordings.
+    /// Folder for the film, the page, the strips of stills and the recordings.
     #[arg(long, default_value = "recordings/demo")]
     pub out: PathBuf,
     /// Only write files, even if a viewer is installed.
@@ -77,7 +79,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
         files.push(file);
     }
-    let mut films = COMPARED_CONDITIONS.map(|condition| Filming::new(&bench, condition, FILM_FORMAT.0));
+    let mut films = COMPARED_CONDITIONS.map(|condition| Filming::new(&bench, condition, film::FRAME_RATE / FILM_SPEED));
     let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));
@@ -85,7 +87,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     recordings.into_iter().try_for_each(Recording::finish)?;
     let stage = filming::film_stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);
-    let page = write_page(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]))?;
+    let page = write_page(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]), quiet)?;
     print_output(terminal, &results.records, &page)?;
     if program.is_none() && !quiet {
         eprintln!("no viewer: open {} in a browser", page.display());
@@ -93,12 +95,13 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     Ok(None)
 }
 
-/// Writes the page and the strips of stills. Returns the page's path.
+/// Writes the film, the page and the strips of stills. Returns the page's path.
 fn write_page(
     stage: &FilmStage,
     films: &[Film],
     args: &DemoArgs,
     (seed, names): (u64, [&String; 2]),
+    quiet: bool,
 ) -> Result<PathBuf> {
     let (count, size) = film::STRIP_LAYOUT;
     for film in films {
@@ -126,13 +129,16 @@ fn write_page(
             "). This is a simulation, and one trial gives no success rates: " code { "ftac bench" } " does."
         }
         p {
+            "The film runs at " (FILM_SPEED) " times the speed of the trial. Below the scene are the changes of the tactile images against the untouched pads, a column for each \
+            digit with its tip on top, the palm below; a pad that feels something has an orange frame. Beside them are the controller's notes. "
             "Made by " code { "ftac demo " (args.combination) " --trial " (args.trial) " --seed " (seed) }
             "; the recordings beside this page open with " code { "ftac view" } "."
         }
     };
-    let (rate, size) = FILM_FORMAT;
     let title = format!("{first}, then {second}: blind beside touch");
-    let html = film::page(stage, films, (size, rate), (&title, &about))?;
+    let animation = stage.animation(films, quiet)?;
+    ftac_platform::data::write_atomically(&args.out.join(FILM_FILE), &animation)?;
+    let html = film::page(films, &animation, (&title, &about));
     let page = args.out.join("index.html");
     ftac_platform::data::write_atomically(&page, html.as_bytes())?;
     Ok(page)
@@ -146,6 +152,7 @@ fn print_output(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Re
         let outcome = if record.success { "both objects held".to_owned() } else { format!("failed{cause}") };
         text += &format!("{:6} {outcome}{contact}\n", record.condition.name());
     }
-    text += &format!("{}: the film; {}: the recordings\n", page.display(), page.with_file_name("*.rrd").display());
+    let [film, recordings] = [FILM_FILE, "*.rrd"].map(|name| page.with_file_name(name).display().to_string());
+    text += &format!("{}: the film and the notes; {film}: the film; {recordings}: the recordings\n", page.display());
     terminal.print(&DemoOutput { page, trials: records }, &text)
 }

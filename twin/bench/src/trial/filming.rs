@@ -1,6 +1,7 @@
 //! A watcher that keeps all poses for a film.
 
 use anyhow::Result;
+use report::film::tactile_map::TactileTiles;
 use report::film::{Film, FilmFrame, FilmStage};
 use scenarios::record::{Condition, TrialRecord};
 
@@ -13,15 +14,17 @@ pub struct Filming {
     skips_planned_grasp: bool,
     /// Time between frames, s.
     period: f64,
+    tactile: TactileTiles,
     /// The film so far.
     pub film: Film,
 }
 
 impl Filming {
-    /// Films `rate` frames per second of `condition`.
+    /// Films `rate` frames per simulated second of `condition`.
     pub fn new(bench: &Bench, condition: Condition, rate: f64) -> Self {
         let film = Film { title: condition.name().to_owned(), ..Film::default() };
-        Self { condition, skips_planned_grasp: bench.skips_planned_grasp(condition), period: 1.0 / rate, film }
+        let tactile = TactileTiles::new(bench.world.cell.robot.hand.cameras.len());
+        Self { condition, skips_planned_grasp: bench.skips_planned_grasp(condition), period: 1.0 / rate, tactile, film }
     }
 }
 
@@ -51,6 +54,7 @@ impl Watcher for Filming {
                 palm: truth.palm,
                 links: truth.hand_links.iter().map(|link| inverse * link).collect(),
                 objects,
+                tactile: self.tactile.update(moment.executor.motion().newest_images()),
             });
         }
         Ok(())

@@ -9,7 +9,8 @@ use grasp_verification::simulated_world::SimulatedWorld;
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Translation3};
 use rayon::prelude::*;
-use report::picture::{save, text};
+use report::lettering::{TEXT_COLOR, text};
+use report::picture::save;
 use serde_json::json;
 
 use crate::hand_check::{CheckRow, Verdict};
@@ -148,11 +149,11 @@ fn draw(maps: &[(&str, &[Reachability], usize); 2], columns: usize) -> RgbImage 
     let mut image = RgbImage::from_pixel(2 * width + 3 * gap, tallest + head + gap, Rgb([255, 255, 255]));
     for (n, (_, name, color)) in Reachability::ALL.iter().enumerate() {
         fill(&mut image, gap, 8 + 14 * n as u32, 10, *color);
-        text(&mut image, i64::from(gap) + 16, 9 + 14 * n as i64, name, [40, 42, 48]);
+        text(&mut image, (i64::from(gap) + 16, 6 + 14 * n as i64), name, TEXT_COLOR);
     }
     for (m, (title, places, rows)) in maps.iter().enumerate() {
         let left = gap + m as u32 * (width + gap);
-        text(&mut image, i64::from(left), i64::from(head) - 14, title, [40, 42, 48]);
+        text(&mut image, (i64::from(left), i64::from(head) - 17), title, TEXT_COLOR);
         for (n, place) in places.iter().enumerate() {
             let (column, row) = (n % columns, rows - 1 - n / columns);
             let color = Reachability::ALL.iter().find(|kind| kind.0 == *place).map_or([0; 3], |kind| kind.2);

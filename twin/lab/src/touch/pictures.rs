@@ -10,7 +10,7 @@ use hand_model::Hand;
 use hand_model::pads::{IMAGE_SIZE as N, PadCamera};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
-use report::picture::text;
+use report::lettering::text;
 use tactile_perception::{ContactPatch, HeightMap, PadTouch};
 use telemetry::RecordingTarget;
 use telemetry::estimated_scene::EstimatedScene;
@@ -111,7 +111,7 @@ fn sheet<'a>(hand: &Hand, touches: &[PadTouch], raw: impl Fn(usize) -> Option<&'
         let camera = &hand.cameras[map.camera];
         let force: f64 = patches.iter().map(|patch| patch.force).sum();
         let title = format!("{}  {} patches, {force:.1} N", camera.name, patches.len());
-        text(&mut sheet, i64::from(x) + 2, i64::from(y) + 3, &title, TEXT_COLOR);
+        text(&mut sheet, (i64::from(x) + 2, i64::from(y) + 1), &title, TEXT_COLOR);
         let pictures = [
             raw(map.camera).map(|rgb| rgb.to_vec()),
             Some(normal_picture(&map.gradients).to_vec()),

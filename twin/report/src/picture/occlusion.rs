@@ -15,40 +15,59 @@ const OUTLINE_LOSS: f64 = 0.35;
 /// Depth step that makes an outline, m.
 const OUTLINE_DEPTH_STEP: f64 = 0.004;
 
-/// Returns the brightness factor of each pixel. `depth` (m towards the eye, row-major, square) is minus infinity for
-/// the background; a pixel is `pixel` m wide.
-pub fn shading(depth: &[f64], size: usize, pixel: f64) -> Vec<f64> {
+/// Returns the brightness factor of each pixel. `depth` (m towards the eye, rows of `width`) is minus infinity for the
+/// background; a pixel is `pixel` m wide.
+pub fn shading(depth: &[f64], width: usize, pixel: f64) -> Vec<f64> {
+    let height = depth.len() / width.max(1);
     let at = |x: i64, y: i64| {
-        let inside = |v: i64| (0..size as i64).contains(&v);
-        if inside(x) && inside(y) { depth[y as usize * size + x as usize] } else { f64::NEG_INFINITY }
+        let inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
+        if inside { depth[y as usize * width + x as usize] } else { f64::NEG_INFINITY }
     };
-    let directions: Vec<(f64, f64)> = (0..DIRECTION_COUNT)
-        .map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / DIRECTION_COUNT as f64).sin_cos())
+    // Offsets of the sampled neighbours in one half of the circle, pixels, with their radii, m.
+    let offsets: Vec<(i64, i64, f64)> = SAMPLE_RADII
+        .iter()
+        .flat_map(|radius| {
+            let reach = (radius / pixel).max(1.0);
+            (0..DIRECTION_COUNT).map(move |n| {
+                let (sin, cos) = (std::f64::consts::PI * (n as f64 + 0.5) / DIRECTION_COUNT as f64).sin_cos();
+                ((reach * cos).round() as i64, (reach * sin).round() as i64, *radius)
+            })
+        })
         .collect();
+    let margin = offsets.iter().map(|(dx, dy, _)| dx.abs().max(dy.abs())).max().unwrap_or(0).max(1);
     let one = |index: usize| {
-        let (x, y, here) = ((index % size) as i64, (index / size) as i64, depth[index]);
+        let (x, y, here) = ((index % width) as i64, (index / width) as i64, depth[index]);
         if here == f64::NEG_INFINITY {
             return 1.0;
         }
+        let interior = (margin..width as i64 - margin).contains(&x) && (margin..height as i64 - margin).contains(&y);
+        let neighbour = |dx: i64, dy: i64| {
+            if interior { depth[(index as i64 + dy * width as i64 + dx) as usize] } else { at(x + dx, y + dy) }
+        };
         let mut hidden = 0.0;
-        for radius in SAMPLE_RADII {
-            let reach = (radius / pixel).max(1.0);
-            for (sin, cos) in &directions {
-                let (dx, dy) = ((reach * cos).round() as i64, (reach * sin).round() as i64);
-                let step = |sign: i64| {
-                    ((at(x + sign * dx, y + sign * dy) - here) / radius)
-                        .clamp(-MAX_DEPTH_DIFFERENCE, MAX_DEPTH_DIFFERENCE)
-                };
-                hidden +=
-                    ((0.5 * (step(1) + step(-1)) - OCCLUSION_THRESHOLD) / (0.5 * MAX_DEPTH_DIFFERENCE)).clamp(0.0, 1.0);
-            }
+        for (dx, dy, radius) in &offsets {
+            let step = |near: f64| ((near - here) / radius).clamp(-MAX_DEPTH_DIFFERENCE, MAX_DEPTH_DIFFERENCE);
+            let mean = 0.5 * (step(neighbour(*dx, *dy)) + step(neighbour(-dx, -dy)));
+            hidden += ((mean - OCCLUSION_THRESHOLD) / (0.5 * MAX_DEPTH_DIFFERENCE)).clamp(0.0, 1.0);
         }
-        let hidden = hidden / (SAMPLE_RADII.len() * DIRECTION_COUNT) as f64;
-        let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| at(x + dx, y + dy));
-        let outline = beside.iter().any(|near| here - near > OUTLINE_DEPTH_STEP);
-        (1.0 - MAX_OCCLUSION_LOSS * (2.2 * hidden).min(1.0)) * if outline { 1.0 - OUTLINE_LOSS } else { 1.0 }
+        let hidden = hidden / offsets.len() as f64;
+        1.0 - MAX_OCCLUSION_LOSS * (2.2 * hidden).min(1.0)
     };
     (0..depth.len()).map(one).collect()
+}
+
+/// Returns the brightness factor of a pixel by its outline: it is lower where a neighbour is much farther away. `depth`
+/// is as in [`shading`].
+pub fn outline(depth: &[f64], width: usize, index: usize) -> f64 {
+    let (column, here) = (index % width, depth[index]);
+    let farther = |near: Option<&f64>| here - near.copied().unwrap_or(f64::NEG_INFINITY) > OUTLINE_DEPTH_STEP;
+    let beside = [
+        (column > 0).then(|| &depth[index - 1]),
+        (column + 1 < width).then(|| &depth[index + 1]),
+        index.checked_sub(width).map(|above| &depth[above]),
+        depth.get(index + width),
+    ];
+    if here > f64::NEG_INFINITY && beside.into_iter().any(farther) { 1.0 - OUTLINE_LOSS } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -71,6 +90,8 @@ mod tests {
         let row = 32 * size;
         assert!(shade[row + 30] < 0.85 && shade[row + 12] > 0.99, "{} {}", shade[row + 30], shade[row + 12]);
         assert_eq!(shade[row + 1], 1.0);
-        assert!((shade[row + 4] - (1.0 - OUTLINE_LOSS)).abs() < 0.2, "outline {}", shade[row + 4]);
+        let outlines: Vec<f64> = (row..row + size).map(|index| outline(&depth, size, index)).collect();
+        assert_eq!((outlines[1], outlines[4], outlines[5], outlines[31]), (1.0, 1.0 - OUTLINE_LOSS, 1.0, 1.0));
+        assert_eq!(outlines[size - 1], 1.0 - OUTLINE_LOSS, "the picture's edge");
     }
 }

@@ -2,17 +2,16 @@
 
 use anyhow::{Context, Result};
 use image::{Rgb, RgbImage};
-use report::picture::{text, tile};
+use report::lettering::{LINE_HEIGHT, text, wrapped};
+use report::picture::tile;
 use tactile_optics::calibration::{BallPress, Photo, SkippedImage};
 
 const USED_COLOR: [u8; 3] = [255, 255, 255];
 const REJECTED_COLOR: [u8; 3] = [255, 40, 40];
 /// Tiles per row.
 const COLUMNS: usize = 6;
-
-/// Width of a letter and height of a line, pixels.
-const LETTER_WIDTH: usize = 8;
-const LINE_HEIGHT: i64 = 14;
+/// Distance of the text from the left edge, pixels.
+const MARGIN: i64 = 4;
 
 /// A press, or an image without one, with a note.
 pub struct Tile {
@@ -58,25 +57,10 @@ fn picture(tile: &Tile) -> Result<RgbImage> {
             }
         }
     }
-    text(&mut image, 4, 4, &tile.name, color);
-    for (line, part) in lines(&tile.note, (width as usize / LETTER_WIDTH).max(8)).iter().rev().enumerate() {
-        text(&mut image, 4, i64::from(height) - LINE_HEIGHT * (line as i64 + 1), part, color);
+    text(&mut image, (MARGIN, 2), &tile.name, color);
+    let limit = (i64::from(width) - 2 * MARGIN) as f32;
+    for (line, part) in wrapped(&tile.note, LINE_HEIGHT as f32, limit).iter().rev().enumerate() {
+        text(&mut image, (MARGIN, i64::from(height) - LINE_HEIGHT * (line as i64 + 1)), part, color);
     }
     Ok(image)
-}
-
-/// Breaks a note between words into lines of at most `width` letters.
-fn lines(note: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in note.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.is_empty() => line.push_str(word),
-            Some(line) if line.len() + 1 + word.len() <= width => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
 }

@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use hand_model::{Hand, HandVector};
 use image::RgbImage;
 use nalgebra::Point3;
+use report::lettering::{self, TEXT_COLOR};
 use report::picture::{self, Picture, View};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -119,7 +120,8 @@ fn legend(sheet: &mut RgbImage, hand: &Hand) {
         let color = picture::configuration_color(pad).map(|part| part as u8);
         picture::swatch(sheet, (i64::from(scale) * 8, top), 8 * scale, color);
         let line = format!("{letter}  {h:.0} x {w:.0} mm  {count} pad{}", if count == 1 { "" } else { "s" });
-        picture::large_text(sheet, (i64::from(scale) * 22, top), scale, &line);
+        let height = 12.0 * scale as f32;
+        lettering::sized_text(sheet, (i64::from(scale) * 22, top - 2 * i64::from(scale)), height, &line, TEXT_COLOR);
     }
 }
 
