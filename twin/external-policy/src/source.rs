@@ -7,6 +7,8 @@ use python_process::{ClassError, PythonClass, Role};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::server::PolicyIntroduction;
+
 /// Passage of simulated time while a policy computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -34,6 +36,9 @@ pub struct PolicySource {
     /// Time limit of an answer, s.
     #[serde(default = "timeout", skip_serializing_if = "is_usual")]
     pub timeout: u32,
+    /// Introduction of the policy at the start of the run; none in runs of older programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub introduction: Option<PolicyIntroduction>,
 }
 
 /// Default time limit of an answer, s.
@@ -51,7 +56,7 @@ impl PolicySource {
     /// Parses `FILE.py:CLASS` and the arguments of the class, each `KEY=VALUE`.
     pub fn parse(text: &str, arguments: &[String], pace: SimulatedTimePassage) -> Result<Self, ClassError> {
         let PythonClass { file, class, sha256, arguments } = PythonClass::parse(Role::Policy, text, arguments)?;
-        Ok(Self { file, class, sha256, pace, arguments, timeout: DEFAULT_TIMEOUT })
+        Ok(Self { file, class, sha256, pace, arguments, timeout: DEFAULT_TIMEOUT, introduction: None })
     }
 
     /// Returns the class of the policy.
@@ -79,7 +84,7 @@ mod tests {
         let name = format!("{}:Mine", file.display());
         let source = PolicySource::parse(&name, &[], SimulatedTimePassage::Paused).unwrap();
         let text = serde_json::to_string(&source).unwrap();
-        assert!(!text.contains("arguments") && !text.contains("timeout"), "{text}");
+        assert!(!text.contains("arguments") && !text.contains("timeout") && !text.contains("introduction"), "{text}");
         let read: PolicySource = serde_json::from_str(&text).unwrap();
         assert_eq!((read.timeout, serde_json::to_string(&read).unwrap()), (DEFAULT_TIMEOUT, text));
     }

@@ -314,9 +314,13 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     bench.cameras = tactile.select_renderer(bench.cameras);
     // A fault of a simulated robot is gone with its trial; a real robot waits for an operator.
     bench.continues_after_faults = !real && request.policy.is_none();
-    if let Some(source) = &request.policy {
+    if let Some(source) = &mut request.policy {
         source.check()?;
-        bench.external_policy = Some(ExternalPolicy::start(source.clone())?);
+        let external = ExternalPolicy::start(source.clone())?;
+        if args.resume.is_none() {
+            source.introduction = Some(external.introduction.clone());
+        }
+        bench.external_policy = Some(external);
     }
     let sessions = |record: bool| (record || real).then(|| folder.join("sessions"));
     let place = |record: bool| {
