@@ -105,6 +105,7 @@ fn policies_live_behind_the_wall() {
         "twin/fault-detection/src",
         "twin/external-policy/src",
         "twin/bench/src",
+        "twin/board/src",
         "twin/registration/src",
         "twin/learning-environment/src",
         "twin/transport/src",
@@ -254,6 +255,10 @@ fn members_know_only_whom_they_may() {
             "robot-backends fault-detection external-policy ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control grasp-verification telemetry report progress",
         ),
         (
+            "board",
+            "statistics ftac-platform hand-model scenarios external-policy bench report progress",
+        ),
+        (
             "identification",
             "statistics ftac-platform ftac-least-squares hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control robot-session-log",
         ),
@@ -266,7 +271,7 @@ fn members_know_only_whom_they_may() {
         ("workspace-hack", ""),
         (
             "ftac",
-            "object-detector robot-backends fault-detection python-process external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-ros2 robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep progress workspace-hack",
+            "object-detector robot-backends fault-detection python-process external-policy registration transport fault-injection statistics ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control hardware-bridge dynamixel-bus kinova-kortex robot-ros2 robot-session-log grasp-verification bench identification sensor-calibration report telemetry sweep board progress workspace-hack",
         ),
         (
             "ftac-python",
