@@ -7,6 +7,7 @@ use clap::{Command as Described, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::commands::bench::BenchArgs;
+use crate::commands::board::BoardCommand;
 use crate::commands::bridge::BridgeCommand;
 use crate::commands::combos::CombosArgs;
 use crate::commands::demo::DemoArgs;
@@ -21,7 +22,7 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    bench, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep, sysid,
+    bench, board, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep, sysid,
     touch, transport, trial, view,
 };
 use crate::front::CommandLine;
@@ -82,6 +83,9 @@ pub enum FtacCommand {
     /// Rebuild report.html, trials.csv and summary.json from result folders, and merge shards. For a sweep: curves and
     /// contrasts.
     Report(ReportArgs),
+    /// Keep results of policies in one table: make rows from runs, list them, and check them.
+    #[command(subcommand)]
+    Board(BoardCommand),
     /// Run the whole grasp study and write its page: types, contact maps, energy landscape, comparison of hands.
     /// Resumes if interrupted.
     Study(StudyArgs),
@@ -137,7 +141,7 @@ pub enum FtacCommand {
 /// Commands grouped by purpose, in the order of `ftac --help`.
 pub(crate) const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
-    ("Look at results", &["view", "report", "export", "replay", "ros2"]),
+    ("Look at results", &["view", "report", "board", "export", "replay", "ros2"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge", "sysid"]),
     ("Set up the terminal", &["completions", "man", "schema", "help"]),
@@ -204,6 +208,7 @@ impl CommandLine for Cli {
             FtacCommand::View { path } => view::run(terminal, path),
             FtacCommand::Export(command) => export::run(terminal, command),
             FtacCommand::Report(args) => report::run(terminal, args, lab),
+            FtacCommand::Board(command) => board::run(terminal, command),
             FtacCommand::Hand(command) => hand::run(terminal, command, lab),
             FtacCommand::Grasps(command) => grasps::run(terminal, command, lab),
             FtacCommand::Touch(command) => touch::run(terminal, command, lab),

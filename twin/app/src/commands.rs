@@ -1,6 +1,7 @@
 //! The commands. Each module holds the arguments of its command, wires the libraries and prints the result.
 
 pub mod bench;
+pub mod board;
 pub mod bridge;
 pub mod combos;
 pub mod demo;

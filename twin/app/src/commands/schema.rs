@@ -14,7 +14,7 @@ use sensor_calibration::reconstruction::output::ImageFigures;
 use sensor_calibration::render::real_sensor::SensorRender;
 use serde_json::json;
 
-use super::bridge;
+use super::{board, bridge};
 use super::{combos, demo, export, grasps, hand, optics, replay, ros2, sweep, sysid, touch, transport, trial};
 use crate::json_schema::{self, OutputSchema, schema_of};
 use crate::lab::hand_over::LabProgram;
@@ -23,6 +23,10 @@ use crate::terminal::{Outcome, Terminal};
 /// Outputs of the commands of this program, except those of `ftac-lab`.
 pub const OUTPUTS: &[OutputSchema] = &[
     ("bench", schema_of::<Summary>),
+    ("board add", schema_of::<board::BoardAddOutput>),
+    ("board check", schema_of::<board::BoardCheckOutput>),
+    ("board list", schema_of::<board::BoardListOutput>),
+    ("board page", schema_of::<board::BoardPageOutput>),
     ("bridge calibrate", schema_of::<bridge::calibrate::CalibrateOutput>),
     ("bridge clear-faults", schema_of::<bridge::clear_faults::ClearFaultsOutput>),
     ("bridge doctor", schema_of::<bridge::shared::FindingsOutput>),
