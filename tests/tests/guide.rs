@@ -14,11 +14,12 @@ use e2e::{binary, root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
 /// Pages with commands (blocks marked `sh`), each of which a test runs.
-const RUN: [&str; 9] = [
+const RUN: [&str; 10] = [
     "files.md",
     "first-hour.md",
     "troubleshooting.md",
     "tutorials/benchmark.md",
+    "tutorials/board.md",
     "tutorials/hand.md",
     "tutorials/object.md",
     "tutorials/robot.md",

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bench_small;
+mod board;
 mod bridge;
 mod crate_graph;
 mod devices;
