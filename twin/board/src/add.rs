@@ -49,7 +49,7 @@ pub fn add(folders: &[PathBuf], condition: Option<Condition>, text: EntryText) -
         }
     }
     let scenario = settings.scenario_digest();
-    let hashes = Hashes { settings: settings.digest(&scenario)?, scenario, outcomes: outcomes_digest(&outcomes) };
+    let hashes = Hashes { settings: settings.digest(&scenario)?, scenario, outcomes: outcomes_digest(&outcomes, own) };
     let missing = || runs.unsuitable("conditions", format!("no trial of {own}"), "trials");
     let entry = BoardEntry {
         schema: SCHEMA,

@@ -52,7 +52,8 @@ pub fn verify(entry: &BoardEntry, path: &Path) -> Result<Vec<Difference>, BoardE
         compare(&format!("{}: check", line.place), &line.check, &line_check(&line.place, &line.outcome));
     }
     let outcomes = entry.outcome_map(path)?;
-    compare("hashes.outcomes", &entry.hashes.outcomes, &outcomes_digest(&outcomes));
+    let own = entry.policy.condition;
+    compare("hashes.outcomes", &entry.hashes.outcomes, &outcomes_digest(&outcomes, own));
     // The text of the benchmark's scenario is the program's: see `uses_scenario_of_this_program`.
     if entry.settings.scenario.is_some() {
         compare("hashes.scenario", &entry.hashes.scenario, &entry.settings.scenario_digest());
@@ -65,7 +66,6 @@ pub fn verify(entry: &BoardEntry, path: &Path) -> Result<Vec<Difference>, BoardE
         let robot = request.robot_model(path).map_err(BoardError::Run)?;
         compare("settings.robot_model", &entry.settings.robot_model, &robot.name);
     }
-    let own = entry.policy.condition;
     let missing = || DataError::field(path, "outcomes", "no trial", format!("trials of {own}"));
     let expected = shares(&outcomes, own).ok_or_else(missing)?;
     walk("shares", &serde_json::to_value(&entry.shares)?, &serde_json::to_value(expected)?, &mut differences);
@@ -134,7 +134,9 @@ mod tests {
     fn a_changed_outcome_is_named() {
         let found = differences("\n0 0 contact 15 ", "\n0 0 clean 15 ");
         assert!(found[0].starts_with("seed 1, combination 0, trial 0, touch: check: found "), "{found:?}");
-        for field in ["hashes.outcomes", "shares.clean.count: found 11, expected 12", "comparisons[0].won: found 6"] {
+        for field in
+            ["hashes.outcomes", "shares.clean.count: found 11, expected 12", "comparisons[0].lost: found 1, expected 0"]
+        {
             assert!(found.iter().any(|line| line.starts_with(field)), "{field}: {found:?}");
         }
         let slower = differences("\n0 0 contact 15 ", "\n0 0 contact 14 ");

@@ -154,10 +154,10 @@ pub fn line_check(place: &OutcomePlace, outcome: &RecordedOutcome) -> String {
     sha256(canonical(place, outcome).as_bytes())[..CHECK_DIGITS].to_owned()
 }
 
-/// Returns the SHA-256 of the canonical lines of all outcomes, in order.
-pub fn outcomes_digest(outcomes: &Outcomes) -> String {
-    let lines: String =
-        outcomes.iter().fold(String::new(), |text, (place, outcome)| text + &canonical(place, outcome) + "\n");
+/// Returns the SHA-256 of the name of the row's condition and the canonical lines of all outcomes, in order.
+pub fn outcomes_digest(outcomes: &Outcomes, own: Condition) -> String {
+    let lines =
+        outcomes.iter().fold(format!("{own}\n"), |text, (place, outcome)| text + &canonical(place, outcome) + "\n");
     sha256(lines.as_bytes())
 }
 
@@ -260,7 +260,8 @@ mod tests {
         let rows = parse_rows(&text, (3, Condition::Touch), (2, 2)).expect("rows");
         let read: Outcomes = rows.iter().map(|row| (row.place, row.outcome.clone())).collect();
         assert_eq!(read, all);
-        assert_eq!(outcomes_digest(&read), outcomes_digest(&all));
+        assert_eq!(outcomes_digest(&read, Condition::Touch), outcomes_digest(&all, Condition::Touch));
+        assert_ne!(outcomes_digest(&all, Condition::Blind), outcomes_digest(&all, Condition::Touch));
         assert!(rows.iter().all(|row| row.check == line_check(&row.place, &row.outcome)));
         let kinds: Vec<&str> = rows.iter().map(|row| row.outcome.kind.name()).collect();
         assert_eq!(kinds, ["clean", "failed", "contact", "failed_contact"]);

@@ -230,7 +230,7 @@ mod tests {
         let blind = &compared[0];
         assert_eq!((blind.rival, blind.strongest, blind.won, blind.lost), (Condition::Blind, true, 13, 2));
         assert!((blind.difference - 0.55).abs() < 1e-12, "{blind:?}");
-        assert!(blind.low.is_some_and(|low| low > 0.1) && blind.p.is_some_and(|p| p < 0.05), "{blind:?}");
+        assert!(blind.low.is_some_and(|low| low > 0.0) && blind.p.is_some_and(|p| p < 0.05), "{blind:?}");
         assert_eq!(comparisons(&all, Condition::Blind)[0].rival, Condition::Touch);
     }
 }
