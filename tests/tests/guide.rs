@@ -135,6 +135,12 @@ fn the_benchmark_runners_page() {
 }
 
 #[test]
+fn the_board_page() {
+    let folder = run_page("tutorials/board.md");
+    expect_files(&folder, &["rows/touch.toml", "rows/blind.toml", "board.html"]);
+}
+
+#[test]
 fn the_sweep_page() {
     let folder = run_page("tutorials/sweep.md");
     let files = ["swept/report.html", "swept/contrasts.csv", "swept/makespan.html", "swept/merged/units.csv"];
