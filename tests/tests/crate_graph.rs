@@ -254,10 +254,7 @@ fn members_know_only_whom_they_may() {
             "bench",
             "robot-backends fault-detection external-policy ftac-platform hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control grasp-verification telemetry report progress",
         ),
-        (
-            "board",
-            "statistics ftac-platform hand-model scenarios external-policy bench report progress",
-        ),
+        ("board", "statistics ftac-platform hand-model scenarios external-policy bench report progress"),
         (
             "identification",
             "statistics ftac-platform ftac-least-squares hand-model world plant scenarios sim tactile-optics tactile-perception dexterous-grasping control robot-session-log",

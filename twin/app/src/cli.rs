@@ -22,8 +22,8 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    bench, board, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep, sysid,
-    touch, transport, trial, view,
+    bench, board, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep,
+    sysid, touch, transport, trial, view,
 };
 use crate::front::CommandLine;
 use crate::lab::arguments::arm::ArmCommand;
