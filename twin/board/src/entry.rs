@@ -24,6 +24,8 @@ const MAX_NAME: usize = 60;
 const MAX_TEXT: usize = 300;
 /// Largest number of outcomes of an entry.
 const MAX_OUTCOMES: usize = 1_000_000;
+/// Largest effort of the verification of grasp pairs, as on the command line of `bench`: it sets the time of a repetition.
+const MAX_EFFORT: u32 = 9;
 /// First lines of a file.
 const PREAMBLE: &str = "# A row of the board. `ftac board check FILE` verifies it.\n";
 
@@ -224,6 +226,9 @@ impl BoardEntry {
         if external && (self.policy.file.is_none() || self.policy.class.is_none() || self.policy.sha256.is_none()) {
             return Err(DataError::field(path, "policy", "a Python policy", "its file, class and sha256"));
         }
+        if let Some(effort) = self.settings.effort.filter(|effort| *effort > MAX_EFFORT) {
+            return Err(DataError::field(path, "settings.effort", effort, format!("0 to {MAX_EFFORT}")));
+        }
         self.validate_work(path)?;
         self.lines(path).map(|_| ())
     }
@@ -336,6 +341,11 @@ mod tests {
             ("name = \"Touch\"", "label = \"Touch\"", "`label`: unknown field `label`"),
             ("link = \"https://", "link = \"file://", "row.toml: link: found file://"),
             ("kind = \"built_in\"", "kind = \"python\"", "row.toml: policy.condition: found touch"),
+            (
+                "look_ahead = false",
+                "look_ahead = false\neffort = 99",
+                "row.toml: settings.effort: found 99, expected 0 to 9",
+            ),
             ("seeds = [1]", "seeds = [1, 1]", "row.toml: work.seeds: found [1, 1]"),
             ("combinations = 6", "combinations = 7", "row.toml: outcomes[0] (seed 1, blind), line 14: found `nothing`"),
             ("combinations = 6", "combinations = 600000000", "row.toml: work: found 600000000"),
