@@ -44,6 +44,13 @@ class Examples(unittest.TestCase):
             (row,) = bench.run(Imitation(Path(folder) / "better/policy.npz"), combinations=[0])
             self.assertNotEqual(row["cause"], "policy_failed", row["reason"])
 
+    def test_the_candidates_are_taken_in_order(self):
+        sys.path.insert(0, str(EXAMPLES))
+        from candidates_in_order import CandidatesInOrder
+
+        (row,) = bench.run(CandidatesInOrder(), combinations=[1])
+        self.assertNotEqual(row["cause"], "policy_failed", row["reason"])
+
     def test_the_best_grasp_is_chosen(self):
         with tempfile.TemporaryDirectory() as folder:
             few = ["--objects", "gem", "--most", "4", "--episodes", "2", "--rounds", "2", "--out", "chosen.json"]
