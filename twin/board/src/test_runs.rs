@@ -48,7 +48,7 @@ pub(crate) fn entry(request: &RunRequest, unit: bench::journal::WorkUnit) -> Jou
     let trial = unit.trial.unwrap_or(0);
     let records = conditions.into_iter().map(|condition| {
         let touch = (unit.combination, trial) != (0, 0);
-        let clean = if condition == Condition::Blind { unit.combination % 2 == 0 } else { touch };
+        let clean = if condition == Condition::Blind { unit.combination.is_multiple_of(2) } else { touch };
         record(unit.combination, trial, condition, true, !clean)
     });
     JournalEntry {
