@@ -17,6 +17,8 @@ pub struct SessionFrame {
     pub arm: ArmState,
     /// Command sent in answer to the measurement.
     pub sent: RobotCommand,
+    /// Commands sent in the ticks from this frame to the next one; the first is [`SessionFrame::sent`].
+    pub commands: Vec<RobotCommand>,
     /// Images that have arrived since the previous frame.
     pub tactile: Vec<TactileFrame>,
 }
@@ -63,7 +65,7 @@ pub fn read_frames(
     reader: &mut SessionReader,
     ticks: usize,
 ) -> Result<(Vec<SessionFrame>, Option<Vec<u8>>), SessionLogError> {
-    let (mut frames, mut outcome, mut count) = (Vec::new(), None, 0);
+    let (mut frames, mut outcome, mut count): (Vec<SessionFrame>, _, _) = (Vec::new(), None, 0);
     let (mut latest, mut tactile) = (None, Vec::new());
     while let Some((_, event)) = reader.next_event()? {
         match event {
@@ -76,7 +78,11 @@ pub fn read_frames(
                 let Some(observation) = latest.take() else { continue };
                 if count % ticks.max(1) == 0 {
                     let (time, servos, arm) = (observation.time, observation.servos, observation.arm);
-                    frames.push(SessionFrame { time, servos, arm, sent, tactile: std::mem::take(&mut tactile) });
+                    let (tactile, commands) = (std::mem::take(&mut tactile), Vec::with_capacity(ticks));
+                    frames.push(SessionFrame { time, servos, arm, sent, commands, tactile });
+                }
+                if let Some(frame) = frames.last_mut() {
+                    frame.commands.push(sent);
                 }
                 count += 1;
             }
@@ -136,6 +142,10 @@ mod tests {
         assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
         assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
         assert!((frames[3].time - 0.18).abs() < 1e-9);
+        assert_eq!(
+            frames[1].commands.iter().map(|sent| sent.arm[0]).collect::<Vec<_>>(),
+            [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
+        );
         assert_eq!(frames[0].servo_goals()[..], [0.25, 0.25, 0.25, 0.25, 0.25, 0.5]);
     }
 }
