@@ -18,6 +18,7 @@ pub mod run;
 pub mod setup;
 pub mod shared;
 pub mod simulated_detector;
+pub mod step_recorder;
 pub mod watcher;
 
 use std::sync::Arc;
@@ -53,6 +54,7 @@ pub use self::conditions::TrialResults;
 pub use self::held_grasp::HeldGrasp;
 use self::setup::{InitialConditions, PreparedTrial, PriorKnowledge};
 pub use self::shared::Bench;
+pub use self::step_recorder::RecordedSteps;
 pub use self::watcher::{NoWatcher, TickView, Watcher};
 use external_policy::chooser::ExternalChooser;
 use external_policy::message::{self, TrialInfo};
