@@ -56,13 +56,6 @@ pub fn array_of_rows<'py, const N: usize>(
     table.into_pyarray(py)
 }
 
-/// Returns an array with as many columns as its first row has numbers.
-pub fn rows<'py, R: AsRef<[f64]>>(py: Python<'py>, rows: &[R]) -> Bound<'py, PyArray2<f64>> {
-    let columns = rows.first().map_or(0, |row| row.as_ref().len());
-    let at = |(row, column): (usize, usize)| rows[row].as_ref()[column];
-    Array2::from_shape_fn((rows.len(), columns), at).into_pyarray(py)
-}
-
 /// Returns poses as homogeneous matrices, n x 4 x 4.
 pub fn matrices<'py>(py: Python<'py>, poses: &[Isometry3<f64>]) -> Bound<'py, PyArray3<f64>> {
     let mut all = Array3::zeros((poses.len(), 4, 4));

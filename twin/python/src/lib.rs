@@ -6,7 +6,8 @@
 //!
 //! [`arrays`] converts numpy arrays, [`shared_benches`] holds the data shared by scenes, [`scene`] steps them, and [`pickling`]
 //! stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
-//! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
+//! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones;
+//! [`steps`] makes arrays of both.
 
 mod arrays;
 mod grasps;
@@ -17,6 +18,7 @@ mod program;
 mod scene;
 mod session;
 mod shared_benches;
+mod steps;
 mod touch;
 mod trials;
 

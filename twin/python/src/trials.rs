@@ -10,12 +10,13 @@ use external_policy::server::QuestionArray;
 use external_policy::{PolicyIntroduction, PolicyServer, PolicyServerError, SimulatedTimePassage};
 use hand_model::RobotModel;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use serde_json::Value;
 
 use crate::arrays::{failure, value_error};
+use crate::steps::steps_dict;
 
 /// The benchmark with a given seed.
 #[pyclass(frozen, module = "ftac._native")]
@@ -104,6 +105,24 @@ impl Benchmark {
         });
         py.check_signals()?;
         text(&finished.map_err(|error| failure(&error))?)
+    }
+
+    /// Runs the trial of the policy `touch` and returns its steps of 1/20 s: measurements, set-points, images of `side`
+    /// pixels, and as JSON the question at the beginning and the record.
+    fn steps<'py>(
+        &self,
+        py: Python<'py>,
+        combination: usize,
+        trial: usize,
+        side: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.check(combination)?;
+        let recorded = py.detach(|| self.0.record_steps(combination, trial, side));
+        py.check_signals()?;
+        let (recorded, record) = recorded.map_err(|error| failure(&error))?;
+        let all = steps_dict(py, recorded, side)?;
+        all.set_item("record", text(&record)?)?;
+        Ok(all)
     }
 }
 

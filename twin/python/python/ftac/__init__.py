@@ -16,7 +16,7 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `randomization`: fields of the scenario that every episode draws anew.
 - `scripted`: a policy for them that carries out one planned pick-up.
 - `plot`: plots in one call, with ``matplotlib``.
-- `lerobot`: recorded sessions as a LeRobot data set.
+- `lerobot`: LeRobot data sets of environment episodes, recorded sessions and demonstrations, and policies trained on them.
 
 In a notebook, scenes, presses, surfaces, grasps, images and rows of trials show themselves as pictures or tables. Bad input raises `ValueError` with what
 was found and what was expected.

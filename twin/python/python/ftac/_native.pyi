@@ -69,9 +69,11 @@ class Benchmark:
     def run(self, host: Any, introduction: str, wall: bool, combination: int, trial: int) -> str:
         """`host` is a `policy_host.Host`, `introduction` that of its policy, as JSON."""
     def condition(self, name: str, combination: int, trial: int) -> str: ...
+    def steps(self, combination: int, trial: int, side: int) -> dict[str, Any]:
+        """A trial of the policy ``touch`` in steps: arrays, and as JSON the question at its beginning (``reset``) and its ``record``."""
 
-def session(path: os.PathLike[str], ticks: int, side: int) -> dict[str, Any]:
-    """A recorded session, a frame every `ticks` ticks."""
+def session(path: os.PathLike[str], side: int) -> dict[str, Any]:
+    """A recorded session in steps, as `Benchmark.steps`, with its ``robot`` and ``outcome``."""
 
 def robot(path: os.PathLike[str] | str) -> tuple[str, int, int]:
     """The texts of a robot's files, how many joints its arm has, and how many pads its hand."""

@@ -320,13 +320,15 @@ class Features:
             asked = np.concatenate([self._palm[:3, :3].T @ asked[:3], self._palm[:3, :3].T @ asked[3:]])
         asked /= np.repeat([SPEED, TURN_SPEED], 3)
         asked /= max(1.0, float(np.abs(asked).max()))
+        action: Row = np.clip([*asked, *self.hand_action(tensions, opposition)], -1.0, 1.0).astype(np.float32)
+        return action
+
+    def hand_action(self, tensions: ArrayLike, opposition: float) -> Array:
+        """The hand's part (6,) of the action that leads to tensions (5,) N and an opposition (rad), not clipped. The hand's actions are tensions of either kind."""
         tensions = np.asarray(tensions, dtype=np.float64)
         if self.spec.hand == "tensions":
-            hand = [*(2.0 * tensions / self._tension - 1.0), _share(np.array(opposition), self._opposition)]
-        else:
-            hand = [*(tensions - self.tensions) / TENSION_STEP, (opposition - self.opposition) / OPPOSITION_STEP]
-        action: Row = np.clip([*asked, *hand], -1.0, 1.0).astype(np.float32)
-        return action
+            return np.append(2.0 * tensions / self._tension - 1.0, _share(np.array(opposition), self._opposition))
+        return np.append((tensions - self.tensions) / TENSION_STEP, (opposition - self.opposition) / OPPOSITION_STEP)
 
     def spools_of(self, observation: Observation) -> Array:
         """Output angles of the servos (6,), rad, in an observation."""
