@@ -11,6 +11,7 @@ use crate::commands::board::BoardCommand;
 use crate::commands::bridge::BridgeCommand;
 use crate::commands::combos::CombosArgs;
 use crate::commands::demo::DemoArgs;
+use crate::commands::demonstrations::DemonstrationsArgs;
 use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
@@ -22,8 +23,8 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    bench, board, bridge, combos, demo, export, grasps, hand, optics, replay, report, ros2, schema, shell, sweep,
-    sysid, touch, transport, trial, view,
+    bench, board, bridge, combos, demo, demonstrations, export, grasps, hand, optics, replay, report, ros2, schema,
+    shell, sweep, sysid, touch, transport, trial, view,
 };
 use crate::front::CommandLine;
 use crate::lab::arguments::arm::ArmCommand;
@@ -80,6 +81,9 @@ pub enum FtacCommand {
     /// Export recorded sessions to the formats of other programs.
     #[command(subcommand)]
     Export(ExportCommand),
+    /// Run trials of the policy touch and write the clean ones as a LeRobot data set (v3.0) of demonstrations, with a
+    /// card. Needs the Python package ftac[lerobot].
+    Demonstrations(DemonstrationsArgs),
     /// Rebuild report.html, trials.csv and summary.json from result folders, and merge shards. For a sweep: curves and
     /// contrasts.
     Report(ReportArgs),
@@ -140,7 +144,7 @@ pub enum FtacCommand {
 
 /// Commands grouped by purpose, in the order of `ftac --help`.
 pub(crate) const COMMAND_GROUPS: [(&str, &[&str]); 5] = [
-    ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport"]),
+    ("Run trials", &["demo", "bench", "combos", "sweep", "trial", "transport", "demonstrations"]),
     ("Look at results", &["view", "report", "board", "export", "replay", "ros2"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge", "sysid"]),
@@ -207,6 +211,7 @@ impl CommandLine for Cli {
             FtacCommand::Transport(args) => transport::run(terminal, args),
             FtacCommand::View { path } => view::run(terminal, path),
             FtacCommand::Export(command) => export::run(terminal, command),
+            FtacCommand::Demonstrations(args) => demonstrations::run(terminal, args),
             FtacCommand::Report(args) => report::run(terminal, args, lab),
             FtacCommand::Board(command) => board::run(terminal, command),
             FtacCommand::Hand(command) => hand::run(terminal, command, lab),

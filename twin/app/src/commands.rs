@@ -5,6 +5,7 @@ pub mod board;
 pub mod bridge;
 pub mod combos;
 pub mod demo;
+pub mod demonstrations;
 pub mod export;
 pub mod grasps;
 pub mod hand;

@@ -29,6 +29,7 @@ mod log_file;
 pub mod options;
 pub mod terminal;
 
+pub use commands::replay::{read_task, session_bench};
 pub use commands::{reference, schema};
 
 use std::ffi::OsString;

@@ -1,13 +1,11 @@
 //! `ftac export`: exports recorded sessions to the formats of other programs.
 
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
 
 use anyhow::{Context as _, Result, bail};
 use bench::recording::{Recording, TimeOrigin};
 use clap::Subcommand;
 use hand_model::RobotModel;
-use python_process::interpreter;
 use robot_backends::TrialStopped;
 use robot_backends::TrialTask;
 use robot_backends::replay::{ReplayFactory, check_session};
@@ -15,8 +13,10 @@ use robot_session_log::ros2::{self, RobotNames};
 use robot_session_log::{Replay, RobotSizes, SessionEvent, SessionReader};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use telemetry::RecordingTarget;
 
+use super::demonstrations::{VideoQuality, call_package, path_text};
 use super::replay::{build_bench, read_task};
 use super::sessions::{BAG_SUFFIX, sessions_in};
 use crate::terminal::{Outcome, Terminal};
@@ -50,8 +50,8 @@ pub enum ExportCommand {
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// Export all sessions of a folder as a LeRobot data set (v3.0): measurements, commands, and the pads' images as
-    /// video. Needs the Python package ftac[lerobot].
+    /// Export all sessions of a folder as a LeRobot data set (v3.0), with the observations and actions of the
+    /// environments: vectors, and the pads' images as video. Needs the Python package ftac[lerobot].
     Lerobot {
         /// Folder of sessions, such as the result of `ftac bench --robot emulated --record all`.
         folder: PathBuf,
@@ -61,6 +61,9 @@ pub enum ExportCommand {
         /// Width and height of the images, pixels; an even number.
         #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..=240))]
         images: u16,
+        /// Video of the images: lossless, or a constant rate factor of H.264 from 1 (large) to 40 (small).
+        #[arg(long, default_value = "lossless")]
+        video: VideoQuality,
     },
 }
 
@@ -101,6 +104,8 @@ pub struct LerobotOutput {
     episodes: u64,
     /// Number of frames of all episodes.
     frames: u64,
+    /// Size of the data set, bytes.
+    bytes: u64,
 }
 
 pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
@@ -114,8 +119,8 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
             return Ok((messages == 0).then(|| nothing_measured(session)));
         }
         ExportCommand::Mcap { folder, out } => return export_bags(terminal, folder, out.as_deref()),
-        ExportCommand::Lerobot { folder, out, images } => {
-            return export_lerobot(terminal, folder, out.as_deref(), *images);
+        ExportCommand::Lerobot { folder, out, images, video } => {
+            return export_lerobot(terminal, folder, out.as_deref(), (*images, *video));
         }
     };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
@@ -192,20 +197,23 @@ fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcom
 }
 
 /// Writes all sessions of a folder as a LeRobot data set, by means of the Python package.
-fn export_lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
+fn export_lerobot(
+    terminal: &Terminal,
+    folder: &Path,
+    out: Option<&Path>,
+    (images, video): (u16, VideoQuality),
+) -> Outcome {
     let all = sessions(folder)?;
     let out = out.map_or_else(|| folder.join("lerobot"), Path::to_owned);
-    let mut command = interpreter::module_command("ftac.lerobot");
-    command.arg(&out).arg(images.to_string()).args(&all).stdin(Stdio::null()).stderr(Stdio::inherit());
-    let output = command.output().with_context(|| interpreter::missing_interpreter("export lerobot"))?;
-    if !output.status.success() {
-        bail!(
-            "export lerobot: the data set was not written ({}); {}",
-            output.status,
-            interpreter::INTERPRETER_REQUIREMENTS
-        );
-    }
-    let told: LerobotOutput = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
+    let texts = all.iter().map(|session| path_text(session)).collect::<Result<Vec<_>>>()?;
+    let arguments = json!({
+        "sessions": texts,
+        "out": path_text(&out)?,
+        "images": images,
+        "video": video.to_json(),
+        "quiet": terminal.quiet,
+    });
+    let told: LerobotOutput = call_package("export lerobot", "export", &arguments)?;
     let text = format!("{} episodes, {} frames in {}\n", told.episodes, told.frames, out.display());
     terminal.print(&told, &text)?;
     Ok(None)

@@ -149,7 +149,11 @@ pub fn build_bench(terminal: &Terminal, task: &TrialTask, scenario: Scenario, re
             recording.display()
         );
     }
-    let quiet = terminal.quiet || terminal.json;
+    session_bench(task, scenario, recording, terminal.quiet || terminal.json)
+}
+
+/// Builds the bench of a session's trial, under any condition.
+pub fn session_bench(task: &TrialTask, scenario: Scenario, recording: &Path, quiet: bool) -> Result<Bench> {
     // A smaller set of combinations is the beginning of a larger one.
     let combos = task.combination + 1;
     let robot = robot_from_sources(task.robot_model.as_ref(), task.instance.as_deref(), recording)?;

@@ -15,7 +15,9 @@ use sensor_calibration::render::real_sensor::SensorRender;
 use serde_json::json;
 
 use super::{board, bridge};
-use super::{combos, demo, export, grasps, hand, optics, replay, ros2, sweep, sysid, touch, transport, trial};
+use super::{
+    combos, demo, demonstrations, export, grasps, hand, optics, replay, ros2, sweep, sysid, touch, transport, trial,
+};
 use crate::json_schema::{self, OutputSchema, schema_of};
 use crate::lab::hand_over::LabProgram;
 use crate::terminal::{Outcome, Terminal};
@@ -46,6 +48,7 @@ pub const OUTPUTS: &[OutputSchema] = &[
     ("combos", schema_of::<combos::CombosOutput>),
     ("demo", schema_of::<demo::DemoOutput>),
     ("export lerobot", schema_of::<export::LerobotOutput>),
+    ("demonstrations", schema_of::<demonstrations::DemonstrationsOutput>),
     ("export mcap", schema_of::<export::BagsOutput>),
     ("export ros2", schema_of::<export::BagOutput>),
     ("export rrd", schema_of::<export::RrdOutput>),
