@@ -90,7 +90,8 @@ Observations and actions are those of the environment `ftac/PickTwo-v1` with `im
 `{IMAGES}<pad>`: {len(writer.layout.pads)} tactile images of {spec.images} x {spec.images} pixels. They are asked for in every step, and are the newest that have arrived when
 the step begins; while the controller takes its own, an image may stand still for a step. Before the first one an image shows the untouched pad. Video: {stated}.
 
-`{ENVIRONMENT}` has what is to be reached for: the objects where the detector reported them at the start, with its error, their shapes, and the planned grasps.
+`{ENVIRONMENT}` has what is to be reached for: the objects where the detector reported them at the start, with its error, their shapes, and for each the planned
+grasp of this object alone (`ftac.grasps.pick_one`). The demonstrations use grasps for two objects, which may be others.
 
 Scales: angles of the arm / pi, speeds / {features.ARM_SPEED} rad/s, torques / {features.ARM_TORQUE} N m; servos over their ranges, speeds / {features.SERVO_SPEED} rad/s, currents
 / {features.SERVO_CURRENT} A; positions / {features.REACH} m (near: {features.NEAR} m); time / {features.TIME} s. Actions: velocities x {features.SPEED} m/s and {features.TURN_SPEED} rad/s, tensions over 0 to {features.TENSION} N.

@@ -23,7 +23,7 @@ from ftac.policy_host import Host
 
 Array = NDArray[np.float64]
 SPEC = Spec(images=64, hand="tensions", grasp=True)
-"""Observations and actions of the demonstrations: velocities of the palm, tensions, and the planned grasps."""
+"""Observations and actions of the demonstrations: velocities of the palm, tensions, and the planned grasp of each object alone."""
 
 
 def trial(benchmark: _native.Benchmark, combination: int, number: int, spec: Spec = SPEC) -> tuple[Episode | None, dict[str, Any]]:
