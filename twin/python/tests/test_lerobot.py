@@ -1,10 +1,12 @@
 """LeRobot data sets: what is read back is what was observed, statistics, video, atomic and continued writing, and policies on exported keys."""
 
+import importlib
 import importlib.util
 import json
 import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -286,6 +288,48 @@ class Files(unittest.TestCase):
             touched = np.abs(images.astype(int) - images[0]) >= video.CONTACT
             self.assertAlmostEqual(video.measured_loss({"press": images}, quality)["error"], error[touched].mean())
         self.assertGreater(error.mean(), 0.1, "the last one is lossy")
+
+
+@unittest.skipIf(MISSING, "LEFT OUT with the data sets")
+class Demonstrations(unittest.TestCase):
+    """The command's function, with trials of three steps in place of simulated ones."""
+
+    def run_some(self, out, jobs, stop_at=None):
+        module = importlib.import_module("ftac.lerobot.demonstrations")
+
+        def trial(benchmark, combination, number, spec):
+            if stop_at is not None and (combination, number) == stop_at:
+                raise KeyboardInterrupt
+            clean, layout = (combination + number) % 3 != 0, Layout(spec, 2)
+            rng = np.random.default_rng(combination * 100 + number)
+            vectors = {name: rng.uniform(-1, 1, (3, len(row))) for name, row in layout.names().items()}
+            images = {key: rng.integers(60, 200, (3, SIDE, SIDE, 3)).astype(np.uint8) for key in layout.sides()}
+            about = {"combination": combination, "trial": number, "objects": ["ball", "box"]}
+            return (Episode("pick up both", vectors, images, True, None, about) if clean else None), {"clean_success": clean}
+
+        again = {"success": True, "clean_success": False}
+        with mock.patch.multiple(module, trial=trial, replay=lambda *_: again), mock.patch.object(module._native, "Benchmark", lambda seed: None):
+            return module.demonstrations(20, out, images=SIDE, combinations=4, jobs=jobs, replayed=3, quiet=True)
+
+    def test_an_interrupted_run_continues_to_the_same_data(self):
+        with tempfile.TemporaryDirectory() as folder:
+            whole, stopped = Path(folder) / "whole", Path(folder) / "stopped"
+            told = self.run_some(whole, jobs=3)
+            self.assertEqual((told["episodes"], told["clean"], told["replayed"], told["replayed_success"]), (20, 20, 3, 3))
+            with self.assertRaises(KeyboardInterrupt):
+                self.run_some(stopped, jobs=1, stop_at=(1, 6))
+            self.assertFalse(stopped.exists())
+            self.assertTrue((Path(folder) / "stopped.partial/meta/episodes/chunk-000/file-000.parquet").exists())
+            self.assertFalse(list(Path(folder).glob("stopped.partial/videos/*/chunk-000/file-001.mp4")))
+            self.assertEqual(self.run_some(stopped, jobs=1)["trials"], told["trials"])
+            self.assertEqual(sorted(path.name for path in Path(folder).iterdir()), ["stopped", "whole"])
+            files = [{str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()} for root in (whole, stopped)]
+            cards = [found.pop("README.md").decode() for found in files]
+            self.assertEqual(files[0], files[1])
+            for card in cards:
+                self.assertIn("ftac demonstrations --episodes 20 --seed 1 --images 16 --combos 4 --video lossless", card)
+                self.assertIn(f"{told['trials']} trials were run, 20 clean successes are kept", card)
+                self.assertIn("Of 3 episodes whose actions were repeated", card)
 
 
 @unittest.skipIf(MISSING, "LEFT OUT with the data sets")
