@@ -27,7 +27,7 @@ const RUN: [&str; 10] = [
     "tutorials/sweep.md",
 ];
 /// Pages with Python examples, which the test of the Python package runs.
-pub(crate) const PYTHON: [&str; 2] = ["tutorials/policy.md", "tutorials/robot.md"];
+pub(crate) const PYTHON: [&str; 3] = ["tutorials/data.md", "tutorials/policy.md", "tutorials/robot.md"];
 /// Folder of the generated pages.
 const REFERENCE: &str = "reference";
 
