@@ -25,6 +25,7 @@ const RUN: [&str; 10] = [
     "tutorials/robot.md",
     "tutorials/sensor.md",
     "tutorials/sweep.md",
+    "tutorials/data.md",
 ];
 /// Pages with Python examples, which the test of the Python package runs.
 pub(crate) const PYTHON: [&str; 3] = ["tutorials/data.md", "tutorials/policy.md", "tutorials/robot.md"];
@@ -166,6 +167,11 @@ fn the_hand_owners_page() {
 fn the_object_owners_page() {
     let folder = run_page("tutorials/object.md");
     expect_files(&folder, &["box.jsonl"]);
+}
+
+#[test]
+fn the_page_about_data_sets() {
+    run_page("tutorials/data.md");
 }
 
 #[test]
