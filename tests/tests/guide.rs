@@ -14,18 +14,18 @@ use e2e::{binary, root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
 /// Pages with commands (blocks marked `sh`), each of which a test runs.
-const RUN: [&str; 10] = [
+const RUN: [&str; 11] = [
     "files.md",
     "first-hour.md",
     "troubleshooting.md",
     "tutorials/benchmark.md",
     "tutorials/board.md",
+    "tutorials/data.md",
     "tutorials/hand.md",
     "tutorials/object.md",
     "tutorials/robot.md",
     "tutorials/sensor.md",
     "tutorials/sweep.md",
-    "tutorials/data.md",
 ];
 /// Pages with Python examples, which the test of the Python package runs.
 pub(crate) const PYTHON: [&str; 3] = ["tutorials/data.md", "tutorials/policy.md", "tutorials/robot.md"];

@@ -1,6 +1,6 @@
 //! Recorded sessions at the rate at which a learner acts.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, ensure};
@@ -39,7 +39,7 @@ pub fn session(py: Python<'_>, path: PathBuf, side: usize) -> PyResult<Bound<'_,
     Ok(all)
 }
 
-fn read_session(path: &PathBuf, side: usize) -> Result<(RecordedSteps, String, Option<Vec<u8>>)> {
+fn read_session(path: &Path, side: usize) -> Result<(RecordedSteps, String, Option<Vec<u8>>)> {
     let (task, scenario) = read_task(path)?;
     ensure!(task.robot_model.is_none(), "robot_model: found another robot, expected the F-TAC Hand on a Gen3");
     // Everything but the trial itself.
