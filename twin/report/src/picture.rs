@@ -29,6 +29,8 @@ const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
 /// Radius of a drawn cable, m: twice the real one, for visibility.
 const CABLE_RADIUS: f64 = 5.0e-4;
+/// Width of a picture that encloses something, in widths of that.
+const VIEW_MARGIN: f64 = 1.14;
 /// Colours of the pads' configurations, from a on, used in turn.
 pub const CONFIGURATION_COLORS: [[f64; 3]; 9] = [
     [76.0, 146.0, 206.0],
@@ -104,10 +106,40 @@ impl View {
         Self { eye: Vector3::new(0.35, 1.0, -0.35).normalize(), up: Vector3::z(), ..Self::palm() }
     }
 
+    /// Returns the same direction of view for a square picture that shows all `points` in its middle, with a margin.
+    pub fn enclosing(self, points: &[Point3<f64>]) -> Self {
+        let right = self.up.cross(&self.eye).normalize();
+        let axes = [right, self.eye.cross(&right)];
+        let ranges = axes.map(|axis| {
+            let places = points.iter().map(|point| point.coords.dot(&axis));
+            places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
+        });
+        if points.is_empty() {
+            return self;
+        }
+        let [x, y] = ranges.map(|(low, high)| 0.5 * (low + high));
+        let width = VIEW_MARGIN * ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+        Self { center: Point3::from(axes[0] * x + axes[1] * y), width, ..self }
+    }
+
     /// Returns the same direction of view around another centre, with another width (m).
     pub fn recentered(self, center: Point3<f64>, width: f64) -> Self {
         Self { center, width, ..self }
     }
+}
+
+/// Returns points on the surface of the hand at joint angles `q` (rad), palm frame.
+pub fn hand_points(hand: &Hand, q: &[f64]) -> Vec<Point3<f64>> {
+    let links = hand.tree.forward(q);
+    let parts = hand_mesh::parts(hand, hand_mesh::FINE_STEPS).into_iter();
+    let parts = parts.map(|part| (part.link.map_or_else(Isometry3::identity, |link| links[link]), part.mesh));
+    let pads = hand.pads.iter().zip(hand.pad_poses(&links)).map(|(pad, pose)| (pose, hand_mesh::pad_sheet(pad)));
+    parts
+        .chain(pads)
+        .flat_map(|(pose, mesh)| {
+            mesh.vertices.iter().map(|vertex| pose * Point3::from(*vertex).cast()).collect::<Vec<_>>()
+        })
+        .collect()
 }
 
 /// A picture that is being drawn.
@@ -315,7 +347,8 @@ impl Picture {
             inside.map(move |(dx, dy)| ((y * OVERSAMPLE + dy) * width + x * OVERSAMPLE + dx) as usize)
         };
         // Corners are darkened by the nearest sample of each pixel, outlines by every sample.
-        let nearest = |(x, y): (u32, u32)| samples(x, y).map(|index| self.depth[index]).fold(f64::MIN, f64::max);
+        let nearest =
+            |(x, y): (u32, u32)| samples(x, y).map(|index| self.depth[index]).fold(f64::NEG_INFINITY, f64::max);
         let places = (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (x, y)));
         let depth: Vec<f64> = places.map(nearest).collect();
         let shade = occlusion::shading(&depth, image.width() as usize, self.view.width / f64::from(image.width()));
@@ -384,6 +417,31 @@ mod tests {
         }
     }
 
+    /// The hand is in the middle of its picture, whole, and nearly fills it, from every side and in every posture.
+    #[test]
+    fn the_hand_is_centered() {
+        let hand = Hand::ftac();
+        for view in [View::palm(), View::back(), View::thumb_side(), View::tips()] {
+            for angle in [0.0, 0.7] {
+                let q = vec![angle; hand.tree.len()];
+                let mut picture = Picture::new(200, view.enclosing(&hand_points(&hand, &q)));
+                picture.hand(&hand, &q);
+                let background = BACKGROUND_COLOR.map(|part| part as u8);
+                let image = picture.finish("");
+                let drawn = || image.enumerate_pixels().filter(|(.., pixel)| pixel.0 != background);
+                let margins = [
+                    drawn().map(|(x, ..)| x).min().expect("a hand"),
+                    199 - drawn().map(|(x, ..)| x).max().expect("a hand"),
+                    drawn().map(|(_, y, _)| y).min().expect("a hand"),
+                    199 - drawn().map(|(_, y, _)| y).max().expect("a hand"),
+                ];
+                let [left, right, above, below] = margins;
+                assert!(left.abs_diff(right) <= 3 && above.abs_diff(below) <= 3, "{margins:?}");
+                assert!((8..=16).contains(margins.iter().min().expect("four")), "{margins:?}");
+            }
+        }
+    }
+
     /// A ball of 40 mm covers the expected share of the picture.
     #[test]
     fn scale_is_true() {
@@ -394,7 +452,11 @@ mod tests {
             &Isometry3::identity(),
             [0.0, 0.0, 0.0],
         );
-        let dark = picture.finish("").pixels().filter(|pixel| pixel.0[0] < 100).count() as f64;
+        let image = picture.finish("");
+        let dark = image.pixels().filter(|pixel| pixel.0[0] < 100).count() as f64;
         assert!((dark / 1e4 - std::f64::consts::PI * 0.04).abs() < 0.004, "{dark}");
+        // Nothing casts a shadow on the background.
+        let beside = [[50, 27], [73, 50], [50, 73], [2, 2]].map(|[x, y]| image.get_pixel(x, y).0);
+        assert_eq!(beside, [BACKGROUND_COLOR.map(|part| part as u8); 4]);
     }
 }

@@ -8,8 +8,8 @@ use bench::recording::{Recording, TimeOrigin};
 use bench::trial::filming::{self, Filming, Watchers};
 use clap::Args;
 use maud::html;
-use nalgebra::Point3;
 use report::film::{self, Film, FilmStage};
+use report::picture;
 use robot_backends::TrialTask;
 use scenarios::{Condition, Scenario, TrialRecord};
 use schemars::JsonSchema;
@@ -106,13 +106,14 @@ fn write_page(
     let (count, size) = film::STRIP_LAYOUT;
     for film in films {
         let file = args.out.join(format!("{}.png", film.title));
-        report::picture::save(&stage.strip(film, count, size), &file)?;
+        picture::save(&stage.strip(film, count, size), &file)?;
     }
-    let center = Point3::new(0.03, -0.01, 0.0);
-    let view = report::picture::View::palm().recentered(center, 0.27);
-    let mut hand = report::picture::Picture::new(420, view);
-    hand.hand_with(stage.hand, &vec![0.25; stage.hand.tree.len()], report::picture::configuration_color);
-    report::picture::save(&hand.finish(""), &args.out.join("hand.png"))?;
+    let angles = vec![0.25; stage.hand.tree.len()];
+    let view = picture::View::palm().enclosing(&picture::hand_points(stage.hand, &angles));
+    let mut hand = picture::Picture::new(420, view);
+    hand.hand_with(stage.hand, &angles, picture::configuration_color);
+    let caption = format!("{} hand", stage.hand.parameters.handedness);
+    picture::save(&hand.finish(&caption), &args.out.join("hand.png"))?;
     let [first, second] = names;
     let about = html! {
         p {

@@ -6,7 +6,6 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use hand_model::{Hand, HandVector};
 use image::RgbImage;
-use nalgebra::Point3;
 use report::lettering::{self, TEXT_COLOR};
 use report::picture::{self, Picture, View};
 use schemars::JsonSchema;
@@ -14,6 +13,9 @@ use serde::Serialize;
 
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
+
+/// Height of a view's caption, in heights of the view.
+const CAPTION_HEIGHT: f32 = 0.028;
 
 /// Arguments of `hand picture`.
 #[derive(Debug, Args)]
@@ -33,7 +35,7 @@ pub struct PictureArgs {
     /// Width and height of each view, pixels.
     #[arg(long, default_value_t = 900, value_parser = clap::value_parser!(u32).range(64..=4000))]
     pub size: u32,
-    /// Leave out the legend.
+    /// Leave out legend and captions.
     #[arg(long)]
     pub plain: bool,
     /// File for the picture (PNG).
@@ -56,12 +58,21 @@ pub enum Viewpoint {
 
 impl Viewpoint {
     fn view(self) -> View {
-        let center = Point3::new(0.01, -0.005, 0.0);
         match self {
-            Self::Palm => View::palm().recentered(center, 0.25),
-            Self::Back => View::back().recentered(center, 0.25),
-            Self::Thumb => View::thumb_side().recentered(center, 0.25),
-            Self::Tips => View::tips().recentered(Point3::new(0.01, -0.03, -0.02), 0.19),
+            Self::Palm => View::palm(),
+            Self::Back => View::back(),
+            Self::Thumb => View::thumb_side(),
+            Self::Tips => View::tips(),
+        }
+    }
+
+    /// Caption of the view.
+    fn words(self) -> &'static str {
+        match self {
+            Self::Palm => "palm",
+            Self::Back => "back",
+            Self::Thumb => "from the thumb's side",
+            Self::Tips => "from the fingertips",
         }
     }
 }
@@ -101,12 +112,19 @@ pub fn run(terminal: &Terminal, args: &PictureArgs) -> Outcome {
 }
 
 fn draw(hand: &Hand, angles: &[f64], side: Viewpoint, args: &PictureArgs) -> RgbImage {
-    let mut picture = Picture::new(args.size, side.view());
+    let mut picture = Picture::new(args.size, side.view().enclosing(&picture::hand_points(hand, angles)));
     picture.hand_with(hand, angles, |pad| match args.color {
         ColorScheme::Configuration => picture::configuration_color(pad),
         ColorScheme::Digit => telemetry::scene::link_color(hand, pad.link).map(f64::from),
     });
-    picture.finish("")
+    let mut image = picture.finish("");
+    if !args.plain {
+        let height = CAPTION_HEIGHT * args.size as f32;
+        let words = format!("{} hand, {}", hand.parameters.handedness, side.words());
+        let at = (i64::from(args.size) / 60, i64::from(args.size) - (1.4 * height) as i64);
+        lettering::sized_text(&mut image, at, height, &words, TEXT_COLOR);
+    }
+    image
 }
 
 /// Draws the legend in the upper left corner: the sensor configurations with their sizes.
