@@ -11,17 +11,42 @@ fn the_hand_is_drawn_in_any_posture() {
     let draw = |name: &str, pose: &str| {
         let file = folder.path().join(name);
         let path = file.to_str().expect("UTF-8");
-        let output = ftac(&["hand", "picture", "--pose", pose, "--view", "palm,back", "--size", "128", "--out", path])
-            .output()
-            .expect("runs");
+        let output = ftac(&[
+            "hand",
+            "picture",
+            "--pose",
+            pose,
+            "--view",
+            "palm,back",
+            "--size",
+            "128",
+            "--plain",
+            "--out",
+            path,
+        ])
+        .output()
+        .expect("runs");
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         image::open(&file).expect("a picture").to_rgb8()
     };
     let (open, fist) = (draw("open.png", "open"), draw("fist.png", "85"));
     assert_eq!((open.width(), open.height()), (256, 128));
-    // More of the hand is visible with stretched fingers.
-    let ink = |image: &image::RgbImage| image.pixels().filter(|pixel| pixel.0[0] < 240).count();
-    assert!(ink(&open) > ink(&fist) && ink(&fist) > 2000, "{} {}", ink(&open), ink(&fist));
+    // Width and height of what is drawn in the first view, pixels.
+    let extent = |image: &image::RgbImage| -> [u32; 2] {
+        let drawn = || image.enumerate_pixels().filter(|(x, _, pixel)| *x < 128 && pixel.0[0] < 240);
+        let span = |low: Option<u32>, high: Option<u32>| high.expect("a hand") - low.expect("a hand");
+        [
+            span(drawn().map(|(x, ..)| x).min(), drawn().map(|(x, ..)| x).max()),
+            span(drawn().map(|(_, y, _)| y).min(), drawn().map(|(_, y, _)| y).max()),
+        ]
+    };
+    // Every posture fills its picture; stretched fingers make it the higher one.
+    for image in [&open, &fist] {
+        let [width, height] = extent(image);
+        assert!((104..=118).contains(&width.max(height)), "{width} {height}");
+    }
+    let slimness = |image: &image::RgbImage| f64::from(extent(image)[1]) / f64::from(extent(image)[0]);
+    assert!(slimness(&open) > 1.08 * slimness(&fist), "{} {}", slimness(&open), slimness(&fist));
     let wrong = ftac(&["hand", "picture", "--pose", "claw", "--out", "x.png"]).output().expect("runs");
     assert_eq!(wrong.status.code(), Some(2));
     assert!(stderr(&wrong).contains("--pose: found `claw`"), "{}", stderr(&wrong));
