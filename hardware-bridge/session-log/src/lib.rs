@@ -90,13 +90,14 @@
 //! Observations, commands, perceived poses and ticks are protobuf, described in the file ([`schema`]), so that other
 //! tools can read them; the other topics are plain bytes.
 //!
-//! Numbers keep all their bits. Each tick is an uncompressed chunk with an index of its messages, for viewers, and is
-//! handed to the operating system at once. A killed program therefore leaves everything up to its last whole tick, and
-//! [`reader`] reads such a file.
+//! Numbers and images keep all their bits. A camera's first image is whole (`rgb`); a later one is stored as its change
+//! since the one before (`rgb_change`, byte by byte modulo 256), and one without a change not at all. Each tick is a chunk,
+//! compressed by zstd, with an index of its messages for viewers, and is handed to the operating system at once. A killed
+//! program therefore leaves everything up to its last whole tick, and [`reader`] reads such a file.
 //!
 //! # Limitations
-//! Images are not compressed, so 18 cameras at 10 Hz write 31 MB/s while all images change; unchanged images are not
-//! repeated. [`ros2`] expects images of 240 x 240 pixels. Log times are of the host's clock alone: device clocks are
+//! A camera's noise cannot be packed: with a standard deviation of one grey level, an image of 240 x 240 pixels takes 51 kB
+//! instead of 173, and 18 cameras at 10 Hz write 9 MB/s while all images change. [`ros2`] expects images of 240 x 240 pixels. Log times are of the host's clock alone: device clocks are
 //! recorded and not synchronised. Only Unix systems.
 
 #![deny(missing_docs, unreachable_pub)]

@@ -72,9 +72,12 @@ pub(crate) struct TactileFrame {
     /// Sequence number of this camera's image.
     #[prost(uint64, optional, tag = "3")]
     pub sequence: Option<u64>,
-    /// RGB pixels, row by row; absent if they equal those of this camera's previous frame.
+    /// RGB pixels, row by row; absent if `rgb_change` is present, or if they equal those of this camera's previous frame.
     #[prost(bytes = "vec", optional, tag = "4")]
     pub rgb: Option<Vec<u8>>,
+    /// RGB pixels minus those of this camera's previous frame, modulo 256: its small numbers are compressed well.
+    #[prost(bytes = "vec", optional, tag = "5")]
+    pub rgb_change: Option<Vec<u8>>,
 }
 
 /// Message for [`robot::RobotCommand`].
@@ -224,17 +227,23 @@ impl Observation {
     }
 }
 
+fn each_byte(one: &[u8], other: &[u8], combine: fn(u8, u8) -> u8) -> Vec<u8> {
+    one.iter().zip(other).map(|(one, other)| combine(*one, *other)).collect()
+}
+
 impl TactileFrame {
     fn new(frame: &robot::TactileFrame, last: &mut LastImages) -> Self {
-        let before = last.insert(frame.camera, Arc::clone(&frame.image));
-        // An idle pad repeats the same image; a simulated one even shares its memory.
-        let same = before.is_some_and(|before| Arc::ptr_eq(&before, &frame.image) || before == frame.image);
-        Self {
-            camera: Some(frame.camera as u32),
-            time: Some(frame.time),
-            sequence: Some(frame.sequence),
-            rgb: (!same).then(|| frame.image.rgb.clone()),
-        }
+        let image = &frame.image;
+        let (rgb, rgb_change) = match last.insert(frame.camera, Arc::clone(image)) {
+            // An idle pad repeats the same image; a simulated one even shares its memory.
+            Some(before) if Arc::ptr_eq(&before, image) || before == *image => (None, None),
+            Some(before) if before.rgb.len() == image.rgb.len() => {
+                (None, Some(each_byte(&image.rgb, &before.rgb, u8::wrapping_sub)))
+            }
+            _ => (Some(image.rgb.clone()), None),
+        };
+        let (camera, time, sequence) = (frame.camera as u32, frame.time, frame.sequence);
+        Self { camera: Some(camera), time: Some(time), sequence: Some(sequence), rgb, rgb_change }
     }
 
     fn read(self, last: &mut LastImages, sizes: RobotSizes) -> Result<robot::TactileFrame, InvalidField> {
@@ -247,13 +256,22 @@ impl TactileFrame {
                 return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXEL_COUNT * 3)));
             }
         }
-        let image =
-            match self.rgb {
-                Some(rgb) => Arc::new(TactileImage { rgb }),
-                None => Arc::clone(last.get(&camera).ok_or_else(|| {
-                    ("tactile.rgb", "missing".to_owned(), format!("the first image of camera {camera}"))
-                })?),
-            };
+        let before = || {
+            let expected = || ("tactile.rgb", "missing".to_owned(), format!("the first image of camera {camera}"));
+            last.get(&camera).ok_or_else(expected)
+        };
+        let image = match (self.rgb, self.rgb_change) {
+            (Some(rgb), _) => Arc::new(TactileImage { rgb }),
+            (None, Some(change)) => {
+                let before = &before()?.rgb;
+                if change.len() != before.len() {
+                    let (found, expected) = (change.len(), before.len());
+                    return Err(("tactile.rgb_change", format!("{found} bytes"), format!("{expected} bytes")));
+                }
+                Arc::new(TactileImage { rgb: each_byte(before, &change, u8::wrapping_add) })
+            }
+            (None, None) => Arc::clone(before()?),
+        };
         last.insert(camera, Arc::clone(&image));
         let (time, sequence) = (required("tactile.time", self.time)?, required("tactile.sequence", self.sequence)?);
         Ok(robot::TactileFrame { camera, time, sequence, image })
@@ -454,7 +472,9 @@ pub(crate) mod tests {
         let observation = robot::Readings { tactile, ..Default::default() };
         let written = Observation::new(&observation, &mut LastImages::new());
         let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
-        assert_eq!(has_pixels, [true, true, false, false, true, false]);
+        assert_eq!(has_pixels, [true, true, false, false, false, false]);
+        let changes: Vec<_> = written.tactile.iter().map(|frame| frame.rgb_change.clone()).collect();
+        assert_eq!(changes, [None, None, None, None, Some(vec![8; 12]), None]);
         let back = written.read(&mut LastImages::new(), RobotSizes::Any).expect("readable");
         for (found, expected) in back.tactile.iter().zip(&observation.tactile) {
             assert_eq!((found.camera, found.sequence), (expected.camera, expected.sequence));
@@ -472,15 +492,25 @@ pub(crate) mod tests {
         let frame = TactileFrame { camera: Some(3), ..Default::default() };
         let observation =
             Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-        let wrong = observation.read(&mut LastImages::new(), RobotSizes::Any).expect_err("no image yet");
+        let wrong = observation.clone().read(&mut LastImages::new(), RobotSizes::Any).expect_err("no image yet");
         assert_eq!(wrong.0, "tactile.rgb");
+        let change = TactileFrame { rgb_change: Some(vec![0; 3]), ..observation.tactile[0].clone() };
+        let observation = Observation { tactile: vec![change], ..observation };
+        let mut last = LastImages::from([(3, Arc::new(TactileImage { rgb: vec![7; 12] }))]);
+        let wrong = observation.read(&mut last, RobotSizes::Any).expect_err("too short");
+        assert_eq!(wrong, ("tactile.rgb_change", "3 bytes".to_owned(), "12 bytes".to_owned()));
     }
 
     #[test]
     fn an_image_that_no_camera_of_the_hand_takes_is_refused() {
         let read = |camera, bytes| {
-            let frame =
-                TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
+            let frame = TactileFrame {
+                camera: Some(camera),
+                time: Some(0.0),
+                sequence: Some(0),
+                rgb: Some(vec![0; bytes]),
+                rgb_change: None,
+            };
             let servos = [ServoState::default(); 6].into();
             let arm = ArmState::at_rest([0.0; 7].into());
             let readings = robot::Readings::from(robot::Observation { servos, arm, ..Default::default() });

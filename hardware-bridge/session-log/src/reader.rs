@@ -1,5 +1,6 @@
 //! Sequential reader of a session file, finished or cut short.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -21,8 +22,8 @@ use crate::sizes::InvalidField;
 use crate::tap::Direction;
 use crate::writer::{
     CALIBRATION_TOPIC, COMMAND_FAILED_TOPIC, CONFIGURATION_TOPIC, DETECTION_FAILED_TOPIC, DETECTION_TOPIC,
-    FORMAT_VERSION, METADATA_NAME, OBSERVATION_FAILED_TOPIC, OBSERVATION_TOPIC, OUTCOME_TOPIC, REQUESTED_COMMAND_TOPIC,
-    SENT_COMMAND_TOPIC, SessionHeader, TASK_TOPIC, TICK_TOPIC,
+    FORMAT_VERSION, FORMER_VERSION, METADATA_NAME, OBSERVATION_FAILED_TOPIC, OBSERVATION_TOPIC, OUTCOME_TOPIC,
+    REQUESTED_COMMAND_TOPIC, SENT_COMMAND_TOPIC, SessionHeader, TASK_TOPIC, TICK_TOPIC,
 };
 
 /// Longest record accepted, bytes. An observation with an image of every camera has 3.2 MB; the limit guards against a
@@ -183,9 +184,9 @@ impl SessionReader {
                 Some(Record::Metadata(metadata)) if metadata.name == METADATA_NAME => {
                     let get = |name: &str| metadata.metadata.get(name).cloned().unwrap_or_default();
                     let format = get("format");
-                    if format != FORMAT_VERSION {
+                    if ![FORMAT_VERSION, FORMER_VERSION].contains(&format.as_str()) {
                         let found = format!("{format} (written by {})", get("program"));
-                        return Err(self.field("format", &found, FORMAT_VERSION));
+                        return Err(self.field("format", &found, &format!("{FORMER_VERSION} or {FORMAT_VERSION}")));
                     }
                     let begun = get("begun_unix_ns");
                     let unix = begun.parse().map_err(|_| self.field("begun_unix_ns", &begun, "a whole number"))?;
@@ -332,11 +333,16 @@ impl SessionReader {
     }
 }
 
-/// Verifies a chunk's checksum and returns its records of interest.
-fn chunk_records(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
-    if !header.compression.is_empty() {
-        return Err(McapError::UnsupportedCompression(header.compression.clone()));
-    }
+/// Decompresses a chunk, verifies its checksum and returns its records of interest.
+fn chunk_records(header: &ChunkHeader, data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
+    let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
+    let data = match header.compression.as_str() {
+        "" => Cow::Borrowed(data),
+        "zstd" if size <= MAX_RECORD_LENGTH => Cow::Owned(zstd::bulk::decompress(data, size)?),
+        "zstd" => return Err(McapError::ChunkTooLarge(header.uncompressed_size)),
+        other => return Err(McapError::UnsupportedCompression(other.to_owned())),
+    };
+    let mut data: &[u8] = &data;
     let (saved, calculated) = (header.uncompressed_crc, Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(data));
     if saved != calculated {
         return Err(McapError::BadChunkCrc { saved, calculated });

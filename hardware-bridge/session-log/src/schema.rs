@@ -51,6 +51,7 @@ const MESSAGES: &[(&str, Fields)] = &[
             ("time", One(Type::Double)),
             ("sequence", One(Type::Uint64)),
             ("rgb", One(Type::Bytes)),
+            ("rgb_change", One(Type::Bytes)),
         ],
     ),
     (

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use ftac_platform::digest::sha256;
 use hand_model::robot;
-use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, WriteOptions};
 use prost::Message;
 
 use crate::error::SessionLogError;
@@ -18,7 +18,11 @@ use crate::schema;
 use crate::tap::{Direction, LinkPacket};
 
 /// Version of the layout described in the [crate's documentation](crate).
-pub const FORMAT_VERSION: &str = "3";
+pub const FORMAT_VERSION: &str = "4";
+/// Earlier version that can be read too: its chunks are not compressed, and its images are whole.
+pub(crate) const FORMER_VERSION: &str = "3";
+/// Level of the compression, 1 to 22. Higher ones gain little on the noise of cameras.
+const COMPRESSION_LEVEL: u32 = 1;
 /// Topic of observations.
 pub const OBSERVATION_TOPIC: &str = "observation";
 /// Topic of commands as the controller requested them.
@@ -130,9 +134,15 @@ impl SessionWriter {
     /// [`SessionLogError`].
     pub fn create(path: &Path, session: &SessionHeader) -> Result<Self, SessionLogError> {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
-        // Only a complete chunk is readable, so each tick is one, built in memory and written at once. Viewers need
+        // Only a complete chunk is readable, so each tick is one, compressed in memory and written at once. Viewers need
         // chunks.
-        let options = WriteOptions::new().compression(None).disable_seeking(true).library("robot-session-log");
+        let options = WriteOptions::new()
+            .compression(Some(Compression::Zstd))
+            .compression_level(COMPRESSION_LEVEL)
+            // A tick is too small for threads of its own.
+            .compression_threads(0)
+            .disable_seeking(true)
+            .library("robot-session-log");
         let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
         let mut writer = Self {
             mcap,

@@ -11,7 +11,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 path, finished = sys.argv[1], sys.argv[2] == "finished"
 topics, arm, servo_angle, images, raw, log_times = {}, [], [], [], [], []
-cut, files = False, {}
+cut, files, pixels = False, {}, {}
 with open(path, "rb") as file:
     factories = [DecoderFactory()]
     reader = make_reader(file, decoder_factories=factories) if finished else NonSeekingReader(
@@ -32,7 +32,13 @@ with open(path, "rb") as file:
                 arm.append([value.hex() for value in decoded.arm])
                 servo_angle.append(list(decoded.servo_angle))
             if channel.topic == "observation":
-                images.extend(len(frame.rgb) for frame in decoded.tactile)
+                for frame in decoded.tactile:
+                    if frame.rgb:
+                        pixels[frame.camera] = frame.rgb
+                    elif frame.rgb_change:
+                        both = zip(pixels[frame.camera], frame.rgb_change, strict=True)
+                        pixels[frame.camera] = bytes((one + change) % 256 for one, change in both)
+                    images.append(pixels[frame.camera].hex())
     except (EndOfFile, struct.error):  # 1.6.0 raises either, by where in a record the file ends
         cut = True
 

@@ -16,6 +16,7 @@ use hardware_bridge::safety::state::SupervisorState;
 use hardware_bridge::supported_robot::check_supported;
 use identification::ExcitationScript;
 use identification::excitation::{ExcitationProgress, describe, run_script};
+use identification::script::ExcitationStep;
 use identification::task::IdentificationTask;
 use identification::touches::ImageFilter;
 use plant::RobotInstance;
@@ -34,6 +35,10 @@ use crate::terminal::{Outcome, Terminal};
 
 /// Time limit for the first measurements to pass the checks.
 const CHECK_TIMEOUT: Duration = Duration::from_secs(5);
+/// Size of a session, bytes, measured with the built-in script: of a second without images, and of the images of a press on
+/// the ball.
+const SECOND_BYTES: f64 = 150e3;
+const PRESS_BYTES: f64 = 4.4e6;
 /// Name of the file with the progress of an excitation.
 const STATE_FILE: &str = "excitation.json";
 
@@ -106,6 +111,15 @@ impl ExcitationState {
         Ok(Some(record))
     }
 
+    /// Estimates duration (s, without the arm's motions) and size (MB) of the steps that are not done.
+    fn remaining(&self, hand: &Hand) -> (f64, f64) {
+        let steps = self.script.steps(hand);
+        let left = || steps.iter().skip(self.done);
+        let seconds: f64 = left().map(|step| self.script.step_duration(step, hand)).sum();
+        let presses = left().filter(|step| matches!(step, ExcitationStep::Press(..))).count();
+        (seconds, 1e-6 * (SECOND_BYTES * seconds + PRESS_BYTES * presses as f64))
+    }
+
     fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(STATE_FILE);
         ftac_platform::data::write_atomically(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
@@ -128,6 +142,8 @@ pub struct ExciteOutput {
     done: usize,
     /// Duration of the remaining steps without the arm's motions, s.
     seconds_left: f64,
+    /// Estimated size of the sessions of the remaining steps, MB.
+    megabytes_left: f64,
     /// Session files.
     sessions: Vec<String>,
 }
@@ -242,6 +258,9 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     };
     let interrupt = Interrupt::catch()?;
     let path = args.folder.join(format!("part_{}.mcap", record.parts));
+    if !terminal.quiet {
+        eprintln!("{}: a session of about {:.0} MB", path.display(), record.remaining(&nominal.robot.hand).1);
+    }
     let mut recorder = SessionRecorder::new(ImageFilter::new(body), SessionWriter::create(&path, &session)?);
     let interruption = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
@@ -393,7 +412,7 @@ fn describe_objects(script: &ExcitationScript) -> Vec<String> {
 /// Prints the steps done, or in a dry run the steps to do.
 fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &ExcitationState, dry: bool) -> Outcome {
     let steps = record.script.steps(hand);
-    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.step_duration(step, hand)).sum();
+    let (seconds, megabytes) = record.remaining(hand);
     let sessions: Vec<String> =
         (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
     let mut text = String::new();
@@ -405,9 +424,8 @@ fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Exc
             text += &format!("{thing}\n");
         }
         text += &format!(
-            "{} steps to do, about {:.0} s plus the arm's motions between them; nothing was moved\n",
+            "{} steps to do, about {seconds:.0} s plus the arm's motions between them, and about {megabytes:.0} MB; nothing was moved\n",
             steps.len() - record.done,
-            seconds
         );
     } else {
         text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));
@@ -420,6 +438,7 @@ fn print_steps(terminal: &Terminal, args: &ExciteArgs, hand: &Hand, record: &Exc
         steps: steps.len(),
         done: record.done,
         seconds_left: seconds,
+        megabytes_left: megabytes,
         sessions,
     };
     terminal.print(&excited, &text)?;
