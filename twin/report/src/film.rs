@@ -13,7 +13,6 @@ use hand_model::{Arm, Hand};
 use image::RgbImage;
 use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, Vector3};
-use telemetry::mesh::Mesh;
 use world::objects::ObjectModel;
 
 use self::composition::Composition;
@@ -42,7 +41,7 @@ pub struct FilmFrame {
     pub palm: Isometry3<f64>,
     pub links: Vec<Isometry3<f64>>,
     pub objects: Vec<Isometry3<f64>>,
-    /// Newest change of each tactile camera; `None` before its first image.
+    /// Newest change of each tactile camera; `None` before its first image. Empty in a film without them.
     pub tactile: Vec<Option<Arc<CameraTile>>>,
 }
 
@@ -68,21 +67,19 @@ pub struct FilmStage<'a> {
 impl FilmStage<'_> {
     /// Renders a square still of `size` pixels.
     pub fn still(&self, frame: &FilmFrame, size: u32, view: SceneView) -> RgbImage {
-        self.scene(frame, [size, size], &view)
+        self.scene(frame, Self::backdrop([size, size], view))
     }
 
-    /// Renders a picture of `[width, height]` pixels.
-    pub fn scene(&self, frame: &FilmFrame, size: [u32; 2], (center, width): &SceneView) -> RgbImage {
+    /// Draws what stands still in a film, the table, in a picture of `[width, height]` pixels.
+    fn backdrop(size: [u32; 2], (center, width): SceneView) -> Picture {
         let eye = Vector3::from(EYE).normalize();
-        let view = View { eye, up: Vector3::z(), center: *center, width: *width };
-        let mut picture = Picture::rectangle(size, view);
-        let mesh = |mesh: &Mesh| -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
-            let vertices = mesh.vertices.iter().map(|v| Point3::from(*v).cast());
-            (vertices.collect(), mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect())
-        };
-        let table = telemetry::scene::table();
-        let (vertices, normals) = mesh(&table);
-        picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE_COLOR);
+        let mut picture = Picture::rectangle(size, View { eye, up: Vector3::z(), center, width });
+        picture.mesh(&Isometry3::identity(), &telemetry::scene::table(), TABLE_COLOR);
+        picture
+    }
+
+    /// Draws what moves into a backdrop and renders it.
+    fn scene(&self, frame: &FilmFrame, mut picture: Picture) -> RgbImage {
         picture.arm(self.arm, &frame.arm);
         for (model, pose) in self.objects.iter().zip(&frame.objects) {
             let (vertices, triangles, normals) = model.shape.triangles();

@@ -143,6 +143,7 @@ pub fn hand_points(hand: &Hand, q: &[f64]) -> Vec<Point3<f64>> {
 }
 
 /// A picture that is being drawn.
+#[derive(Clone)]
 pub struct Picture {
     /// Width and height of the oversampled picture.
     size: [u32; 2],
@@ -246,7 +247,8 @@ impl Picture {
         }
     }
 
-    fn mesh(&mut self, pose: &Isometry3<f64>, mesh: &Mesh, color: [f64; 3]) {
+    /// Draws a mesh at its pose.
+    pub fn mesh(&mut self, pose: &Isometry3<f64>, mesh: &Mesh, color: [f64; 3]) {
         let vertices: Vec<Point3<f64>> = mesh.vertices.iter().map(|v| Point3::from(*v).cast()).collect();
         let normals: Vec<Vector3<f64>> = mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect();
         self.triangles(pose, &vertices, &mesh.triangles, &normals, color);

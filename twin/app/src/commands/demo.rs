@@ -79,7 +79,8 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
         files.push(file);
     }
-    let mut films = COMPARED_CONDITIONS.map(|condition| Filming::new(&bench, condition, film::FRAME_RATE / FILM_SPEED));
+    let mut films = COMPARED_CONDITIONS
+        .map(|condition| Filming::new(&bench, condition, film::FRAME_RATE / FILM_SPEED).with_tactile_images(&bench));
     let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));

@@ -14,7 +14,8 @@ pub struct Filming {
     skips_planned_grasp: bool,
     /// Time between frames, s.
     period: f64,
-    tactile: TactileTiles,
+    /// Tactile images, if the film has them.
+    tactile: Option<TactileTiles>,
     /// The film so far.
     pub film: Film,
 }
@@ -23,8 +24,13 @@ impl Filming {
     /// Films `rate` frames per simulated second of `condition`.
     pub fn new(bench: &Bench, condition: Condition, rate: f64) -> Self {
         let film = Film { title: condition.name().to_owned(), ..Film::default() };
-        let tactile = TactileTiles::new(bench.world.cell.robot.hand.cameras.len());
-        Self { condition, skips_planned_grasp: bench.skips_planned_grasp(condition), period: 1.0 / rate, tactile, film }
+        let skips_planned_grasp = bench.skips_planned_grasp(condition);
+        Self { condition, skips_planned_grasp, period: 1.0 / rate, tactile: None, film }
+    }
+
+    /// The same with the tactile images, which an animation shows and stills do not.
+    pub fn with_tactile_images(self, bench: &Bench) -> Self {
+        Self { tactile: Some(TactileTiles::new(bench.world.cell.robot.hand.cameras.len())), ..self }
     }
 }
 
@@ -47,6 +53,8 @@ impl Watcher for Filming {
             if moment.reversed {
                 objects.reverse();
             }
+            let images = moment.executor.motion().newest_images();
+            let tactile = self.tactile.as_mut().map(|tiles| tiles.update(images)).unwrap_or_default();
             self.film.frames.push(FilmFrame {
                 time: moment.time,
                 phase: moment.executor.phase().to_string(),
@@ -54,7 +62,7 @@ impl Watcher for Filming {
                 palm: truth.palm,
                 links: truth.hand_links.iter().map(|link| inverse * link).collect(),
                 objects,
-                tactile: self.tactile.update(moment.executor.motion().newest_images()),
+                tactile,
             });
         }
         Ok(())
