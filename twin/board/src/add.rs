@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use external_policy::{DecisionLevel, PolicySource, SimulatedTimePassage};
+use external_policy::{DecisionLevel, PolicyIntroduction, PolicySource, SimulatedTimePassage};
 use ftac_platform::DataError;
 use ftac_platform::data::write_atomically;
 use ftac_platform::digest::sha256;
@@ -119,20 +119,26 @@ fn policy_facts(runs: &Runs, own: Condition) -> Result<PolicyFacts, BoardError> 
         let expected = "its level, from a run of this program's version: run it again";
         return Err(runs.unsuitable("policy.introduction", "none", expected));
     };
-    let acts = introduction.level == DecisionLevel::Act;
+    let image_side = acting_image_side(introduction);
     Ok(PolicyFacts {
         kind: PolicyKind::Python,
         condition: own,
         level: introduction.level,
         // A policy that chooses always gets the images.
-        sees_images: !acts || introduction.images.is_some(),
-        image_side: introduction.images.filter(|_| acts),
+        sees_images: introduction.level == DecisionLevel::Choose || image_side.is_some(),
+        image_side,
         file: Some(bare_name(&source.file)),
         class: Some(source.class.clone()),
         sha256: Some(source.sha256.clone()),
         arguments: source.arguments.clone(),
         argument_files: argument_files(source)?,
     })
+}
+
+/// Returns the side of the images of a policy that acts, pixels; none for one that chooses, whose images have their own
+/// size.
+pub(crate) fn acting_image_side(introduction: &PolicyIntroduction) -> Option<usize> {
+    introduction.images.filter(|_| introduction.level == DecisionLevel::Act)
 }
 
 /// Returns a path without its folder.

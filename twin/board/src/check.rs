@@ -60,7 +60,7 @@ pub fn verify(entry: &BoardEntry, path: &Path) -> Result<Vec<Difference>, BoardE
     }
     compare("hashes.settings", &entry.hashes.settings, &entry.settings.digest(&entry.hashes.scenario)?);
     let size = (entry.work.combinations, entry.work.trials);
-    for seed in entry.work.seeds.iter().take(1) {
+    if let Some(seed) = entry.work.seeds.first() {
         let request = entry.settings.to_request(*seed, size, &entry.conditions());
         request.check(path)?;
         let robot = request.robot_model(path).map_err(BoardError::Run)?;

@@ -8,13 +8,13 @@ use anyhow::{Context as _, Result, bail};
 use bench::builtin::bench_from_request;
 use bench::trial::NoWatcher;
 use bench::workers;
-use external_policy::{ExternalPolicy, PolicyIntroduction, PolicySource};
+use external_policy::{DecisionLevel, ExternalPolicy, PolicyIntroduction, PolicySource};
 use progress::interrupt::{Interrupt, Interrupted};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use scenarios::record::{Condition, TrialRecord};
 
-use crate::add::argument_files;
+use crate::add::{acting_image_side, argument_files};
 use crate::check::{Difference, uses_scenario_of_this_program};
 use crate::entry::BoardEntry;
 use crate::error::BoardError;
@@ -167,10 +167,8 @@ fn choose(entry: &BoardEntry, sample: Sample) -> BTreeMap<u64, Vec<(usize, usize
 /// Returns the difference of the policy's introduction from the entry, if there is one.
 fn introduction_difference(entry: &BoardEntry, introduction: &PolicyIntroduction) -> Option<Difference> {
     let facts = &entry.policy;
-    let acts = introduction.level == external_policy::DecisionLevel::Act;
-    let side = introduction.images.filter(|_| acts);
-    let (found, expected) = ((facts.level, facts.image_side), (introduction.level, side));
-    let words = |(level, side): (external_policy::DecisionLevel, Option<usize>)| {
+    let (found, expected) = ((facts.level, facts.image_side), (introduction.level, acting_image_side(introduction)));
+    let words = |(level, side): (DecisionLevel, Option<usize>)| {
         format!(
             "{level:?}, images {}",
             side.map_or("as the level has them".to_owned(), |side| format!("of {side} pixels"))
