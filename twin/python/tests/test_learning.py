@@ -197,6 +197,26 @@ class Goals(unittest.TestCase):
         infos[0] = {"held": [False]}
         np.testing.assert_array_equal(env.compute_reward(achieved, desired, infos), [-1.0, -1.0])
 
+    def test_images_and_parts_are_those_of_pick_one(self):
+        choices = {"images": 16, "tactile": "change", "grasp": True}
+        env = gymnasium.make("ftac/LiftTo-v1", tolerance=0.01, **choices).unwrapped
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            check_env(env)
+        observation, _ = env.reset(seed=3)
+        picked, _ = gymnasium.make("ftac/PickOne-v1", **choices).unwrapped.reset(seed=3)
+        self.assertEqual({*env.parts(observation["observation"]), "tactile"}, set(picked))
+        for name, value in {**env.parts(observation["observation"]), "tactile": observation["tactile"]}.items():
+            np.testing.assert_array_equal(value, picked[name], name)
+
+    def test_the_tolerance_decides(self):
+        held = {"held": [True]}
+        for tolerance, reward in ((0.01, -1.0), (0.03, 0.0)):
+            env = gymnasium.make("ftac/LiftTo-v1", tolerance=tolerance).unwrapped
+            self.assertEqual(env.compute_reward(np.zeros(3), np.array([0.02 / 0.5, 0.0, 0.0]), held), reward)
+        with self.assertRaisesRegex(ValueError, "tolerance: found 0, expected a positive number, m"):
+            gymnasium.make("ftac/LiftTo-v1", tolerance=0)
+
 
 if __name__ == "__main__":
     unittest.main()

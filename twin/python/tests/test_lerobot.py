@@ -192,12 +192,13 @@ class DataSet(unittest.TestCase):
         (folder / "broken.json").unlink()
 
     def test_goals_are_among_what_is_to_be_reached_for(self):
-        env = envs.LiftTo()
+        env = envs.LiftTo(images=16)
         layout = Layout.of(env)
         observation, _ = env.reset(seed=2)
         vectors = layout.vectors(observation)
         np.testing.assert_array_equal(vectors[ENVIRONMENT][-3:], observation["desired_goal"])
-        again = layout.observation(vectors, {})
+        again = layout.observation(vectors, layout.images(observation))
+        self.assertEqual(set(again), set(observation))
         for name, value in observation.items():
             np.testing.assert_array_equal(again[name], value, name)
         self.assertEqual({name: len(row) for name, row in vectors.items()}, {name: len(row) for name, row in layout.names().items() if name != ACTION})

@@ -272,32 +272,38 @@ class Pick(gymnasium.Env[Observation, Vector]):
 class LiftTo(Pick):
     """`Pick` of one object with goals, for hindsight relabelling (HER): the object is to be moved to a point and held there.
 
-    Observations have three keys, all float32: ``observation``, the flattened observations of `Pick` in their order (no images); ``achieved_goal`` (3,), the
-    object's true position; ``desired_goal`` (3,), the point, which is drawn over the table. Both are relative to `ftac.features.CENTER` / `ftac.features.REACH`.
-    The reward is that of `compute_reward`: 0 within `TOLERANCE` of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter.
+    Observations have three keys, all float32: ``observation``, the flattened observations of `Pick` in their order (`parts` takes them apart);
+    ``achieved_goal`` (3,), the object's true position; ``desired_goal`` (3,), the point, which is drawn over the table. Both are relative to
+    `ftac.features.CENTER` / `ftac.features.REACH`. With ``images`` there is ``tactile`` too. On a robot nobody knows ``achieved_goal``: a policy that is to
+    run there leaves it to the learner, and has to find out where in the hand the object is.
+    The reward is that of `compute_reward`: 0 within ``tolerance`` (m) of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter.
     """
 
     TOLERANCE = 0.03
-    """Distance from the goal that counts as reached, m."""
+    """Distance from the goal that counts as reached unless ``tolerance`` is given, m."""
     GOALS: NDArray[np.float64] = np.array([[0.55, 0.68], [-0.15, 0.15], [0.12, 0.25]])
     """Lowest and highest x, y, z of a goal, m, world."""
 
-    def __init__(self, **options: Any) -> None:
-        for name in ("task", "reward", "images", "camera"):
+    def __init__(self, *, tolerance: float = TOLERANCE, **options: Any) -> None:
+        for name in ("task", "reward", "camera"):
             if options.get(name) is not None:
                 raise ValueError(f"{name}: found {options[name]!r}, expected none for an environment with goals")
+        if not 0.0 < tolerance < np.inf:
+            raise ValueError(f"tolerance: found {tolerance}, expected a positive number, m")
         super().__init__("pick_one", **options)
-        self._order = list(self._named)
-        length = sum(int(np.prod(space.shape or ())) for space in self._named.values())
+        self.tolerance = float(tolerance)
+        self._shapes = {name: space.shape or () for name, space in self._named.items() if name != "tactile"}
+        length = sum(int(np.prod(shape)) for shape in self._shapes.values())
         self._goal = np.zeros(3)
         self._held = False
-        self.observation_space = spaces.Dict(
-            {
-                "observation": spaces.Box(-1.0, 1.0, (length,), np.float32),
-                "achieved_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
-                "desired_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
-            }
-        )
+        named: dict[str, spaces.Space[Any]] = {
+            "observation": spaces.Box(-1.0, 1.0, (length,), np.float32),
+            "achieved_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
+            "desired_goal": spaces.Box(-1.0, 1.0, (3,), np.float32),
+        }
+        if "tactile" in self._named:
+            named["tactile"] = self._named["tactile"]
+        self.observation_space = spaces.Dict(named)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -309,11 +315,15 @@ class LiftTo(Pick):
         self._goal = (self.np_random.uniform(low, high) - features.CENTER) / features.REACH
         return {**observation, "desired_goal": self._goal.astype(np.float32)}, info
 
+    def parts(self, observation: Vector) -> Observation:
+        """The observations of `Pick` by name, of the key ``observation``."""
+        return features.apart(observation, self._shapes)
+
     def compute_reward(self, achieved_goal: Vector, desired_goal: Vector, info: Any) -> Any:
         """Rewards of achieved for desired goals, each (3,) or (n, 3); ``info``, or an array of n, has ``held``."""
         distance = features.REACH * np.linalg.norm(np.asarray(achieved_goal) - np.asarray(desired_goal), axis=-1)
         held = np.array([one["held"][0] for one in info]) if np.ndim(distance) else info["held"][0]
-        reached = (distance < self.TOLERANCE) & held
+        reached = (distance < self.tolerance) & held
         return reached.astype(np.float32) - 1.0 if np.ndim(distance) else float(reached) - 1.0
 
     def _judge(
@@ -329,8 +339,10 @@ class LiftTo(Pick):
         observed = super()._observe()
         assert self._episode is not None
         position = self._episode.true_state()["objects"][0, :3]
+        images = {"tactile": observed["tactile"]} if "tactile" in observed else {}
         return {
-            "observation": np.concatenate([observed[name].ravel() for name in self._order]),
+            **images,
+            "observation": np.concatenate([observed[name].ravel() for name in self._shapes]),
             "achieved_goal": np.clip((position - features.CENTER) / features.REACH, -1.0, 1.0).astype(np.float32),
             "desired_goal": self._goal.astype(np.float32),
         }

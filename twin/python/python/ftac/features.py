@@ -405,6 +405,13 @@ def _clipped(values: Array) -> Row:
     return clipped
 
 
+def apart(flat: ArrayLike, shapes: Mapping[str, tuple[int, ...]]) -> Observation:
+    """Arrays of these shapes by name, from all their numbers one after another."""
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
+    pieces = np.split(np.asarray(flat), ends[:-1])
+    return {name: piece.reshape(shape) for (name, shape), piece in zip(shapes.items(), pieces)}
+
+
 def relative_rows(poses: Array) -> Row:
     """Rows of twelve numbers of poses (n, 4, 4)."""
     position = poses[:, :3, 3]

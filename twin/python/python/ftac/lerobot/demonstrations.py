@@ -82,7 +82,7 @@ def demonstrations(
             numbers = range(first, first + TRIALS_IN_FILE)
             started, trials, clean = time.monotonic(), 0, 0
             loss = {"error": 0.0, "signal": 0.0}
-            for episode, _ in _in_order(benchmark, numbers, combinations, replace(spec), jobs):
+            for episode, _ in _in_order(benchmark, numbers, combinations, spec, jobs):
                 trials += 1
                 if episode is not None:
                     clean += 1
@@ -125,7 +125,7 @@ def _in_order(benchmark: _native.Benchmark, numbers: range, combinations: int, s
 def _replay(benchmark: _native.Benchmark, writer: Writer, spec: Any, most: int) -> dict[str, Any]:
     """Repeats the actions of some episodes: how many were repeated, succeed, and succeed cleanly."""
     chosen = sorted(set(np.linspace(0, len(writer.rows) - 1, min(most, len(writer.rows))).astype(int).tolist()))
-    records = [replay(benchmark, spec, writer.rows[n], writer.vectors_of(n)[ACTION]) for n in chosen]
+    records = [replay(benchmark, spec, writer.rows[n], writer.vector_of(n, ACTION)) for n in chosen]
     count = {name: sum(bool(record[name]) for record in records) for name in ("success", "clean_success")}
     return {"replayed": len(records), "replayed_success": count["success"], "replayed_clean_success": count["clean_success"]}
 

@@ -96,8 +96,8 @@ class Layout:
         return asdict(self)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of the observations by the keys of `ftac.features`, in their order; an environment with goals flattens all but ``goal`` and
-        ``achieved_goal``."""
+        """Shapes of the observations by the keys of `ftac.features`, in their order; an environment with goals flattens all but ``goal``,
+        ``achieved_goal`` and ``tactile``."""
         found = features.shapes(self.spec, self.objects, self.joints, len(self.pads))
         if self.camera is not None:
             found["scene_camera"] = (self.camera, self.camera, 3)
@@ -148,16 +148,14 @@ class Layout:
         shapes = self.shapes()
         found: dict[str, Any] = {}
         for key, parts in PARTS.items():
-            rest = np.asarray(vectors[key], dtype=np.float32)
-            for name in (part for part in parts if part in shapes):
-                count = int(np.prod(shapes[name]))
-                found[name], rest = rest[:count].reshape(shapes[name]), rest[count:]
+            found |= features.apart(np.asarray(vectors[key], dtype=np.float32), {part: shapes[part] for part in parts if part in shapes})
         found |= {name: np.asarray(vectors[name], dtype=np.float32) for name in APART if name in shapes}
-        if self.goal:
-            flat = np.concatenate([found[name].ravel() for name in self._flattened()])
-            return {"observation": flat, "achieved_goal": found["achieved_goal"], "desired_goal": found["goal"]}
         if self.spec.images is not None:
             found["tactile"] = np.stack([images[IMAGES + pad] for pad in self.pads])
+        if self.goal:
+            tactile = {name: found[name] for name in ("tactile",) if name in found}
+            flat = np.concatenate([found[name].ravel() for name in self._flattened()])
+            return {**tactile, "observation": flat, "achieved_goal": found["achieved_goal"], "desired_goal": found["goal"]}
         if self.camera is not None:
             found["scene_camera"] = images[IMAGES + "scene"]
         return {name: found[name] for name in shapes}
@@ -175,15 +173,12 @@ class Layout:
         shapes = {name: shape for name, shape in self.shapes().items() if name not in ("tactile", "scene_camera")}
         if not self.goal:
             return {name: self._checked(name, observation) for name in shapes}
-        flat, found = np.asarray(observation["observation"]), {}
-        for name in self._flattened():
-            count = int(np.prod(shapes[name]))
-            found[name], flat = flat[:count].reshape(shapes[name]), flat[count:]
+        found = features.apart(observation["observation"], {name: shapes[name] for name in self._flattened()})
         return {**found, "goal": np.asarray(observation["desired_goal"]), "achieved_goal": np.asarray(observation["achieved_goal"])}
 
     def _flattened(self) -> list[str]:
         """Keys that an environment with goals flattens, in their order."""
-        return [name for name in self.shapes() if name not in ("goal", "achieved_goal")]
+        return [name for name in self.shapes() if name not in ("goal", "achieved_goal", "tactile")]
 
     def _checked(self, name: str, observation: Mapping[str, Any]) -> Any:
         shape = self.shapes()[name]

@@ -23,7 +23,7 @@ from ftac.lerobot.video import FPS, Quality, Video, quality_of
 
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 FLAGS = ("next.done", "next.success")
-VIDEO_BYTES = 200 << 20
+VIDEO_BYTES = tables.VIDEO_MB << 20
 """Size of a video file from which the next episode begins another one."""
 
 
@@ -187,12 +187,13 @@ class Writer:
         """What `finish_file` was told for each finished file."""
         return [json.loads(self._path("facts", "json", n).read_text()) for n in range(self._file)]
 
-    def vectors_of(self, episode: int) -> dict[str, NDArray[Any]]:
-        """Vectors of an episode of a finished file, as they were added."""
+    def vector_of(self, episode: int, name: str) -> NDArray[Any]:
+        """A vector of an episode of a finished file, as it was added."""
         row = self.rows[episode]
         number = int(row["data/chunk_index"]) * tables.FILES + int(row["data/file_index"])
-        within = slice(row["dataset_from_index"] - self._first_of(number), row["dataset_to_index"] - self._first_of(number))
-        return {name: tables.read_column([self._path("data", number=number)], name)[within] for name in self.layout.names()}
+        first = self._first_of(number)
+        column = tables.read_column([self._path("data", number=number)], name)
+        return column[row["dataset_from_index"] - first : row["dataset_to_index"] - first]
 
     def bytes(self) -> int:
         """Size of the finished files."""
