@@ -96,9 +96,10 @@
 //! program therefore leaves everything up to its last whole tick, and [`reader`] reads such a file.
 //!
 //! # Limitations
-//! A camera's noise cannot be packed: with a standard deviation of one grey level, an image of 240 x 240 pixels takes 51 kB
-//! instead of 173, and 18 cameras at 10 Hz write 9 MB/s while all images change. [`ros2`] expects images of 240 x 240 pixels. Log times are of the host's clock alone: device clocks are
-//! recorded and not synchronised. Only Unix systems.
+//! A camera's noise cannot be packed: with a standard deviation of one grey level, an image of 240 x 240 pixels takes
+//! 51 kB instead of 173, and 18 cameras at 10 Hz write 9 MB/s while all images change. [`ros2`] expects images of 240 x
+//! 240 pixels. Log times are of the host's clock alone: device clocks are recorded and not synchronised. Only Unix
+//! systems.
 
 #![deny(missing_docs, unreachable_pub)]
 
@@ -112,6 +113,7 @@ pub mod replay;
 pub mod ros2;
 pub mod schema;
 mod sizes;
+mod tactile_frame;
 pub mod tap;
 pub mod writer;
 

@@ -17,8 +17,9 @@ use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, DetectedObject, DetectedPose, LastImages, Observation, RobotSizes, Tick};
+use crate::message::{Command, DetectedObject, DetectedPose, Observation, RobotSizes, Tick};
 use crate::sizes::InvalidField;
+use crate::tactile_frame::LastImages;
 use crate::tap::Direction;
 use crate::writer::{
     CALIBRATION_TOPIC, COMMAND_FAILED_TOPIC, CONFIGURATION_TOPIC, DETECTION_FAILED_TOPIC, DETECTION_TOPIC,

@@ -106,7 +106,8 @@ fn field(number: i32, name: &str, shape: &FieldType) -> FieldDescriptorProto {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{Command, DetectedObject, LastImages, Observation, Tick};
+    use crate::message::{Command, DetectedObject, Observation, Tick};
+    use crate::tactile_frame::LastImages;
     use hand_model::robot;
     use prost_reflect::{DescriptorPool, DynamicMessage, Value};
 

@@ -13,8 +13,9 @@ use mcap::{Compression, WriteOptions};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, DetectedObject, DetectedPose, LastImages, Observation, Tick};
+use crate::message::{Command, DetectedObject, DetectedPose, Observation, Tick};
 use crate::schema;
+use crate::tactile_frame::LastImages;
 use crate::tap::{Direction, LinkPacket};
 
 /// Version of the layout described in the [crate's documentation](crate).

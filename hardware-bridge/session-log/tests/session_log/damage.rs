@@ -132,6 +132,38 @@ fn other_files_are_refused_by_name() {
     assert!(error.to_string().contains("beginning is cut short"), "{error}");
 }
 
+/// A session of the former format, without compression, is read; one of a format still to come is refused by name.
+#[test]
+fn the_former_format_is_read() {
+    with_recording(20, |path, bytes| {
+        rewrite(path, &bytes);
+        let written = read(path).0;
+        let summary = mcap::Summary::read(&bytes).expect("a summary").expect("finished");
+        let index = &summary.metadata_indexes[0];
+        let session = mcap::read::metadata(&bytes, index).expect("the session's description");
+        for (format, expected) in [("3", Ok(())), ("5", Err("format is 5 (written by test 1.0), expected 3 or 4"))] {
+            drop(std::fs::remove_file(path));
+            let options = mcap::WriteOptions::new().compression(None);
+            let mut former = options.create(std::fs::File::create(path).expect("created")).expect("writes");
+            let mut description = session.clone();
+            description.metadata.insert("format".to_owned(), format.to_owned());
+            former.write_metadata(&description).expect("written");
+            for message in mcap::MessageStream::new(&bytes).expect("messages") {
+                former.write(&message.expect("a message")).expect("written");
+            }
+            former.finish().expect("finished");
+            let (events, ended) = read(path);
+            match expected {
+                Ok(()) => assert_eq!((format!("{events:?}"), ended.expect("whole")), (format!("{written:?}"), true)),
+                Err(why) => {
+                    let error = ended.expect_err("refused").to_string();
+                    assert!(error.ends_with(why), "{error}");
+                }
+            }
+        }
+    });
+}
+
 /// An empty session is valid.
 #[test]
 fn a_session_without_a_tick() {
