@@ -3,45 +3,40 @@
 use std::path::Path;
 
 use anyhow::Result;
-use dexterous_grasping::synthesis::collection::SearchSummary;
+use dexterous_grasping::synthesis::collection::{ObjectGrasps, SearchSummary};
+use dexterous_grasping::synthesis::diversity::{self, Opposition, opposition};
 use dexterous_grasping::synthesis::held::{DigitUse, pose_from_array};
 use dexterous_grasping::synthesis::kind::GraspKind;
 use ftac_platform::data::write_atomically;
 use grasp_verification::synthesis::grasp_file::GraspFile;
 use grasp_verification::synthesis::grasping_hand::GraspingHand;
-use grasp_verification::synthesis::parts::table;
 use grasp_verification::synthesis::subject::verified_for;
+use hand_model::Digit;
 use image::RgbImage;
-use maud::html;
+use maud::{Markup, html};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use telemetry::gallery::{GalleryContact, GalleryGrasp, GalleryHand, friction_cone};
 use telemetry::mesh::Mesh;
 use telemetry::scene::link_color;
 use world::objects::ObjectModel;
 
-use crate::html::page;
-use crate::picture::{self, Picture, View};
+use crate::html::{ColumnAlignment, HtmlTable, count_with_noun, format_number, page};
+use crate::picture::{self, Picture, View, hand_points};
 use crate::pictures;
 
 /// Sizes of the pictures of an object and of a grasp, pixels.
 const OBJECT_PICTURE_SIZE: u32 = 200;
 const GRASP_PICTURE_SIZE: u32 = 260;
-/// Width of the view in these pictures, m.
+/// Width of the view of an object, m.
 const OBJECT_VIEW_WIDTH: f64 = 0.17;
-const GRASP_VIEW_WIDTH: f64 = 0.24;
-/// Width of the view of a hand without pads, as a multiple of the diagonal of the drawn geometry.
-const VIEW_MARGIN: f64 = 0.95;
-/// Maximum number of characters in a line of a caption.
-const MAX_CAPTION_LINE: usize = 30;
 /// Colours of a hand without pads and of its contact points.
 const HAND_COLOR: [f64; 3] = [176.0, 182.0, 192.0];
 pub const CONTACT_COLOR: [f64; 3] = [200.0, 30.0, 60.0];
 /// Radius of a contact point, m.
 pub const CONTACT_DOT_RADIUS: f64 = 2.5e-3;
-/// Pictures per row.
-const COLUMNS: usize = 6;
-/// Opacity of a friction cone, 0 to 1.
+/// Opacities of a friction cone, and of the object over the digits that hide it, 0 to 1.
 const CONE_OPACITY: f64 = 0.55;
+const OBJECT_OPACITY: f64 = 0.4;
 
 /// Returns the hand's collision shapes at joint coordinates (rad or m), three points per triangle, palm frame.
 pub fn skin(hand: &GraspingHand, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
@@ -103,31 +98,25 @@ pub fn gallery_grasp(hand: &GraspingHand, kind: &GraspKind<'_>) -> GalleryGrasp 
     }
 }
 
-/// Draws a single object in its resting pose.
-fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
-    pictures::object(model, OBJECT_PICTURE_SIZE, OBJECT_VIEW_WIDTH, &format!("{}\n{line}", model.name))
-}
-
 /// Returns the friction coefficient for which a kind's grasp was verified.
 pub fn friction(kind: &GraspKind<'_>) -> f64 {
     verified_for(kind.best).1
 }
 
-/// Draws a grasp: hand, object, contact points and cones.
+/// Draws a grasp: hand, object, contact points and cones. The object shows through the digits in front of it.
 fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &GraspKind<'_>, view: View) -> RgbImage {
     let shown = gallery_grasp(hand, kind);
-    let (center, width) = match hand.named_hand {
-        // Centred between object and palm, and a little higher: the caption takes the top.
-        Some(_) => {
-            (Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02), GRASP_VIEW_WIDTH)
-        }
-        None => enclosing_view(&skin(hand, &kind.best.joints)),
+    let points = match &hand.named_hand {
+        Some(own) => hand_points(own, &kind.best.joints),
+        None => skin(hand, &kind.best.joints).into_iter().flatten().collect(),
     };
-    let mut picture = Picture::new(GRASP_PICTURE_SIZE, view.recentered(center, width));
+    let mut picture = Picture::new(GRASP_PICTURE_SIZE, view.enclosing(&points));
     draw_hand(&mut picture, hand, &kind.best.joints);
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);
     picture.triangles(&shown.palm_from_object, &vertices, &triangles, &normals, color);
+    let placed: Vec<Point3<f64>> = vertices.iter().map(|vertex| shown.palm_from_object * vertex).collect();
+    picture.overlay(&placed, &triangles, color, OBJECT_OPACITY);
     for contact in &shown.contacts {
         let cone = friction_cone(contact, friction(kind));
         let color = hand.named_hand.as_ref().map_or(CONTACT_COLOR, |own| link_color(own, contact.link).map(f64::from));
@@ -135,91 +124,131 @@ fn grasp_picture(hand: &GraspingHand, model: &ObjectModel, kind: &GraspKind<'_>,
         picture.overlay(&tips, &cone.triangles, color, CONE_OPACITY);
         picture.dot(&contact.point, 1.5e-3, color);
     }
-    let name = wrap_name(&kind.name);
-    picture.finish(&format!("{}\n{name}, {} of it\nmargin {:.2} N", model.name, kind.count, kind.best.margin))
+    picture.finish("")
 }
 
-/// Returns the centre of the drawn geometry, and the width of a picture that shows all of it, m.
-fn enclosing_view(skin: &[[Point3<f64>; 3]]) -> (Point3<f64>, f64) {
-    let (low, high) = skin
-        .iter()
-        .flatten()
-        .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), point| {
-            (low.inf(&point.coords), high.sup(&point.coords))
-        });
-    (Point3::from(0.5 * (low + high)), VIEW_MARGIN * (high - low).norm())
+/// Says in words what a kind's grasp is: its digits and the direction in which they press, or its name for a hand
+/// whose digits have none.
+fn words(kind: &GraspKind<'_>) -> String {
+    let Some(DigitUse { digits, palm, .. }) = &kind.best.digit_use else { return kind.name.clone() };
+    let names: Vec<&str> = palm.then_some("palm").into_iter().chain(digits.iter().map(|digit| digit.name())).collect();
+    format!("{}; {} opposition", names.join(", "), opposition(kind.best).name())
 }
 
-/// Breaks a kind's name after its plus signs into lines that fit a caption.
-fn wrap_name(name: &str) -> String {
-    let mut lines = vec![String::new()];
-    for word in name.split_inclusive('+') {
-        if lines.last().is_some_and(|line| line.len() + word.len() > MAX_CAPTION_LINE) {
-            lines.push(String::new());
-        }
-        if let Some(line) = lines.last_mut() {
-            line.push_str(word);
-        }
+/// Writes the pictures of a kind's grasp, one per view, and returns them with a caption.
+fn figures(
+    (hand, model): (&GraspingHand, &ObjectModel),
+    (number, kind): (usize, &GraspKind<'_>),
+    views: &[View],
+    folder: &Path,
+) -> Result<Markup> {
+    let mut files = Vec::new();
+    for (n, view) in views.iter().enumerate() {
+        files.push(format!("{}_{number}_{n}.png", model.name));
+        picture::save(&grasp_picture(hand, model, kind, *view), &folder.join(&files[n]))?;
     }
-    lines.join("\n")
+    let words = words(kind);
+    Ok(html! {
+        figure {
+            @for file in &files { img src=(file) width=(GRASP_PICTURE_SIZE) height=(GRASP_PICTURE_SIZE) alt={ (model.name) " held by " (words) }; }
+            figcaption { (words) br; (count_with_noun(kind.count, "grasp")) ", margin " (format_number(kind.best.margin, 2)) " N" }
+        }
+    })
 }
+
+/// Makes the table of the objects' diversity.
+fn diversity_table(entries: &[&ObjectGrasps]) -> HtmlTable {
+    use ColumnAlignment::{Numbers, Words};
+    let digits = Digit::ALL.map(|digit| digit.name());
+    let mut head = vec![("object", Words), ("grasps", Numbers), ("chains", Numbers), ("sets of digits", Numbers)];
+    head.extend(digits.iter().map(|name| (*name, Numbers)));
+    head.push(("palm", Numbers));
+    let kinds = Opposition::ALL.map(|kind| (kind.name(), format!("{} opposition", kind.name())));
+    head.extend(kinds.iter().map(|(_, name)| (name.as_str(), Numbers)));
+    head.extend([("thumb abducted", Numbers), ("1 component", Numbers), ("3", Numbers), ("6", Numbers)]);
+    let mut table = HtmlTable::new("Shares in percent", &head);
+    for entry in entries {
+        let found = diversity::describe(&entry.grasps);
+        let percent = |share: f64| format_number(100.0 * share, 0);
+        let mut row = vec![entry.summary.object.clone()];
+        row.extend([found.grasps.to_string(), entry.summary.chains.to_string(), found.sets.len().to_string()]);
+        row.extend(found.digits.iter().chain([&found.palm]).map(|share| percent(*share)));
+        let count = |name: &str| found.opposition.get(name).copied().unwrap_or(0) as f64;
+        row.extend(kinds.iter().map(|(name, _)| percent(count(name) / found.grasps.max(1) as f64)));
+        row.push(percent(found.thumb[2]));
+        row.extend([1, 3, 6].map(|n| percent(found.explained.get(n - 1).copied().unwrap_or(f64::NAN))));
+        table.row(&row);
+    }
+    table
+}
+
+/// Pictures with their captions are as wide as the pictures.
+const STYLE: &str =
+    ".objects{gap:20px}.objects figure{width:min-content;text-align:left}.objects img{display:block;max-width:none}";
+/// Explains the words of the page.
+const TERMS: &str = "Dots are the points of contact and cones the friction cones of the verification, coloured by digit; the object shows through \
+    the digits in front of it. A kind is a set of parts of the hand that touch the object, with the direction in which thumb or palm press \
+    on it: along the palm (pad opposition), perpendicular to it (palm opposition), or across it (side opposition); in finger opposition neither \
+    touches. Shown is the best grasp of each kind, which has the largest margin: the force, in any direction, that the grasp resists.";
+const DIVERSITY_TERMS: &str = "For each object: grasps kept and chains of the search that it took; how many different sets of digits touch; \
+    the share of the grasps in which each digit and the palm touch, of each kind of opposition, and of those with an abducted thumb, which faces the \
+    fingers; and how much of the joint angles' variance the first 1, 3 and 6 principal components explain.";
 
 /// Writes the page of the grasps of `file` into the existing `folder`; `only` limits it to one object. If the digits of
 /// a hand have no names, its kinds, `most` at most, are shown from three sides.
 pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -> Result<()> {
     let hand = &file.hand;
-    let (views, most, columns) = match hand.named_hand {
-        Some(_) => (vec![View::palm()], 2 * COLUMNS, COLUMNS),
-        None => (vec![View::palm(), View::thumb_side(), View::tips()], most, 3),
+    let views = match hand.named_hand {
+        Some(_) => vec![View::palm()],
+        None => vec![View::palm(), View::thumb_side(), View::tips()],
     };
-    let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), Vec::new());
-    for entry in file.objects(only)? {
+    let entries = file.objects(only)?;
+    let (mut objects, mut sections) = (Vec::new(), Vec::new());
+    for entry in &entries {
         let name = &entry.summary.object;
         let model = &*file.model(name)?;
         let (low, high) = model.shape.aabb();
         let size = (high - low) * 1e3;
-        objects.push(object_picture(
-            model,
-            &format!(
-                "{:.0}x{:.0}x{:.0} mm\n{:.0} g\n{} grasps",
-                size.x,
-                size.y,
-                size.z,
-                1e3 * model.mass,
-                entry.grasps.len()
-            ),
-        ));
+        let picture = format!("{name}.png");
+        picture::save(&pictures::object(model, OBJECT_PICTURE_SIZE, OBJECT_VIEW_WIDTH, ""), &folder.join(&picture))?;
+        objects.push(html! {
+            figure {
+                a href={ "#" (name) } { img src=(picture) width=(OBJECT_PICTURE_SIZE) height=(OBJECT_PICTURE_SIZE) alt=(name); }
+                figcaption {
+                    (name) br;
+                    (format!("{:.0} x {:.0} x {:.0} mm, {:.0} g", size.x, size.y, size.z, 1e3 * model.mass)) br;
+                    (count_with_noun(entry.grasps.len(), "grasp"))
+                }
+            }
+        });
         let kinds = file.kinds(entry);
-        let of = |kind| views.iter().map(move |view| grasp_picture(hand, model, kind, *view));
-        let pictures: Vec<RgbImage> = kinds.iter().take(most).flat_map(of).collect();
-        best.extend(pictures.first().cloned());
-        let sheet = format!("{name}.png");
-        picture::save(&picture::tile(&pictures, columns), &folder.join(&sheet))?;
+        let drawn = kinds.iter().take(most).enumerate();
+        let grasps = drawn.map(|kind| figures((hand, model), kind, &views, folder)).collect::<Result<Vec<_>>>()?;
         let short = entry.summary.short.as_deref().unwrap_or("");
         let SearchSummary { kept, requested: wanted, chains, .. } = &entry.summary;
         sections.push(html! {
-            h2 { (name) }
-            p { (kept) " grasps of " (wanted) " from " (chains) " chains, " (kinds.len()) " kinds. " (short) }
-            img src=(sheet) alt={ "grasps of " (name) };
+            h2 id=(name) { (name) }
+            p { (kept) " grasps of " (wanted) " from " (chains) " chains, " (kinds.len()) " kinds, the most frequent first. " (short) }
+            div.objects { @for grasp in grasps { (grasp) } }
         });
     }
-    picture::save(&picture::tile(&objects, COLUMNS), &folder.join("objects.png"))?;
-    picture::save(&picture::tile(&best, COLUMNS), &folder.join("best.png"))?;
     let main = html! {
         h1 { "Synthesized grasps" }
         p.byline { (file.collection.header.command) }
-        p { "Dots are contact points, cones the friction cones of the verification, coloured by digit." }
+        p {
+            @if let Some(own) = &hand.named_hand { "The hand is a " (own.parameters.handedness) " one, seen from the side of its palm. " }
+            (TERMS)
+        }
         h2 { "Objects" }
-        img src="objects.png" alt="the objects";
-        h2 { "The best grasp of each object's most frequent kind" }
-        img src="best.png" alt="a grasp of each object";
+        div.objects { @for object in objects { (object) } }
+        @for section in sections { (section) }
         @if hand.named_hand.is_some() {
             h2 { "Diversity" }
-            pre { (table(&file.collection)) }
+            p { (DIVERSITY_TERMS) }
+            (diversity_table(&entries))
         }
-        @for section in sections { (section) }
     };
-    let html = page("Synthesized grasps", "img{max-width:100%}", &main, "");
+    let html = page("Synthesized grasps", STYLE, &main, "");
     Ok(write_atomically(&folder.join("grasps.html"), html.as_bytes())?)
 }
 

@@ -31,6 +31,9 @@ pub enum Opposition {
 }
 
 impl Opposition {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Pad, Self::Palm, Self::Side, Self::Fingers];
+
     /// Returns the name: `pad`, `palm`, `side` or `fingers`.
     pub fn name(self) -> &'static str {
         match self {

@@ -13,7 +13,7 @@ use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use schemars::JsonSchema;
 use serde::Serialize;
-use world::objects::ObjectModel;
+use world::objects::{ObjectModel, Symmetry};
 
 use super::shared::display_path;
 use crate::options::robot::RobotArgs;
@@ -23,6 +23,11 @@ use crate::terminal::Terminal;
 const SHEET_SIZE_MM: [f64; 2] = [420.0, 297.0];
 /// Spacing of the grid lines, mm.
 const GRID_SPACING_MM: f64 = 50.0;
+/// Size of the letters, distance of an object's label from its outline, and least distance of the label's middle from the
+/// sheet's left and right edges, mm.
+const LETTER_MM: f64 = 5.0;
+const LABEL_DISTANCE_MM: f64 = 8.0;
+const LABEL_MARGIN_MM: f64 = 60.0;
 
 /// Arguments of `bridge sheet`.
 #[derive(Debug, Args)]
@@ -51,7 +56,7 @@ struct PlacedObject {
     y_m: f64,
     /// Coordinate of its origin in the table frame, m.
     z_m: f64,
-    /// Yaw about the vertical, rad.
+    /// Yaw about the vertical from the resting pose, rad.
     turn_rad: f64,
 }
 
@@ -78,7 +83,7 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     ftac_platform::data::write_atomically(&out, nominal.as_bytes())?;
     let placed = |(object, place): &(Arc<ObjectModel>, Isometry3<f64>)| {
         let [x_m, y_m, z_m] = place.translation.vector.into();
-        PlacedObject { object: object.name.clone(), x_m, y_m, z_m, turn_rad: yaw(place) }
+        PlacedObject { object: object.name.clone(), x_m, y_m, z_m, turn_rad: yaw(object, place) }
     };
     let sheet = SheetOutput { sheet: display_path(&out), objects: standing.iter().map(placed).collect() };
     let hint = "print it on A3 in full size, check the scale bar, and lay its cross on the table's mark";
@@ -106,9 +111,14 @@ fn ball_objects(robot: &RobotModel, seed: u64) -> Result<PosedObjects> {
     Ok(placements.into_iter().map(|placement| (placement.model, placement.pose)).collect())
 }
 
-/// Returns the yaw about the vertical, rad.
-fn yaw(place: &Isometry3<f64>) -> f64 {
-    place.rotation.euler_angles().2
+/// Returns the yaw about the vertical from the object's resting pose, rad.
+fn yaw(object: &ObjectModel, place: &Isometry3<f64>) -> f64 {
+    (place.rotation * object.rest.inverse()).euler_angles().2
+}
+
+/// True for a ball, which nobody can turn wrongly.
+fn is_round(object: &ObjectModel) -> bool {
+    matches!(object.symmetry, Symmetry::Full)
 }
 
 /// Draws the sheet as seen from above, 1:1, with x upwards and y to the left.
@@ -125,7 +135,7 @@ fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
     let [width, height] = SHEET_SIZE_MM;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"sans-serif\" font-size=\"5\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+         font-family=\"sans-serif\" font-size=\"{LETTER_MM}\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
     let mut put = |text: String| svg.push_str(&text);
     let [x, y] = [0.5 * width, 0.5 * height];
@@ -138,9 +148,14 @@ fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
     for (n, (object, place)) in objects.iter().enumerate() {
         let (vertices, triangles, _) = object.shape.triangles();
         let corners: Vec<[f64; 2]> = vertices.iter().map(|vertex| on_sheet(&(*place * vertex))).collect();
-        let mut outline = String::new();
+        let (mut outline, mut lowest) = (String::new(), 0.0_f64);
         for triangle in &triangles {
-            let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
+            let [a, mut b, mut c] = triangle.map(|corner| corners[corner as usize]);
+            // Triangles of upper and lower side must go round the same way: opposite ways cancel.
+            if (b[0] - a[0]) * (c[1] - a[1]) < (b[1] - a[1]) * (c[0] - a[0]) {
+                std::mem::swap(&mut b, &mut c);
+            }
+            lowest = lowest.max(a[1]).max(b[1]).max(c[1]);
             outline += &format!("M{:.2} {:.2}L{:.2} {:.2}L{:.2} {:.2}Z", a[0], a[1], b[0], b[1], c[0], c[1]);
         }
         // Every triangle has a border of its own fill colour: together they form the outline.
@@ -148,7 +163,6 @@ fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
             "<path d=\"{outline}\" fill=\"#cfe3f5\" stroke=\"#cfe3f5\" stroke-width=\"0.3\" stroke-linejoin=\"round\"/>\n"
         ));
         let [cx, cy] = on_sheet(&Point3::from(place.translation.vector));
-        let front = on_sheet(&(*place * Point3::new(0.03, 0.0, 0.0)));
         put(format!(
             "<path d=\"M{} {cy}H{}M{cx} {}V{}\" stroke=\"#036\" stroke-width=\"0.4\"/>\n",
             cx - 4.0,
@@ -156,19 +170,24 @@ fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
             cy - 4.0,
             cy + 4.0
         ));
-        put(format!(
-            "<path d=\"M{cx:.2} {cy:.2}L{:.2} {:.2}\" stroke=\"#c30\" stroke-width=\"0.6\"/>\n",
-            front[0], front[1]
-        ));
+        let round = is_round(object);
+        if !round {
+            let front = on_sheet(&(*place * Point3::new(0.03, 0.0, 0.0)));
+            put(format!(
+                "<path d=\"M{cx:.2} {cy:.2}L{:.2} {:.2}\" stroke=\"#c30\" stroke-width=\"0.6\"/>\n",
+                front[0], front[1]
+            ));
+        }
         let t = place.translation.vector;
+        let turned = if round { String::new() } else { format!(", turned {:.0} deg", yaw(object, place).to_degrees()) };
         put(format!(
-            "<text x=\"{cx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}. {}: x {:.3}, y {:.3}, turned {:.0} deg</text>\n",
-            y + 110.0 + 7.0 * n as f64,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}. {}: x {:.3}, y {:.3}{turned}</text>\n",
+            cx.clamp(LABEL_MARGIN_MM, width - LABEL_MARGIN_MM),
+            lowest + LABEL_DISTANCE_MM,
             n + 1,
             object.name,
             t.x,
-            t.y,
-            yaw(place).to_degrees()
+            t.y
         ));
     }
     put(format!(
@@ -178,9 +197,10 @@ fn draw_sheet(title: &str, objects: &PosedObjects) -> String {
         y - 10.0,
         y + 10.0
     ));
+    let axis = if objects.iter().all(|(object, _)| is_round(object)) { "" } else { "; red: the object's own x axis" };
     put(format!("<text x=\"{}\" y=\"{}\">cross: x {:.2}, y {:.2} m</text>\n", x + 3.0, y - 3.0, cross[0], cross[1]));
     put(format!(
-        "<text x=\"{x}\" y=\"8\" text-anchor=\"middle\">{title}, seen from above; away from the arm (x) is up, y is to the left; red: the object's own x axis</text>\n"
+        "<text x=\"{x}\" y=\"8\" text-anchor=\"middle\">{title}, seen from above; away from the arm (x) is up, y is to the left{axis}</text>\n"
     ));
     put(format!(
         "<path d=\"M10 {0}V{1}H110V{0}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.5\"/>\n",
