@@ -69,10 +69,15 @@ fn a_mirror_changes_no_row() {
 }
 
 /// A condition run alone gives the same rows as beside the others, except for the risk that touch would have predicted.
+/// So it does while its first trial is filmed; the report shows the film.
 #[test]
 fn conditions_can_be_played_alone() {
     let folder = tempdir().expect("a folder");
-    bench(&["--conditions", "touch,blind", "--out", text(folder.path())]);
+    bench(&["--conditions", "touch,blind", "--film", "--out", text(folder.path())]);
+    let film = fs::read(folder.path().join("recordings/film.webp")).expect("a film");
+    assert!(film.starts_with(b"RIFF") && film.len() > 100_000, "{} bytes", film.len());
+    let page = fs::read_to_string(folder.path().join("report.html")).expect("report.html");
+    assert_eq!(page.matches("data:image/webp;base64,").count(), 1);
     let (alone, beside) = (trials(folder.path()), trials(reference()));
     let condition = alone[0].iter().position(|name| name == "condition").expect("a column condition");
     let wanted: Vec<_> = beside.into_iter().filter(|row| !["ideal", "reflex"].contains(&&*row[condition])).collect();

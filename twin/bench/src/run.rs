@@ -1,6 +1,7 @@
 //! `ftac bench`: the multi-object benchmark, parallel, journaled and resumable.
 
 mod causes;
+mod film;
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -8,7 +9,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use report;
-use report::film::{self, Film};
+use report::film::{Film, STRIP_LAYOUT};
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::summary::Summary;
 
@@ -28,6 +29,8 @@ pub struct RunOptions<'a> {
     pub jobs: usize,
     /// Selection of the recorded trials.
     pub record: RecordingSelection,
+    /// True to film the first trial, on a simulated backend.
+    pub film: bool,
     /// True to show no progress bar.
     pub quiet: bool,
     /// True to stream to a viewer as well as to files.
@@ -71,15 +74,39 @@ fn run_unit_in_place(
     if let Some(place) = (options.open_factory)(record)? {
         return run_conditions(bench, request, (unit, name), folder, options, (place, record));
     }
-    let run_trial = |watcher: &mut dyn Watcher| match unit.trial {
-        Some(trial) => {
-            bench.run_each_condition(unit.combination, trial, &request.noisy_conditions(), &request.ablations, watcher)
+    let filmed = options.film && film::is_filmed(unit);
+    let mut cameras = if filmed { film::cameras(bench, request, condition) } else { Vec::new() };
+    let run_trial = |watcher: &mut dyn Watcher| {
+        let mut watchers = Watchers(vec![watcher]);
+        watchers.0.extend(cameras.iter_mut().map(|camera| camera as _));
+        match unit.trial {
+            Some(trial) => {
+                let conditions = request.noisy_conditions();
+                bench.run_each_condition(unit.combination, trial, &conditions, &request.ablations, &mut watchers)
+            }
+            None => bench.run_ideal(unit.combination, &mut watchers).map(TrialResults::from),
         }
-        None => bench.run_ideal(unit.combination, watcher).map(TrialResults::from),
     };
-    if !record {
-        return run_with_watchers(bench, request, None, condition, run_trial);
+    let results = if record {
+        run_recorded(bench, request, (unit, name), folder, options, (condition, run_trial))
+    } else {
+        run_with_watchers(bench, request, None, condition, run_trial)
+    };
+    if filmed && results.is_ok() {
+        film::write(bench, unit, cameras, folder)?;
     }
+    results
+}
+
+/// Runs `run_trial`, records it under `name`, and writes stills of it.
+fn run_recorded(
+    bench: &Bench,
+    request: &RunRequest,
+    (unit, name): (WorkUnit, &str),
+    folder: &Path,
+    options: &RunOptions,
+    (condition, run_trial): (Condition, impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>),
+) -> Result<TrialResults> {
     run_into_recording(name, folder, options.live, |targets| {
         let mut recording =
             Recording::open(targets, bench, &request.task(unit, condition, false), (TimeOrigin::Never, false))?;
@@ -118,7 +145,7 @@ fn write_film_strip(bench: &Bench, unit: WorkUnit, film: &Film, file: &Path) -> 
     if film.frames.is_empty() {
         return Ok(());
     }
-    let (count, size) = film::STRIP_LAYOUT;
+    let (count, size) = STRIP_LAYOUT;
     let strip = filming::film_stage(bench, unit.combination)?.strip(film, count, size);
     report::picture::save(&strip, file)
 }

@@ -58,7 +58,14 @@ fn request(conditions: &[Condition], record: RecordingSelection) -> RunRequest {
 }
 
 fn run_request(request: &RunRequest, journal: Journal, folder: &Path) -> Summary {
-    let options = RunOptions { jobs: 1, record: request.record, quiet: true, live: false, open_factory: &|_| Ok(None) };
+    let options = RunOptions {
+        jobs: 1,
+        record: request.record,
+        film: false,
+        quiet: true,
+        live: false,
+        open_factory: &|_| Ok(None),
+    };
     run::run(bench(), request, journal, folder, &options)
         .unwrap_or_else(|error| panic!("{:?} with --record {:?}: {error:#}", request.conditions, request.record))
 }

@@ -25,6 +25,12 @@ const TABLE_COLOR: [f64; 3] = [206.0, 196.0, 182.0];
 pub const STRIP_LAYOUT: (usize, u32) = (5, 220);
 /// Frames of an animation, 1/s.
 pub const FRAME_RATE: f64 = 25.0;
+/// Simulated seconds in a second of an animation.
+pub const SPEED: f64 = 2.0;
+/// Frames of an animation per simulated second.
+pub const TRIAL_FRAME_RATE: f64 = FRAME_RATE / SPEED;
+/// File name of an animation.
+pub const FILE: &str = "film.webp";
 /// Direction from the scene to the eye.
 const EYE: [f64; 3] = [0.30, -0.88, 0.36];
 

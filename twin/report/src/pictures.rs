@@ -12,6 +12,7 @@ use scenarios::{Condition, TrialRecord};
 use world::objects::{ObjectModel, ObjectSet};
 
 use super::html::data_uri;
+use crate::film;
 use crate::picture::{Picture, View};
 
 /// Size of an object's picture, pixels, and width of its view, m.
@@ -45,24 +46,46 @@ fn png(image: &RgbImage) -> Result<String> {
     Ok(data_uri("image/png", bytes.get_ref()))
 }
 
+/// Returns the file of the film of a run's first trial in a result folder.
+pub fn film_file(folder: &Path) -> PathBuf {
+    folder.join("recordings").join(film::FILE)
+}
+
+/// Returns the figure of one trial: its film, or stills of it if there is none.
+fn trial_figure(folder: &Path) -> Result<Option<Markup>> {
+    let film = film_file(folder);
+    if film.exists() {
+        let animation = data_uri("image/webp", &std::fs::read(&film)?);
+        return Ok(Some(html! {
+            figure.strip {
+                img alt="film of a trial" src=(animation);
+                figcaption {
+                    "The first trial, " (film::SPEED) " times as fast: scene, changes of the tactile images laid out as the hand (a pad that feels something has an \
+                    orange frame), phase and the controller's notes."
+                }
+            }
+        }));
+    }
+    let Some((file, condition)) = strip(folder) else { return Ok(None) };
+    let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&file_suffix(condition), "");
+    let image = data_uri("image/png", &std::fs::read(&file)?);
+    Ok(Some(html! {
+        figure.strip {
+            img alt="stills of a trial" src=(image);
+            figcaption { (name.replace('_', " ")) ", " (condition) ": stills in order of time." }
+        }
+    }))
+}
+
 /// Returns the sections. An object that is not built in is only named.
 pub fn section(folder: &Path, records: &[TrialRecord]) -> Result<Markup> {
-    let stills = match strip(folder) {
-        Some((file, condition)) => {
-            let name = file.file_name().unwrap_or_default().to_string_lossy().replace(&file_suffix(condition), "");
-            Some((data_uri("image/png", &std::fs::read(&file)?), name.replace('_', " "), condition))
-        }
-        None => None,
-    };
+    let trial = trial_figure(folder)?;
     let (known, (size, width)) = (ObjectSet::standard(), OBJECT_PICTURE_SIZE);
     let names: BTreeSet<&str> = records.iter().flat_map(TrialRecord::objects).collect();
     let picture = |name: &str| known.get(name).map(|model| png(&object(model, size, width, ""))).transpose();
     let objects = names.into_iter().map(|name| Ok((name, picture(name)?))).collect::<Result<Vec<_>>>()?;
     Ok(html! {
-        @if let Some((image, name, condition)) = stills {
-            h2 id="strip" { "One trial" }
-            figure.strip { img alt="stills of a trial" src=(image); figcaption { (name) ", " (condition) ": stills in order of time." } }
-        }
+        @if let Some(figure) = trial { h2 id="strip" { "One trial" } (figure) }
         @if !objects.is_empty() {
             h2 id="objects" { "Objects" }
             div.objects {

@@ -89,8 +89,14 @@ pub fn run_trial_unit(
     let request = plan.request(unit.run)?;
     let bench = benches.bench_for(&request)?;
     let place = |_| backend_factory(&bench, &request.robot);
-    let options =
-        RunOptions { jobs: 1, record: RecordingSelection::None, quiet: true, live: false, open_factory: &place };
+    let options = RunOptions {
+        jobs: 1,
+        record: RecordingSelection::None,
+        film: false,
+        quiet: true,
+        live: false,
+        open_factory: &place,
+    };
     let mut rows = UnitTables::new(plan, unit)?;
     for trial in plan.trials(unit)? {
         if stop() {

@@ -83,6 +83,10 @@ pub struct BenchArgs {
     /// Trials to record; default: sample, or the setting of the run that is resumed.
     #[arg(long, value_enum)]
     pub record: Option<RecordArg>,
+    /// Film the first trial, blind beside touch with the tactile images, for the report (recordings/film.webp); it takes
+    /// a minute of processor time.
+    #[arg(long)]
+    pub film: bool,
     /// Scale factor of the random errors of arm and object detector, for a curve of success over noise. Effects stay
     /// on: pads, gel, cables, objects that differ from their models, detection latency and detections that mistake one
     /// pose for another; see --without and --no-errors.
@@ -289,6 +293,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if !robot.is(BackendKind::Sim) && !scenario.disturbance.is_none() {
         bail!("--robot: found {robot}, expected the simulated robot (sim) for a scenario with [disturbance]");
     }
+    if args.film && !robot.is(BackendKind::Sim) {
+        bail!("--film: found --robot {robot}, expected the simulated robot (sim), whose poses are known");
+    }
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
         bail!("--ablations: found a scenario with disabled_digits, expected one without");
     }
@@ -338,7 +345,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         None => Journal::create(&folder, &request)?,
     };
     let record = args.record.map_or(request.record, Recorded::from);
-    let options = RunOptions { jobs, record, quiet, live: args.live, open_factory: &place };
+    let options = RunOptions { jobs, record, film: args.film, quiet, live: args.live, open_factory: &place };
     let summary = run::run(&bench, &request, journal, &folder, &options)?;
     print_summary(terminal, &summary, &folder)?;
     let fewer = (args.combos.is_some() && request.combos < asked)

@@ -20,10 +20,6 @@ use telemetry::viewer;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
-/// Simulated seconds in a second of the film.
-const FILM_SPEED: f64 = 2.0;
-/// File of the film.
-const FILM_FILE: &str = "film.webp";
 const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Arguments of `demo`.
@@ -80,7 +76,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         files.push(file);
     }
     let mut films = COMPARED_CONDITIONS
-        .map(|condition| Filming::new(&bench, condition, film::FRAME_RATE / FILM_SPEED).with_tactile_images(&bench));
+        .map(|condition| Filming::new(&bench, condition, film::TRIAL_FRAME_RATE).with_tactile_images(&bench));
     let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));
@@ -131,7 +127,7 @@ fn write_page(
             "). This is a simulation, and one trial gives no success rates: " code { "ftac bench" } " does."
         }
         p {
-            "The film runs at " (FILM_SPEED) " times the speed of the trial. Below the scene are the changes of the tactile images against the untouched pads, a column for each \
+            "The film runs at " (film::SPEED) " times the speed of the trial. Below the scene are the changes of the tactile images against the untouched pads, a column for each \
             digit with its tip on top, the palm below; a pad that feels something has an orange frame. Beside them are the controller's notes. "
             "Made by " code { "ftac demo " (args.combination) " --trial " (args.trial) " --seed " (seed) }
             "; the recordings beside this page open with " code { "ftac view" } "."
@@ -139,7 +135,7 @@ fn write_page(
     };
     let title = format!("{first}, then {second}: blind beside touch");
     let animation = stage.animation(films, quiet)?;
-    ftac_platform::data::write_atomically(&args.out.join(FILM_FILE), &animation)?;
+    ftac_platform::data::write_atomically(&args.out.join(film::FILE), &animation)?;
     let html = film::page(films, &animation, (&title, &about));
     let page = args.out.join("index.html");
     ftac_platform::data::write_atomically(&page, html.as_bytes())?;
@@ -154,7 +150,7 @@ fn print_output(terminal: &Terminal, records: &[TrialRecord], page: &Path) -> Re
         let outcome = if record.success { "both objects held".to_owned() } else { format!("failed{cause}") };
         text += &format!("{:6} {outcome}{contact}\n", record.condition.name());
     }
-    let [film, recordings] = [FILM_FILE, "*.rrd"].map(|name| page.with_file_name(name).display().to_string());
+    let [film, recordings] = [film::FILE, "*.rrd"].map(|name| page.with_file_name(name).display().to_string());
     text += &format!("{}: the film and the notes; {film}: the film; {recordings}: the recordings\n", page.display());
     terminal.print(&DemoOutput { page, trials: records }, &text)
 }
