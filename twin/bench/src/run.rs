@@ -22,6 +22,10 @@ use crate::{results, workers};
 use progress::interrupt::{Interrupt, Interrupted};
 use robot_backends::BackendFactory;
 
+/// Typical size of the recording of a trial with touch, bytes. Two objects that are picked up in one try each take 2.7 MB,
+/// every further try some more.
+const RECORDING_BYTES: f64 = 3e6;
+
 /// Options of a run.
 #[derive(Clone, Copy)]
 pub struct RunOptions<'a> {
@@ -232,6 +236,11 @@ pub fn run(
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
     let open: Vec<WorkUnit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
     let resumed = all.len() - open.len();
+    let recorded = open.iter().filter(|unit| options.live || is_recorded(options.record, **unit)).count();
+    if recorded > 0 && !options.quiet {
+        let megabytes = 1e-6 * RECORDING_BYTES * recorded as f64;
+        eprintln!("{} of {} units are recorded, some {megabytes:.0} MB", recorded, open.len());
+    }
     let bar = progress::resumed_bar(all.len() as u64, resumed as u64, "units", options.quiet);
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
