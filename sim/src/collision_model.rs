@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use hand_model::hand_mechanism::{HandMechanism, SolidShape};
+use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Point3};
 use rapier3d_f64::geometry::{Capsule, ConvexPolyhedron};
 use rapier3d_f64::prelude::*;
@@ -56,24 +57,14 @@ impl CollisionModel {
 
     /// Builds the colliders of all shapes, with their links.
     pub(crate) fn colliders(&self) -> Vec<(Option<usize>, ColliderBuilder)> {
-        let (links, apart) = (groups::HAND | groups::OBJECT, self.hand.independent_digits);
-        // Links connected by a joint do not collide. Within a multibody the engine ensures that. Between the palm and
-        // the first links of separate digits, which have roots of their own, collision groups do.
-        let group = |link: &Option<usize>| match link.map(|link| self.hand.tree.joints[link].parent) {
-            None if apart => (PALM_GROUP, links),
-            Some(Some(_)) if apart => (groups::HAND, links | PALM_GROUP),
-            _ => (groups::HAND, links),
-        };
         let collider = |(link, pose, shape): &(Option<usize>, Pose, SharedShape)| {
-            let (member, filter) = group(link);
-            let groups = InteractionGroups::all().with_memberships(member).with_filter(filter);
             let collider = ColliderBuilder::new(shape.clone())
                 .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
                 .position(*pose)
                 .density(0.0)
                 .friction(0.0)
                 .friction_combine_rule(CoefficientCombineRule::Max)
-                .collision_groups(groups);
+                .collision_groups(link_groups(&self.hand.tree, *link, self.hand.independent_digits));
             (*link, collider)
         };
         self.shapes.iter().map(collider).collect()
@@ -92,6 +83,19 @@ impl CollisionModel {
         }
         triangles
     }
+}
+
+/// Returns the collision groups of a link (`None` for the palm) of a hand on the stand. Links connected by a joint do not
+/// collide. Within a multibody the engine ensures that. Between the palm and the first links of `separate` digits, which
+/// have roots of their own, the groups do.
+pub(crate) fn link_groups(tree: &Tree, link: Option<usize>, separate: bool) -> InteractionGroups {
+    let links = groups::HAND | groups::OBJECT;
+    let (member, filter) = match link.map(|link| tree.joints[link].parent) {
+        None if separate => (PALM_GROUP, links),
+        Some(Some(_)) if separate => (groups::HAND, links | PALM_GROUP),
+        _ => (groups::HAND, links),
+    };
+    InteractionGroups::all().with_memberships(member).with_filter(filter)
 }
 
 fn find_ignored_pairs(hand: &HandMechanism, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {

@@ -20,6 +20,7 @@ pub(crate) use linkage::{are_connected, penetration_depth};
 pub use prop::Prop;
 
 use crate::body::cover_collider;
+use crate::collision_model::link_groups;
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::drive::HandDrive;
@@ -187,15 +188,19 @@ impl HandTestStand {
     }
 }
 
-/// Builds the hand's mechanism at joint angles `start` (rad), with its covers.
+/// Builds the hand's mechanism at joint angles `start` (rad), with its covers. Digits of which no joint follows another's
+/// are separate multibodies: on a fixed palm they do not feel each other's inertia.
 fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64]) -> Linkage {
+    let separate_roots = hand.transmission.followers.is_empty();
     let covers = std::iter::once((None, &hand.palm_cover))
         .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
-        .map(|(link, cover)| (link, cover_collider(cover)))
+        .map(|(link, cover)| {
+            (link, cover_collider(cover).collision_groups(link_groups(&hand.tree, link, separate_roots)))
+        })
         .collect();
     let (damping, armature) = (hand.each_joint(|n| hand.joint_damping(n)), hand.each_joint(|n| hand.joint_armature(n)));
     let (tree, masses) = (&hand.tree, &hand.masses);
-    let mechanism = LinkageModel { tree, masses, damping: &damping, armature: &armature, separate_roots: false };
+    let mechanism = LinkageModel { tree, masses, damping: &damping, armature: &armature, separate_roots };
     Linkage::new(settings, &mechanism, covers, start)
 }
 

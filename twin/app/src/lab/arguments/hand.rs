@@ -53,7 +53,7 @@ pub struct CheckArgs {
     #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
     pub types: Vec<u8>,
     /// Maximum number of attempts at each grasp type; the first that holds is kept.
-    #[arg(long, default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 8000, value_parser = clap::value_parser!(u32).range(1..))]
     pub tries: u32,
     /// Number of seeds, from --seed on, of the search for the Kapandji test's points, or for the grasp types.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
