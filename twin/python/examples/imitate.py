@@ -1,8 +1,10 @@
-"""Imitation of the scripted pick-up in ``ftac/PickOne-v1`` over many objects, with and without tactile images (DAgger).
+"""Imitation of the scripted pick-up in ``ftac/PickOne-v1`` over many objects, or of sorting in ``ftac/Sort-v1``, with and without
+tactile images (DAgger).
 
     python imitate.py --episodes 330 --rounds 5 --seeds 5 --tests 330 --out imitation
+    python imitate.py --task SortInHand --episodes 120 --rounds 4 --seeds 5 --tests 120 --out sorting
 
-Every round runs episodes in which the network moves the robot (in the first round the script does), and the script says in every step what it would do;
+Every round runs episodes in which the network moves the robot (in the first rounds the script does for part of the time), and the script says in every step what it would do;
 a network is then fitted to all steps so far (its squared error is told as a share of the actions' variance). Without the later rounds a clone never sees the states into which its own errors lead. The file ``policy.npz`` of
 each network can be used as a policy of the benchmark and in the environment: class `Imitation` in this file.
 
@@ -25,21 +27,29 @@ from network import Network  # noqa: E402
 
 import ftac  # noqa: E402
 from ftac.features import Spec  # noqa: E402
-from ftac.scripted import Script  # noqa: E402
+from ftac.scripted import CARRY, Script  # noqa: E402
 
 SPEC = Spec(grasp=True)
 SIDE = 16
 """Of the tactile images, pixels."""
-CELLS = 2
+CELLS = 4
 """Side of a pad's picture as the network gets it."""
-LEAST = 0.02
-"""Change of colour, as a share of its range, below which a cell counts as untouched: noise and drift of the cameras, by which a network would tell the time."""
+GAIN = 2.0
+"""Scale of the changes, which are a few grey levels in the mean of a cell."""
 BEFORE = (3, 8, 22)
 """Steps of 1/20 s ago of which a network sees servos, palm and set-points too; the hand closes in 22."""
-STEPS = 260
-"""Length of an episode, steps."""
+TASKS = {
+    "PickOne": ("ftac/PickOne-v1", {}, 260),
+    "Sort": ("ftac/Sort-v1", {}, 300),
+    "SortInHand": ("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120),
+}
+"""Environment of each task, its options, and the length of an episode, steps."""
 PUSH, PUSH_STEPS = 0.1, 6
 """Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
+HELP = (1.0, 0.6, 0.3)
+"""Share of the time in which the script moves the robot in the first rounds, later not at all: so that early rounds see late stages too."""
+HELP_STEPS = 20
+"""Steps after which it is drawn anew who moves the robot."""
 HELD_OUT = 1_000_000
 """Seeds of the test episodes begin here, unless others are asked for."""
 
@@ -49,21 +59,28 @@ def make(objects, tactile, task, **options):
         options |= {"images": SIDE, "tactile": "change"}
     if task.xy_sigma is not None:
         options["randomization"] = {"noise.perception.xy_sigma": task.xy_sigma}
-    return gymnasium.make("ftac/PickOne-v1", objects=objects, grasp=True, **options).unwrapped
+    if task.name == "PickOne":
+        options["objects"] = objects
+    env, more, _ = TASKS[task.name]
+    return gymnasium.make(env, grasp=True, **more, **options).unwrapped
 
 
 class Task(NamedTuple):
-    """What the teacher knows of the object's pose, and the standard deviation of the detected position (m): a value,
+    """The name of the task, what the teacher knows of the object's pose, and the standard deviation of the detected position (m): a value,
     a range of which every episode draws one, or None for the benchmark's."""
 
+    name: str = "PickOne"
     teacher: str = "detected"
     xy_sigma: float | tuple[float, float] | None = None
 
 
 def teacher_of(env, task):
-    """The script; if it knows the true pose, it goes to where the object really is."""
+    """The script; if it knows the true pose, it goes to where the object really is. In sorting it knows the object's class."""
     pose = env.save().episode.true_state()["objects"][0] if task.teacher == "truth" else None
-    return Script(env.features, pose=pose)
+    if task.name == "PickOne":
+        return Script(env.features, pose=pose)
+    place = env.bins[env.class_of_object]
+    return Script(env.features, pose=pose, place=place, stage=CARRY if task.name == "SortInHand" else 0)
 
 
 class Inputs:
@@ -82,7 +99,7 @@ class Inputs:
         if self.tactile:
             change = (observation["tactile"].astype(np.float32) - 128.0) / 128.0
             cells = change.reshape(len(change), CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4)).ravel()
-            parts.append(20.0 * np.sign(cells) * np.maximum(np.abs(cells) - LEAST, 0.0))
+            parts.append(GAIN * cells)
         return np.concatenate(parts).astype(np.float32)
 
 
@@ -102,16 +119,18 @@ class Imitation:
 
 
 def episode(job):
-    """Runs an episode: rows of inputs, what the script would do, and whether the object was held in the end."""
-    objects, tactile, task, seed, network, push = job
+    """Runs an episode: rows of inputs, what the script would do, and whether the task was done in the end."""
+    objects, tactile, task, seed, network, push, help = job
     random, env = np.random.default_rng(seed), make(objects, tactile, task)
     observation, info = env.reset(seed=seed)
     script, inputs = teacher_of(env, task), Inputs(tactile)
     rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
-    for step in range(STEPS):
+    for step in range(TASKS[task.name][2]):
         rows.append(inputs(observation))
         actions.append(script.act(observation))
-        action = actions[-1] if network is None else network(rows[-1][None])[0]
+        if step % HELP_STEPS == 0:
+            helped = network is None or random.random() < help
+        action = actions[-1] if helped else network(rows[-1][None])[0]
         if step % PUSH_STEPS == 0:
             pushed[:6] = push * random.standard_normal(6)
         observation, _, over, _, info = env.step(np.clip(action + pushed, -1.0, 1.0))
@@ -139,7 +158,8 @@ def train(args, workers, tactile, seed, objects):
     data, network, curve = [], None, []
     for number in range(args.rounds):
         first = (seed * args.rounds + number) * args.episodes
-        jobs = [([objects[n % len(objects)]], tactile, args.task, first + n, network, PUSH) for n in range(args.episodes)]
+        help = HELP[number] if number < len(HELP) else 0.0
+        jobs = [([objects[n % len(objects)]], tactile, args.task, first + n, network, PUSH, help) for n in range(args.episodes)]
         runs = list(workers.map(episode, jobs, chunksize=4))
         # The script is a teacher only where it succeeds itself, and knows what to do where the network has gone.
         data += [(rows, actions) for rows, actions, success in runs if success or network is not None]
@@ -156,7 +176,8 @@ def train(args, workers, tactile, seed, objects):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
+    parser.add_argument("--task", dest="task_name", choices=list(TASKS), default="PickOne")
+    parser.add_argument("--objects", help="of PickOne: names with commas between; all that the repertoire has if left out")
     parser.add_argument("--episodes", type=int, default=330, help="of a round")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seeds", type=int, default=5, help="networks of each kind")
@@ -176,7 +197,7 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("imitation"))
     args = parser.parse_args()
     args.out.mkdir(parents=True)
-    args.task = Task(args.teacher, args.xy_sigma and tuple(args.xy_sigma))
+    args.task = Task(args.task_name, args.teacher, args.xy_sigma and tuple(args.xy_sigma))
     objects = known_objects(args.objects)
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
@@ -184,8 +205,8 @@ def main():
 
         def test(name, tactile, seed, network, curve, teacher=args.teacher):
             for sigma in [None, *args.test_sigma]:
-                task = Task(teacher, sigma)
-                jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0) for n in range(args.tests)]
+                task = Task(args.task_name, teacher, sigma)
+                jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0, 0.0) for n in range(args.tests)]
                 won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
                 at = "" if sigma is None else sigma
                 table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
@@ -194,8 +215,11 @@ def main():
                 print(f"{name}, seed {seed}, {where}: {interval(sum(won), len(won))}", flush=True)
 
         if "script" in args.kinds:
-            test("script", False, "", None, [], "detected")
-            test("script that knows the truth", False, "", None, [], "truth")
+            if args.task_name == "PickOne":
+                test("script", False, "", None, [], "detected")
+                test("script that knows the truth", False, "", None, [], "truth")
+            else:
+                test("script that knows the class", False, "", None, [])
         for kind in (kind for kind in args.kinds.split(",") if kind != "script"):
             for seed in range(args.first_network, args.first_network + args.seeds):
                 network, curve = train(args, workers, kind == "tactile", seed, objects)

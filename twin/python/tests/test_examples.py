@@ -44,6 +44,14 @@ class Examples(unittest.TestCase):
             (row,) = bench.run(Imitation(Path(folder) / "better/policy.npz"), combinations=[0])
             self.assertNotEqual(row["cause"], "policy_failed", row["reason"])
 
+    def test_sorting_is_imitated(self):
+        few = ["--task", "SortInHand", "--kinds", "script,tactile", "--episodes", "3", "--tests", "2", "--rounds", "2", "--seeds", "1", "--epochs", "4"]
+        with tempfile.TemporaryDirectory() as folder:
+            told = self.run_example(folder, "imitate.py", *few, "--out", "made")
+            self.assertRegex(told, "script that knows the class, seed , the benchmark's errors: [0-2] of 2")
+            self.assertRegex(told, "tactile, seed 0, the benchmark's errors: [0-2] of 2")
+            self.assertTrue((Path(folder) / "made/tactile_0.npz").exists())
+
     def test_the_candidates_are_taken_in_order(self):
         sys.path.insert(0, str(EXAMPLES))
         from candidates_in_order import CandidatesInOrder

@@ -12,7 +12,7 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `bench`: your own policy in the benchmark's trials.
 - `robot`: your own robot as a backend of the trials.
 - `features`: observations and actions as learners use them, the same in environments, policies and exported data.
-- `envs`, `vector`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
+- `envs`, `sorting`, `vector`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
 - `randomization`: fields of the scenario that every episode draws anew.
 - `scripted`: a policy for them that carries out one planned pick-up.
 - `plot`: plots in one call, with ``matplotlib``.
@@ -51,16 +51,16 @@ __all__ = [
 ]
 
 if importlib.util.find_spec("gymnasium") is not None:
-    from ftac import envs, vector
+    from ftac import envs, sorting, vector
 
     envs.register()
-    __all__ += ["envs", "vector"]
+    __all__ += ["envs", "sorting", "vector"]
 
 
 def __getattr__(name: str) -> Any:
     if name == "plot":
         # Loaded when it is used, because matplotlib is optional and takes time to load.
         return importlib.import_module("ftac.plot")
-    if name in ("envs", "vector"):
+    if name in ("envs", "sorting", "vector"):
         raise ImportError(f"ftac.{name} needs gymnasium: pip install 'ftac[gym]'")
     raise AttributeError(f"module 'ftac' has no attribute {name!r}")

@@ -1,19 +1,20 @@
 """Gymnasium environments: pick one object, a second one beside the first, or two.
 
-``import ftac`` registers ``ftac/PickOne-v1``, ``ftac/PickSecond-v1``, ``ftac/PickTwo-v1``, and ``ftac/LiftTo-v1`` with goals, where ``gymnasium`` is
-installed. Observations and actions are those of `ftac.features`.
+``import ftac`` registers ``ftac/PickOne-v1``, ``ftac/PickSecond-v1``, ``ftac/PickTwo-v1``, ``ftac/LiftTo-v1`` with goals, and ``ftac/Sort-v1``
+(`ftac.sorting`), where ``gymnasium`` is installed. Observations and actions are those of `ftac.features`.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any, Literal, NamedTuple
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, features
 from ftac._arrays import robot_of, scenario_of, whole
@@ -86,6 +87,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}
+    _OWN_STATE: tuple[str, ...] = ()
+    """Attributes of a subclass that belong to the state of an episode."""
 
     def __init__(
         self,
@@ -159,6 +162,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         """
         combination, objects, randomization = self._options(options)
         super().reset(seed=seed)
+        objects = self._draw_objects(objects)
         drawn = int(self.np_random.integers(2**40))
         overrides, instance, told = randomization.draw(self.np_random)
         choices = (self.images, combination, objects)
@@ -166,13 +170,14 @@ class Pick(gymnasium.Env[Observation, Vector]):
         self._shown, self._over = self._episode, False
         names, yaws, detected = self._episode.objects(), self._episode.yaws(), self._episode.observe()["detected"]
         untouched = None if self.images is None else self._episode.untouched()
+        known, shape = self._known(names, self._episode.object_features())
         self.features = Features(
             self.spec_of_features,
             self._episode.limits(),
             detected=detected,
-            objects=names,
+            objects=known,
             yaws=yaws,
-            shape=self._episode.object_features(),
+            shape=shape,
             untouched=untouched,
         )
         self.features.begin(*self._episode.grip())
@@ -199,7 +204,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
         if self._episode is None or self.features is None:
             raise gymnasium.error.ResetNeeded("nothing to save yet: call reset() first")
         kept = {"features": self.features.copy(), "progress": self._progress.copy(), "over": self._over}
-        return State(self._episode.copy(), {**kept, "random": self.np_random.bit_generator.state})
+        own = {name: deepcopy(getattr(self, name)) for name in self._OWN_STATE}
+        return State(self._episode.copy(), {**kept, **own, "random": self.np_random.bit_generator.state})
 
     def restore(self, state: State) -> Observation:
         """Returns to a state of `save`, and the observation in it. What follows is the same to the bit."""
@@ -207,6 +213,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
         self._shown, self._over = self._episode, state.python["over"]
         self.features, self._progress = state.python["features"].copy(), state.python["progress"].copy()
         self.np_random.bit_generator.state = state.python["random"]
+        for name in self._OWN_STATE:
+            setattr(self, name, deepcopy(state.python[name]))
         return self._observe()
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -216,6 +224,14 @@ class Pick(gymnasium.Env[Observation, Vector]):
         if self._shown is None:
             raise gymnasium.error.ResetNeeded("nothing to show yet: call reset() first")
         return self._shown.picture(SIDE)
+
+    def _draw_objects(self, objects: list[str]) -> list[str]:
+        """Names from which the simulation draws the objects of an episode; none for those of the combination."""
+        return objects
+
+    def _known(self, names: list[str], shape: ArrayLike) -> tuple[list[str], ArrayLike]:
+        """The names and the features of the objects by which a policy goes."""
+        return names, shape
 
     def _command(self, action: Vector) -> tuple[Any, ...]:
         """Arguments of a native step."""
@@ -279,6 +295,7 @@ class LiftTo(Pick):
     The reward is that of `compute_reward`: 0 within ``tolerance`` (m) of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter.
     """
 
+    _OWN_STATE = ("_goal",)
     TOLERANCE = 0.03
     """Distance from the goal that counts as reached unless ``tolerance`` is given, m."""
     GOALS: NDArray[np.float64] = np.array([[0.55, 0.68], [-0.15, 0.15], [0.12, 0.25]])
@@ -376,13 +393,14 @@ def _objects(objects: Sequence[str] | None) -> list[str]:
 
 def register() -> None:
     """Makes the environments known to ``gymnasium.make``. Once is enough; ``import ftac`` does it."""
-    known = {"PickOne": "pick_one", "PickSecond": "pick_second", "PickTwo": "pick_two", "LiftTo": None}
-    for name, task in known.items():
+    picks = {"PickOne": "pick_one", "PickSecond": "pick_second", "PickTwo": "pick_two"}
+    known: dict[str, tuple[str, str | None, dict[str, Any], int]] = {
+        name: ("ftac.envs:Pick", "ftac.vector:VectorPick", {"task": task}, STEPS[task]) for name, task in picks.items()
+    }
+    known["LiftTo"] = ("ftac.envs:LiftTo", None, {}, STEPS["pick_one"])
+    known["Sort"] = ("ftac.sorting:Sort", "ftac.vector:VectorSort", {}, STEPS["pick_one"])
+    for name, (one, many, options, steps) in known.items():
         if f"ftac/{name}-v1" not in gymnasium.registry:
             gymnasium.register(
-                f"ftac/{name}-v1",
-                entry_point="ftac.envs:Pick" if task else "ftac.envs:LiftTo",
-                vector_entry_point="ftac.vector:VectorPick" if task else None,
-                max_episode_steps=STEPS[task or "pick_one"],
-                kwargs={"task": task} if task else {},
+                f"ftac/{name}-v1", entry_point=one, vector_entry_point=many, max_episode_steps=steps, kwargs=options
             )

@@ -18,7 +18,7 @@ POSE_TOLERANCE = 0.001, 0.005
 """Distance (m) and angle (rad) from a pose that count as reached."""
 STAGE_TIMEOUT = 2.5
 """Time after which the next stage begins in any case, s: something is in the way."""
-SPEED_SHARES = 1.0, 0.5, 1.0, 0.4
+SPEED_SHARES = 1.0, 0.5, 1.0, 0.4, 0.6
 """Shares of the largest velocities in each stage."""
 STARTING_TIME = 0.8
 """Time in which the palm reaches the velocity of a stage, s: a jerk would shake a heavy object out of the hand."""
@@ -28,10 +28,12 @@ CLOSING_TIME = 1.1
 """Time in which the digits close, s."""
 LIFT_HEIGHT = 0.18
 """Height by which an object is lifted, m."""
+LIFT, CARRY = 3, 4
+"""Numbers of the last stages."""
 
 
 class Script:
-    """Moves above the object, down to it, closes, and lifts, without looking at the result.
+    """Moves above the object, down to it, closes, lifts, and carries it if it is told where to, without looking at the result.
 
     Parameters
     ----------
@@ -40,6 +42,8 @@ class Script:
     object: index of the object.
     yaw: its turn about the vertical from the rest pose, rad (``info["yaws"]``).
     pose: its ``world_from_object`` (7,), m; None for that which was detected. A teacher may know the true one.
+    place: x and y over which the object is held after it has been lifted, m, world; None for where it was.
+    stage: with which it begins: 0, or `CARRY` with the object lifted already.
     """
 
     def __init__(
@@ -50,6 +54,8 @@ class Script:
         object: int = 0,
         yaw: float | None = None,
         pose: ArrayLike | None = None,
+        place: ArrayLike | None = None,
+        stage: int = 0,
     ) -> None:
         grasp = features.grasps[object] if grasp is None else grasp
         if grasp is None:
@@ -66,10 +72,12 @@ class Script:
             raised,
             raised + [0.0, 0.0, LIFT_HEIGHT],
         ]
-        """Positions of the palm at the end of each stage, m, world: above the object, at it, closed, lifted."""
-        self.stage, self.clock = 0, 0.0
-        """Stage (0 to 3) and the time since it began, s."""
-        self.tensions = grasp.pre_tension.copy()
+        """Positions of the palm at the end of each stage, m, world: above the object, at it, closed, lifted, carried."""
+        if place is not None:
+            self.goals.append(self.goals[3] + [*(np.asarray(place, dtype=np.float64) - np.asarray(pose)[:2]), 0.0])
+        self.stage, self.clock = stage, 0.0
+        """Stage (from 0) and the time since it began, s."""
+        self.tensions = (grasp.pre_tension if stage < 2 else grasp.close_tension).copy()
 
     def act(self, observation: Observation) -> Row:
         """The next action. But for the time in which the digits close, it depends on the observation alone."""
@@ -79,7 +87,7 @@ class Script:
         angle = float(np.linalg.norm(rotation_vector(goal[:3, :3] @ palm[:3, :3].T)))
         reached = distance < POSE_TOLERANCE[0] and angle < POSE_TOLERANCE[1]
         over = self.clock >= CLOSING_TIME if self.stage == 2 else reached or self.clock >= STAGE_TIMEOUT
-        if over and self.stage < 3:
+        if over and self.stage < len(self.goals) - 1:
             self.stage, self.clock = self.stage + 1, 0.0
             goal = compose(self.rotation, self._goal())
         starting = min(1.0, (self.clock + STEP) / STARTING_TIME)
@@ -96,7 +104,8 @@ class Script:
         """Position of the palm to reach now, m."""
         if self.stage != 2:
             return self.goals[self.stage]
-        return self.goals[1] + np.array([0.0, 0.0, self._risen(self.clock)])
+        risen: Array = self.goals[1] + np.array([0.0, 0.0, self._risen(self.clock)])
+        return risen
 
     def _risen(self, time: float) -> float:
         """Height by which the palm has risen after this time of closing, m: with minimum jerk."""

@@ -16,6 +16,7 @@ from ftac import _native
 from ftac._arrays import whole
 from ftac.envs import PROGRESS, STEPS, Pick, State
 from ftac.features import Observation
+from ftac.sorting import Sort
 
 Vector = NDArray[np.float32]
 
@@ -35,13 +36,14 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     options: of `ftac.envs.Pick`.
     """
 
+    _ENV: type[Pick] = Pick
     metadata: dict[str, Any] = {**Pick.metadata, "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
 
     def __init__(
         self, num_envs: int, *, max_episode_steps: int | None = None, jobs: int | None = None, **options: Any
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1, 4096)
-        self.envs = [Pick(**options) for _ in range(num_envs)]
+        self.envs = [self._ENV(**options) for _ in range(num_envs)]
         self.num_envs, self.jobs = num_envs, jobs or os.cpu_count() or 1
         self.render_mode = self.envs[0].render_mode
         self.single_observation_space = self.envs[0].observation_space
@@ -66,7 +68,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         self._steps[:], self._over[:] = 0, False
         names = ("objects", "combination", "yaws", "drawn")
         info: dict[str, Any] = {name: _objects([one[name] for _, one in begun]) for name in names}
-        for name in ("detected", "untouched"):
+        for name in ("class", "detected", "untouched"):
             if name in begun[0][1]:
                 info[name] = np.stack([one[name] for _, one in begun])
         return _stacked([observation for observation, _ in begun]), info
@@ -119,6 +121,12 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     def _each(self, work: Callable[[Any], Any], items: Any) -> list[Any]:
         with ThreadPoolExecutor(self.jobs) as threads:
             return list(threads.map(work, items))
+
+
+class VectorSort(VectorPick):
+    """Many `ftac.sorting.Sort` side by side, as `VectorPick`. ``info`` of `reset` has the numbers of the ``class``."""
+
+    _ENV = Sort
 
 
 def _objects(values: list[Any]) -> NDArray[Any]:
