@@ -13,6 +13,7 @@ The network sees the observations of `ftac.features`, with the planned grasp, no
 
 import argparse
 import csv
+import functools
 import os
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -44,6 +45,8 @@ TASKS = {
     "SortInHand": ("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120),
 }
 """Environment of each task, its options, and the length of an episode, steps."""
+REUSED = "SortInHand"
+"""The task whose episodes take longer to begin than to run: all rounds of a network begin in the same states."""
 PUSH, PUSH_STEPS = 0.1, 6
 """Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
 HELP = (1.0, 0.6, 0.3)
@@ -118,11 +121,33 @@ class Imitation:
         return np.clip(self.network(self.inputs(observation)[None])[0], -1.0, 1.0)
 
 
+@functools.cache
+def environment_in_hand(tactile, task):
+    return make(None, tactile, task)
+
+
+@functools.cache
+def start_in_hand(tactile, task, seed):
+    """The state in which the episode with this seed begins, kept for later rounds."""
+    env = environment_in_hand(tactile, task)
+    env.reset(seed=seed)
+    return env.save()
+
+
+def begin(objects, tactile, task, seed):
+    """An environment at the beginning of the episode with this seed, and the first observation."""
+    if task.name == REUSED:
+        env = environment_in_hand(tactile, task)
+        return env, env.restore(start_in_hand(tactile, task, seed))
+    env = make(objects, tactile, task)
+    return env, env.reset(seed=seed)[0]
+
+
 def episode(job):
     """Runs an episode: rows of inputs, what the script would do, and whether the task was done in the end."""
-    objects, tactile, task, seed, network, push, help = job
-    random, env = np.random.default_rng(seed), make(objects, tactile, task)
-    observation, info = env.reset(seed=seed)
+    objects, tactile, task, (seed, number), network, push, help = job
+    random = np.random.default_rng([seed, number])
+    env, observation = begin(objects, tactile, task, seed)
     script, inputs = teacher_of(env, task), Inputs(tactile)
     rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
     for step in range(TASKS[task.name][2]):
@@ -157,9 +182,9 @@ def train(args, workers, tactile, seed, objects):
     random = np.random.default_rng(seed)
     data, network, curve = [], None, []
     for number in range(args.rounds):
-        first = (seed * args.rounds + number) * args.episodes
+        first = (seed * args.rounds + number * (args.task.name != REUSED)) * args.episodes
         help = HELP[number] if number < len(HELP) else 0.0
-        jobs = [([objects[n % len(objects)]], tactile, args.task, first + n, network, PUSH, help) for n in range(args.episodes)]
+        jobs = [([objects[n % len(objects)]], tactile, args.task, (first + n, number), network, PUSH, help) for n in range(args.episodes)]
         runs = list(workers.map(episode, jobs, chunksize=4))
         # The script is a teacher only where it succeeds itself, and knows what to do where the network has gone.
         data += [(rows, actions) for rows, actions, success in runs if success or network is not None]
@@ -206,7 +231,7 @@ def main():
         def test(name, tactile, seed, network, curve, teacher=args.teacher):
             for sigma in [None, *args.test_sigma]:
                 task = Task(args.task_name, teacher, sigma)
-                jobs = [([objects[n % len(objects)]], tactile, task, args.first_seed + n, network, 0.0, 0.0) for n in range(args.tests)]
+                jobs = [([objects[n % len(objects)]], tactile, task, (args.first_seed + n, 0), network, 0.0, 0.0) for n in range(args.tests)]
                 won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
                 at = "" if sigma is None else sigma
                 table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])

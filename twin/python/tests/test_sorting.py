@@ -114,6 +114,7 @@ class Sorting(unittest.TestCase):
             ({"grasp_of": "house"}, "grasp_of: found 'house', expected one of "),
             ({"objects": ["egg"]}, "objects: found .*, expected none"),
             ({"identity": True}, "identity: found True, expected none"),
+            ({"combination": 0}, "combination: found 0, expected none"),
         ):
             with self.assertRaisesRegex(ValueError, message):
                 gymnasium.make("ftac/Sort-v1", **choices)

@@ -26,7 +26,7 @@ MOST_TRIES = 64
 
 
 class Sort(Pick):
-    """An object whose shape nobody sees is picked up and held over the bin of its class: which one, only touch can tell.
+    """An object is picked up and held over the bin of its class. No observation says which class it is; the tactile images show its shape.
 
     Observations, actions and parameters are those of `Pick` with one object, but for these: ``shape`` is all 0, for unknown; the planned grasp of
     ``grasp`` is the same for all objects; ``identity``, ``combination`` and ``objects`` are no parameters. The bins are in a row beside the object, in the
@@ -62,7 +62,7 @@ class Sort(Pick):
         **options: Any,
     ) -> None:
         for name in ("task", "identity", "combination", "objects"):
-            if options.get(name):
+            if options.get(name, False) is not False and options[name] is not None:
                 raise ValueError(f"{name}: found {options[name]!r}, expected none for an environment in which the object is unknown")
         if isinstance(classes, str) or not 2 <= len(classes) <= MOST_CLASSES:
             raise ValueError(f"classes: found {classes!r}, expected the names of the objects of two to {MOST_CLASSES} classes")
