@@ -32,7 +32,7 @@ class Sort(Pick):
     ``grasp`` is the same for all objects; ``identity``, ``combination`` and ``objects`` are no parameters. The bins are in a row beside the object, in the
     order of the classes (`bins`).
 
-    Terminated when the object has been held over a bin for `HOLD_TIME`, in the right one with ``is_success``, or has left the table. The rewards are
+    Terminated when the object has been held still over a bin for `HOLD_TIME`, in the right one with ``is_success``, or has left the table. The rewards are
     those of `Pick`, with ``success`` for the right bin and ``lost`` for a wrong one. ``info`` of `reset` has the number of the object's ``class``.
 
     With ``in_hand`` an episode begins after the pick-up, which `ftac.scripted.Script` carries out; what it drops is not used.
@@ -48,8 +48,10 @@ class Sort(Pick):
     _OWN_STATE = ("class_of_object", "_steps_over")
     HOLD_TIME = 1.0
     """Time over a bin that decides, s."""
-    TOLERANCE = 0.04
+    TOLERANCE = 0.05
     """Horizontal distance of the object from a bin's middle that counts as over it, m."""
+    STILL = 0.05
+    """Speed below which the object counts as held there, m/s: the way to one bin may lead over another."""
     ROW: Array = np.array([[0.60, 0.02], [0.60, -0.22]])
     """Middles of the first and the last bin: x, y, m, world."""
 
@@ -135,8 +137,9 @@ class Sort(Pick):
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         held, terms, _, lost = judged
         assert self._episode is not None
-        position = self._episode.true_state()["objects"][0, :2]
-        over = (np.linalg.norm(self.bins - position, axis=1) < self.TOLERANCE) & held[0]
+        true = self._episode.true_state()
+        still = held[0] and float(np.linalg.norm(true["velocities"][0])) < self.STILL
+        over = (np.linalg.norm(self.bins - true["objects"][0, :2], axis=1) < self.TOLERANCE) & still
         self._steps_over = np.where(over, self._steps_over + 1, 0)
         decided = STEP * self._steps_over > self.HOLD_TIME - 0.5 * STEP
         right = bool(decided[self.class_of_object])
