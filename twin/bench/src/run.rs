@@ -44,12 +44,14 @@ pub struct RunOptions<'a> {
     pub open_factory: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BackendFactory>>> + Sync),
 }
 
-fn is_recorded(record: RecordingSelection, unit: WorkUnit) -> bool {
-    match record {
+fn is_recorded(request: &RunRequest, options: &RunOptions, unit: WorkUnit) -> bool {
+    let selected = match options.record {
         RecordingSelection::None | RecordingSelection::Causes => false,
         RecordingSelection::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
         RecordingSelection::All => true,
-    }
+    };
+    // A trial on real devices cannot be repeated, so it is always recorded.
+    selected || options.live || request.keeps_wall_time()
 }
 
 /// Runs one unit. Its recording, if `options` request one, goes below `folder`.
@@ -60,8 +62,7 @@ pub fn run_unit(
     folder: &Path,
     options: &RunOptions,
 ) -> Result<TrialResults> {
-    // A trial on real devices cannot be repeated, so it is always recorded.
-    let record = options.live || is_recorded(options.record, unit) || request.keeps_wall_time();
+    let record = is_recorded(request, options, unit);
     run_unit_in_place(bench, request, (unit, &unit_name(unit)), folder, options, record)
 }
 
@@ -236,7 +237,7 @@ pub fn run(
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
     let open: Vec<WorkUnit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
     let resumed = all.len() - open.len();
-    let recorded = open.iter().filter(|unit| options.live || is_recorded(options.record, **unit)).count();
+    let recorded = open.iter().filter(|unit| is_recorded(request, options, **unit)).count();
     if recorded > 0 && !options.quiet {
         let megabytes = 1e-6 * RECORDING_BYTES * recorded as f64;
         eprintln!("{} of {} units are recorded, some {megabytes:.0} MB", recorded, open.len());

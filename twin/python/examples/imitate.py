@@ -39,14 +39,14 @@ GAIN = 2.0
 """Scale of the changes, which are a few grey levels in the mean of a cell."""
 BEFORE = (3, 8, 22)
 """Steps of 1/20 s ago of which a network sees servos, palm and set-points too; the hand closes in 22."""
+IN_HAND = "SortInHand"
+"""The task whose episodes take longer to begin than to run: all rounds of a network begin in the same states."""
 TASKS = {
     "PickOne": ("ftac/PickOne-v1", {}, 260),
     "Sort": ("ftac/Sort-v1", {}, 300),
-    "SortInHand": ("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120),
+    IN_HAND: ("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120),
 }
 """Environment of each task, its options, and the length of an episode, steps."""
-REUSED = "SortInHand"
-"""The task whose episodes take longer to begin than to run: all rounds of a network begin in the same states."""
 PUSH, PUSH_STEPS = 0.1, 6
 """Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
 HELP = (1.0, 0.6, 0.3)
@@ -83,7 +83,7 @@ def teacher_of(env, task):
     if task.name == "PickOne":
         return Script(env.features, pose=pose)
     place = env.bins[env.class_of_object]
-    return Script(env.features, pose=pose, place=place, stage=CARRY if task.name == "SortInHand" else 0)
+    return Script(env.features, pose=pose, place=place, stage=CARRY if task.name == IN_HAND else 0)
 
 
 class Inputs:
@@ -136,7 +136,7 @@ def start_in_hand(tactile, task, seed):
 
 def begin(objects, tactile, task, seed):
     """An environment at the beginning of the episode with this seed, and the first observation."""
-    if task.name == REUSED:
+    if task.name == IN_HAND:
         env = environment_in_hand(tactile, task)
         return env, env.restore(start_in_hand(tactile, task, seed))
     env = make(objects, tactile, task)
@@ -182,7 +182,7 @@ def train(args, workers, tactile, seed, objects):
     random = np.random.default_rng(seed)
     data, network, curve = [], None, []
     for number in range(args.rounds):
-        first = (seed * args.rounds + number * (args.task.name != REUSED)) * args.episodes
+        first = (seed * args.rounds + number * (args.task.name != IN_HAND)) * args.episodes
         help = HELP[number] if number < len(HELP) else 0.0
         jobs = [([objects[n % len(objects)]], tactile, args.task, (first + n, number), network, PUSH, help) for n in range(args.episodes)]
         runs = list(workers.map(episode, jobs, chunksize=4))

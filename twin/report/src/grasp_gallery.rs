@@ -163,8 +163,8 @@ fn diversity_table(entries: &[&ObjectGrasps]) -> HtmlTable {
     let mut head = vec![("object", Words), ("grasps", Numbers), ("chains", Numbers), ("sets of digits", Numbers)];
     head.extend(digits.iter().map(|name| (*name, Numbers)));
     head.push(("palm", Numbers));
-    let kinds = Opposition::ALL.map(|kind| (kind.name(), format!("{} opposition", kind.name())));
-    head.extend(kinds.iter().map(|(_, name)| (name.as_str(), Numbers)));
+    let kinds = Opposition::ALL.map(|kind| format!("{} opposition", kind.name()));
+    head.extend(kinds.iter().map(|name| (name.as_str(), Numbers)));
     head.extend([("thumb abducted", Numbers), ("1 component", Numbers), ("3", Numbers), ("6", Numbers)]);
     let mut table = HtmlTable::new("Shares in percent", &head);
     for entry in entries {
@@ -173,8 +173,7 @@ fn diversity_table(entries: &[&ObjectGrasps]) -> HtmlTable {
         let mut row = vec![entry.summary.object.clone()];
         row.extend([found.grasps.to_string(), entry.summary.chains.to_string(), found.sets.len().to_string()]);
         row.extend(found.digits.iter().chain([&found.palm]).map(|share| percent(*share)));
-        let count = |name: &str| found.opposition.get(name).copied().unwrap_or(0) as f64;
-        row.extend(kinds.iter().map(|(name, _)| percent(count(name) / found.grasps.max(1) as f64)));
+        row.extend(Opposition::ALL.map(|kind| percent(found.opposition_share(kind))));
         row.push(percent(found.thumb[2]));
         row.extend([1, 3, 6].map(|n| percent(found.explained.get(n - 1).copied().unwrap_or(f64::NAN))));
         table.row(&row);
@@ -194,8 +193,8 @@ const DIVERSITY_TERMS: &str = "For each object: grasps kept and chains of the se
     the share of the grasps in which each digit and the palm touch, of each kind of opposition, and of those with an abducted thumb, which faces the \
     fingers; and how much of the joint angles' variance the first 1, 3 and 6 principal components explain.";
 
-/// Writes the page of the grasps of `file` into the existing `folder`; `only` limits it to one object. If the digits of
-/// a hand have no names, its kinds, `most` at most, are shown from three sides.
+/// Writes the page of the grasps of `file` into the existing `folder`, with `most` kinds of each object at most; `only`
+/// limits it to one object. A hand whose digits have no names is shown from three sides.
 pub fn write(file: &GraspFile, only: Option<&str>, most: usize, folder: &Path) -> Result<()> {
     let hand = &file.hand;
     let views = match hand.named_hand {

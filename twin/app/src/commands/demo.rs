@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::make_bench;
 use bench::recording::{Recording, TimeOrigin};
-use bench::trial::filming::{self, Filming, Watchers};
+use bench::trial::filming::{self, COMPARED_CONDITIONS, Filming, Watchers};
 use clap::Args;
 use maud::html;
 use report::film::{self, Film, FilmStage};
 use report::picture;
 use robot_backends::TrialTask;
-use scenarios::{Condition, Scenario, TrialRecord};
+use scenarios::{Scenario, TrialRecord};
 use schemars::JsonSchema;
 use serde::Serialize;
 use telemetry::RecordingTarget;
@@ -19,8 +19,6 @@ use telemetry::viewer;
 
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
-
-const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
@@ -75,8 +73,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
         files.push(file);
     }
-    let mut films = COMPARED_CONDITIONS
-        .map(|condition| Filming::new(&bench, condition, film::TRIAL_FRAME_RATE).with_tactile_images(&bench));
+    let mut films = COMPARED_CONDITIONS.map(|condition| Filming::for_animation(&bench, condition));
     let mut watchers = Watchers(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));

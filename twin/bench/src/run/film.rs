@@ -4,33 +4,29 @@ use std::path::Path;
 
 use anyhow::Result;
 use ftac_platform::data::write_atomically;
-use report::film;
+use report::film::Film;
 use scenarios::record::Condition;
 
 use crate::journal::{RunRequest, WorkUnit};
 use crate::trial::Bench;
-use crate::trial::filming::{self, Filming};
-
-/// Conditions that are shown side by side if the run has them; other runs show one.
-const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
+use crate::trial::filming::{self, COMPARED_CONDITIONS, Filming};
 
 /// True for the trial that is filmed.
 pub fn is_filmed(unit: WorkUnit) -> bool {
     unit.combination == 0 && unit.trial == Some(0)
 }
 
-/// Returns a watcher for each condition of the film; `shown` is the one if `request` does not compare.
+/// Returns a watcher for each condition of the film: those compared if `request` runs them, else `shown`.
 pub fn cameras(bench: &Bench, request: &RunRequest, shown: Condition) -> Vec<Filming> {
     let run = request.noisy_conditions();
     let compared = COMPARED_CONDITIONS.iter().all(|condition| run.contains(condition));
     let conditions = if compared { COMPARED_CONDITIONS.to_vec() } else { vec![shown] };
-    let camera = |condition| Filming::new(bench, condition, film::TRIAL_FRAME_RATE).with_tactile_images(bench);
-    conditions.into_iter().map(camera).collect()
+    conditions.into_iter().map(|condition| Filming::for_animation(bench, condition)).collect()
 }
 
 /// Writes the film into the result folder; none if a trial ended before its first frame.
 pub fn write(bench: &Bench, unit: WorkUnit, cameras: Vec<Filming>, folder: &Path) -> Result<()> {
-    let films: Vec<film::Film> = cameras.into_iter().map(|camera| camera.film).collect();
+    let films: Vec<Film> = cameras.into_iter().map(|camera| camera.film).collect();
     if films.iter().any(|film| film.frames.is_empty()) {
         return Ok(());
     }

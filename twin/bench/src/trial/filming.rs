@@ -2,10 +2,13 @@
 
 use anyhow::Result;
 use report::film::tactile_map::TactileTiles;
-use report::film::{Film, FilmFrame, FilmStage};
+use report::film::{Film, FilmFrame, FilmStage, TRIAL_FRAME_RATE};
 use scenarios::record::{Condition, TrialRecord};
 
 use super::{Bench, TickView, Watcher};
+
+/// Conditions that an animation shows side by side.
+pub const COMPARED_CONDITIONS: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Films the branch of one condition on a backend with ground truth.
 pub struct Filming {
@@ -28,9 +31,10 @@ impl Filming {
         Self { condition, skips_planned_grasp, period: 1.0 / rate, tactile: None, film }
     }
 
-    /// The same with the tactile images, which an animation shows and stills do not.
-    pub fn with_tactile_images(self, bench: &Bench) -> Self {
-        Self { tactile: Some(TactileTiles::new(bench.world.cell.robot.hand.cameras.len())), ..self }
+    /// Films `condition` for an animation, which shows the tactile images too.
+    pub fn for_animation(bench: &Bench, condition: Condition) -> Self {
+        let tactile = Some(TactileTiles::new(bench.world.cell.robot.hand.cameras.len()));
+        Self { tactile, ..Self::new(bench, condition, TRIAL_FRAME_RATE) }
     }
 }
 

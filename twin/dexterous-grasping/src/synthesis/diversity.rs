@@ -97,6 +97,13 @@ pub struct Diversity {
     pub room: Option<f64>,
 }
 
+impl Diversity {
+    /// Returns the share of the grasps of this kind of opposition.
+    pub fn opposition_share(&self, kind: Opposition) -> f64 {
+        self.opposition.get(kind.name()).copied().unwrap_or(0) as f64 / self.grasps.max(1) as f64
+    }
+}
+
 /// Computes the statistics of `grasps`.
 pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversity {
     let grasps: Vec<&HeldGrasp> = grasps.into_iter().collect();

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use dexterous_grasping::synthesis::collection::{Collection, ObjectGrasps, SearchSummary};
-use dexterous_grasping::synthesis::diversity::{self, Diversity};
+use dexterous_grasping::synthesis::diversity::{self, Diversity, Opposition};
 use dexterous_grasping::synthesis::grasp_file::{GraspFileHeader, GraspWriter};
 use dexterous_grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
@@ -122,7 +122,7 @@ pub fn table(collection: &Collection) -> String {
 
 fn row(name: &str, chains: u64, d: &Diversity) -> String {
     let percent = |share: f64| format!("{:4.0}", 100.0 * share);
-    let kind = |name: &str| percent(d.opposition.get(name).copied().unwrap_or(0) as f64 / d.grasps.max(1) as f64);
+    let [pad, palm, side, fingers] = Opposition::ALL.map(|kind| percent(d.opposition_share(kind)));
     let explained = |n: usize| d.explained.get(n - 1).map_or("   -".into(), |share| percent(*share));
     let digits: Vec<String> = d.digits.iter().map(|share| percent(*share)).collect();
     format!(
@@ -131,10 +131,10 @@ fn row(name: &str, chains: u64, d: &Diversity) -> String {
         d.sets.len(),
         digits.join(" "),
         percent(d.palm),
-        kind("pad"),
-        kind("palm"),
-        kind("side"),
-        kind("fingers"),
+        pad,
+        palm,
+        side,
+        fingers,
         percent(d.thumb[2]),
         explained(1),
         explained(3),
