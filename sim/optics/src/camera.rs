@@ -101,7 +101,8 @@ impl CameraResponse {
                 low = m
             }
             let newton = m - over / (g1 + m * (2.0 * g2 + 3.0 * g3 * m));
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            // The bounds count: at the root, which is one of them, the step is zero.
+            let next = if (low..=high).contains(&newton) { newton } else { 0.5 * (low + high) };
             let step = (next - m).abs();
             m = next;
             if step < 1e-14 {
