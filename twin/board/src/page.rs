@@ -8,8 +8,10 @@ use crate::table::{BoardGroup, BoardRow, GROUP_NOTE, HEADS, difference_text, wit
 
 /// Title of the page.
 const TITLE: &str = "Board: policies on the multi-object benchmark";
-/// Number of the first columns that contain words.
-const WORD_COLUMNS: usize = 5;
+/// Columns that contain numbers.
+const NUMBER_COLUMNS: std::ops::Range<usize> = 1..6;
+/// Number of columns: the hash of the outcomes is among a row's details.
+const COLUMNS: usize = HEADS.len() - 1;
 
 /// Returns the whole page.
 pub fn page(groups: &[BoardGroup]) -> String {
@@ -36,18 +38,18 @@ pub fn page(groups: &[BoardGroup]) -> String {
             dt { "clean, success, contact" } dd { "Means over combinations of each combination's share of trials." }
             dt { "time" } dd { "Duration of a trial relative to the policy blind in the same run." }
             dt { "over blind" } dd { "Clean share less that of the policy blind, paired over combinations, with a bootstrap interval." }
-            dt { "outcomes" } dd { "First digits of the hash of all outcomes." }
         }
     };
     whole_page(TITLE, &body)
 }
 
 fn table(group: &BoardGroup) -> HtmlTable {
-    let alignment = |n: usize| if n < WORD_COLUMNS { ColumnAlignment::Words } else { ColumnAlignment::Numbers };
-    let heads: Vec<(&str, ColumnAlignment)> = HEADS.iter().enumerate().map(|(n, head)| (*head, alignment(n))).collect();
+    let alignment = |n| if NUMBER_COLUMNS.contains(&n) { ColumnAlignment::Numbers } else { ColumnAlignment::Words };
+    let heads: Vec<(&str, ColumnAlignment)> =
+        HEADS[..COLUMNS].iter().enumerate().map(|(n, head)| (*head, alignment(n))).collect();
     let mut table = HtmlTable::new("Policies, the largest share of clean trials first", &heads);
     for row in &group.rows {
-        table.row(&row.cells());
+        table.row(&row.cells()[..COLUMNS]);
     }
     table
 }
