@@ -2,10 +2,10 @@
 tactile images (DAgger).
 
     python imitate.py --episodes 330 --rounds 5 --seeds 5 --tests 330 --out imitation
-    python imitate.py --task SortInHand --episodes 120 --rounds 4 --seeds 5 --tests 120 --out sorting
+    python imitate.py --task SortInHand --episodes 150 --rounds 4 --seeds 5 --tests 100 --out sorting
 
 Every round runs episodes in which the network moves the robot (in the first rounds the script does for part of the time), and the script says in every step what it would do;
-a network is then fitted to all steps so far (its squared error is told as a share of the actions' variance). Without the later rounds a clone never sees the states into which its own errors lead. The file ``policy.npz`` of
+a network is then fitted to all steps so far (its squared error is told as a share of the actions' variance). Without the later rounds a clone never sees the states into which its own errors lead. The file of
 each network can be used as a policy of the benchmark and in the environment: class `Imitation` in this file.
 
 The network sees the observations of `ftac.features`, with the planned grasp, now and some steps ago: the script goes by a clock. It needs numpy and gymnasium.
@@ -29,30 +29,48 @@ from network import Network  # noqa: E402
 import ftac  # noqa: E402
 from ftac.features import Spec  # noqa: E402
 from ftac.scripted import CARRY, Script  # noqa: E402
+from ftac.sorting import ANY_SIZE  # noqa: E402
 
 SPEC = Spec(grasp=True)
 SIDE = 16
 """Of the tactile images, pixels."""
 CELLS = 4
 """Side of a pad's picture as the network gets it."""
+PIXELS = 17 * CELLS * CELLS * 3
+"""Numbers of the pictures of all pads, the last inputs of a network."""
 GAIN = 2.0
 """Scale of the changes, which are a few grey levels in the mean of a cell."""
 BEFORE = (3, 8, 22)
 """Steps of 1/20 s ago of which a network sees servos, palm and set-points too; the hand closes in 22."""
-IN_HAND = "SortInHand"
-"""The task whose episodes take longer to begin than to run: all rounds of a network begin in the same states."""
-TASKS = {
-    "PickOne": ("ftac/PickOne-v1", {}, 260),
-    "Sort": ("ftac/Sort-v1", {}, 300),
-    IN_HAND: ("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120),
-}
-"""Environment of each task, its options, and the length of an episode, steps."""
-PUSH, PUSH_STEPS = 0.1, 6
-"""Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
 HELP = (1.0, 0.6, 0.3)
 """Share of the time in which the script moves the robot in the first rounds, later not at all: so that early rounds see late stages too."""
+PUSH, PUSH_STEPS = 0.1, 6
+"""Standard deviation of pushes in training, as a share of the greatest velocity, and how many steps each lasts."""
+
+
+class Setting(NamedTuple):
+    """Environment of a task, its options, the length of an episode (steps), fields that are drawn, and `BEFORE`, `HELP` and `PUSH` for it."""
+
+    env: str
+    options: dict[str, object]
+    steps: int
+    randomization: dict[str, float] = {}
+    before: tuple[int, ...] = BEFORE
+    help: tuple[float, ...] = HELP
+    push: float = PUSH
+
+
+IN_HAND = "SortInHand"
+"""The task whose episodes take longer to begin than to run: all rounds of a network begin in the same states. It has one stage, in which the past is of no use,
+and an object that was pushed is not still."""
+TASKS = {
+    "PickOne": Setting("ftac/PickOne-v1", {}, 260),
+    "Sort": Setting("ftac/Sort-v1", {}, 300, ANY_SIZE),
+    IN_HAND: Setting("ftac/Sort-v1", {"in_hand": True, "hand": "tensions"}, 120, ANY_SIZE, before=(), help=(1.0, 0.5), push=0.03),
+}
 HELP_STEPS = 20
-"""Steps after which it is drawn anew who moves the robot."""
+"""Steps after which it is drawn anew who moves the robot, and to which bin the script does: were it always the right one, a network would learn to go on as it goes
+instead of what it feels."""
 HELD_OUT = 1_000_000
 """Seeds of the test episodes begin here, unless others are asked for."""
 
@@ -60,12 +78,11 @@ HELD_OUT = 1_000_000
 def make(objects, tactile, task, **options):
     if tactile:
         options |= {"images": SIDE, "tactile": "change"}
-    if task.xy_sigma is not None:
-        options["randomization"] = {"noise.perception.xy_sigma": task.xy_sigma}
+    setting = TASKS[task.name]
+    options["randomization"] = {**setting.randomization, **({} if task.xy_sigma is None else {"noise.perception.xy_sigma": task.xy_sigma})}
     if task.name == "PickOne":
         options["objects"] = objects
-    env, more, _ = TASKS[task.name]
-    return gymnasium.make(env, grasp=True, **more, **options).unwrapped
+    return gymnasium.make(setting.env, grasp=True, **setting.options, **options).unwrapped
 
 
 class Task(NamedTuple):
@@ -77,20 +94,20 @@ class Task(NamedTuple):
     xy_sigma: float | tuple[float, float] | None = None
 
 
-def teacher_of(env, task):
-    """The script; if it knows the true pose, it goes to where the object really is. In sorting it knows the object's class."""
+def scripts_of(env, task):
+    """A script for each place to which the object can be carried, and the number of the one that is right. If the teacher knows the true pose, they go to where the object really is."""
     pose = env.save().episode.true_state()["objects"][0] if task.teacher == "truth" else None
     if task.name == "PickOne":
-        return Script(env.features, pose=pose)
-    place = env.bins[env.class_of_object]
-    return Script(env.features, pose=pose, place=place, stage=CARRY if task.name == IN_HAND else 0)
+        return [Script(env.features, pose=pose)], 0
+    stage = CARRY if task.name == IN_HAND else 0
+    return [Script(env.features, pose=pose, place=place, stage=stage) for place in env.bins], env.class_of_object
 
 
 class Inputs:
     """Rows of inputs from the observations of an episode."""
 
-    def __init__(self, tactile):
-        self.tactile, self.past = tactile, []
+    def __init__(self, tactile, before=BEFORE):
+        self.tactile, self.before, self.past = tactile, before, []
 
     def __call__(self, observation):
         moving = np.concatenate([observation[name].ravel() for name in ("servos", "palm", "command")])
@@ -98,7 +115,7 @@ class Inputs:
         # Of several objects, the first is to be picked.
         parts = [observation[name][:1].ravel() for name in ("objects", "shape", "grasp")]
         parts += [observation["arm"].ravel(), observation["time"], moving]
-        parts += [self.past[max(0, len(self.past) - 1 - before)] for before in BEFORE]
+        parts += [self.past[max(0, len(self.past) - 1 - before)] for before in self.before]
         if self.tactile:
             change = (observation["tactile"].astype(np.float32) - 128.0) / 128.0
             cells = change.reshape(len(change), CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4)).ravel()
@@ -111,11 +128,11 @@ class Imitation:
 
     def __init__(self, weights):
         data = np.load(weights)
-        self.network, self.tactile = Network.load(data), bool(data["tactile"])
+        self.network, self.tactile, self.before = Network.load(data), bool(data["tactile"]), data["before"]
         self.features = Spec(grasp=True, images=SIDE, tactile="change") if self.tactile else SPEC
 
     def reset(self, info):
-        self.inputs = Inputs(self.tactile)
+        self.inputs = Inputs(self.tactile, self.before)
 
     def act(self, observation):
         return np.clip(self.network(self.inputs(observation)[None])[0], -1.0, 1.0)
@@ -144,20 +161,24 @@ def begin(objects, tactile, task, seed):
 
 
 def episode(job):
-    """Runs an episode: rows of inputs, what the script would do, and whether the task was done in the end."""
-    objects, tactile, task, (seed, number), network, push, help = job
+    """Runs an episode: rows of inputs, what the script would do, and whether the task was done in the end. `help` is the share of the time in which a script
+    moves the robot in training, or None in a test: of the network, or of the script if there is none."""
+    objects, tactile, task, (seed, number), network, help = job
     random = np.random.default_rng([seed, number])
     env, observation = begin(objects, tactile, task, seed)
-    script, inputs = teacher_of(env, task), Inputs(tactile)
+    setting = TASKS[task.name]
+    (scripts, right), inputs = scripts_of(env, task), Inputs(tactile, setting.before)
     rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
-    for step in range(TASKS[task.name][2]):
+    for step in range(setting.steps):
         rows.append(inputs(observation))
-        actions.append(script.act(observation))
+        proposed = [script.act(observation) for script in scripts]
+        actions.append(proposed[right])
         if step % HELP_STEPS == 0:
-            helped = network is None or random.random() < help
-        action = actions[-1] if helped else network(rows[-1][None])[0]
+            helped = network is None or (help is not None and random.random() < help)
+            chosen = right if help is None else int(random.integers(len(scripts)))
+        action = proposed[chosen] if helped else network(rows[-1][None])[0]
         if step % PUSH_STEPS == 0:
-            pushed[:6] = push * random.standard_normal(6)
+            pushed[:6] = 0.0 if help is None else setting.push * random.standard_normal(6)
         observation, _, over, _, info = env.step(np.clip(action + pushed, -1.0, 1.0))
         if over:
             break
@@ -179,18 +200,18 @@ def known_objects(asked):
 
 def train(args, workers, tactile, seed, objects):
     """Trains a network; returns it and the share of successes in each round."""
-    random = np.random.default_rng(seed)
+    random, setting = np.random.default_rng(seed), TASKS[args.task.name]
     data, network, curve = [], None, []
     for number in range(args.rounds):
         first = (seed * args.rounds + number * (args.task.name != IN_HAND)) * args.episodes
-        help = HELP[number] if number < len(HELP) else 0.0
-        jobs = [([objects[n % len(objects)]], tactile, args.task, (first + n, number), network, PUSH, help) for n in range(args.episodes)]
+        help = setting.help[number] if number < len(setting.help) else 0.0
+        jobs = [([objects[n % len(objects)]], tactile, args.task, (first + n, number), network, help) for n in range(args.episodes)]
         runs = list(workers.map(episode, jobs, chunksize=4))
-        # The script is a teacher only where it succeeds itself, and knows what to do where the network has gone.
-        data += [(rows, actions) for rows, actions, success in runs if success or network is not None]
+        # Where a script alone has moved the robot it is a teacher only if it succeeds; it knows what to do wherever it was led.
+        data += [(rows, actions) for rows, actions, success in runs if success or network is not None or args.task.name != "PickOne"]
         inputs, outputs = (np.concatenate(parts) for parts in zip(*data))
         if network is None:
-            network = Network(inputs.shape[1], outputs.shape[1], args.hidden, random)
+            network = Network(inputs.shape[1], outputs.shape[1], args.hidden, random, pixels=PIXELS if tactile else 0)
         network.standardize(inputs)
         fit = network.fit_on_gpu if args.gpu else network.fit
         error = fit(inputs, outputs, args.epochs, random) / outputs.var(axis=0).mean()
@@ -226,15 +247,15 @@ def main():
     objects = known_objects(args.objects)
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
-        table.writerow(["policy", "seed", "xy_sigma", "successes", "episodes", "rounds"])
+        table.writerow(["policy", "seed", "xy_sigma", "successes", "episodes", "rounds", "outcomes"])
 
         def test(name, tactile, seed, network, curve, teacher=args.teacher):
             for sigma in [None, *args.test_sigma]:
                 task = Task(args.task_name, teacher, sigma)
-                jobs = [([objects[n % len(objects)]], tactile, task, (args.first_seed + n, 0), network, 0.0, 0.0) for n in range(args.tests)]
+                jobs = [([objects[n % len(objects)]], tactile, task, (args.first_seed + n, 0), network, None) for n in range(args.tests)]
                 won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
                 at = "" if sigma is None else sigma
-                table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve)])
+                table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve), "".join("01"[one] for one in won)])
                 file.flush()
                 where = "the benchmark's errors" if sigma is None else f"detection error {1e3 * sigma:g} mm"
                 print(f"{name}, seed {seed}, {where}: {interval(sum(won), len(won))}", flush=True)
@@ -245,10 +266,10 @@ def main():
                 test("script that knows the truth", False, "", None, [], "truth")
             else:
                 test("script that knows the class", False, "", None, [])
-        for kind in (kind for kind in args.kinds.split(",") if kind != "script"):
-            for seed in range(args.first_network, args.first_network + args.seeds):
+        for seed in range(args.first_network, args.first_network + args.seeds):
+            for kind in (kind for kind in args.kinds.split(",") if kind != "script"):
                 network, curve = train(args, workers, kind == "tactile", seed, objects)
-                network.save(args.out / f"{kind}_{seed}.npz", tactile=kind == "tactile")
+                network.save(args.out / f"{kind}_{seed}.npz", tactile=kind == "tactile", before=TASKS[args.task_name].before)
                 test(kind, kind == "tactile", seed, network, curve)
 
 

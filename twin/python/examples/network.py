@@ -2,14 +2,16 @@
 
 import numpy as np
 
-FLOOR = 0.02
-"""Inputs that vary by less (standard deviation) are not scaled up further."""
+FLOOR, PIXEL_FLOOR = 0.02, 0.005
+"""Inputs that vary by less (standard deviation) are not scaled up further; the second for pixels, most of which change little."""
+PIXEL_DECAY = 10.0
+"""Share of the rate by which the weights of pixels become smaller in each step: there are so many that a network could know its examples by their noise."""
 
 
 class Network:
-    """A function from rows of `inputs` numbers to rows of `outputs` numbers."""
+    """A function from rows of `inputs` numbers to rows of `outputs` numbers. The last `pixels` of the inputs begin without weight."""
 
-    def __init__(self, inputs, outputs, hidden, random):
+    def __init__(self, inputs, outputs, hidden, random, pixels=0):
         sizes = [inputs, hidden, hidden, outputs]
         self.mean, self.scale = np.zeros(inputs, np.float32), np.ones(inputs, np.float32)
         self.weights = []
@@ -17,6 +19,8 @@ class Network:
             bound = np.sqrt(1.0 / before)
             self.weights += [random.normal(0.0, bound, (before, after)).astype(np.float32), np.zeros(after, np.float32)]
         self.weights[-2] *= 0.1
+        self.pixels = pixels
+        self.weights[0][inputs - pixels :] = 0.0
         self.reset_adam()
 
     def reset_adam(self):
@@ -25,7 +29,9 @@ class Network:
 
     def standardize(self, inputs):
         """Scales inputs to the spread of these rows."""
-        self.mean, self.scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), FLOOR)
+        floor = np.full(inputs.shape[1], FLOOR, np.float32)
+        floor[inputs.shape[1] - self.pixels :] = PIXEL_FLOOR
+        self.mean, self.scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), floor)
 
     def layers(self, inputs):
         layers = [np.clip((inputs - self.mean) / self.scale, -5.0, 5.0)]
@@ -54,6 +60,7 @@ class Network:
             first += 0.1 * (slope - first)
             second += 0.001 * (slope**2 - second)
             weight -= (rate * correction * first / (np.sqrt(second) + 1e-8)).astype(np.float32)
+        self.weights[0][len(self.weights[0]) - self.pixels :] *= 1.0 - rate * PIXEL_DECAY
 
     def fit(self, inputs, outputs, epochs, random, batch=512, rate=1e-3, tell=None):
         """Fits by the mean squared error with a rate that falls to zero; returns the error of the last epoch."""
@@ -97,6 +104,8 @@ class Network:
                 adam.zero_grad()
                 loss.backward()
                 adam.step()
+                with torch.no_grad():
+                    weights[0][len(weights[0]) - self.pixels :] *= 1.0 - falling.get_last_lr()[0] * PIXEL_DECAY
                 falling.step()
                 total += loss.detach() * len(chosen)
             error = float(total) / len(rows)
@@ -104,13 +113,13 @@ class Network:
         return error
 
     def save(self, file, **more):
-        np.savez_compressed(file, mean=self.mean, scale=self.scale, **more, **{f"w{n}": w for n, w in enumerate(self.weights)})
+        np.savez_compressed(file, mean=self.mean, scale=self.scale, pixels=self.pixels, **more, **{f"w{n}": w for n, w in enumerate(self.weights)})
 
     @staticmethod
     def load(data):
         """The network of a file that `save` wrote, as ``numpy.load`` reads it."""
         network = object.__new__(Network)
         network.mean, network.scale = data["mean"], data["scale"]
-        network.weights = [data[f"w{n}"] for n in range(6)]
+        network.weights, network.pixels = [data[f"w{n}"] for n in range(6)], int(data["pixels"])
         network.reset_adam()
         return network

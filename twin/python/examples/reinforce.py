@@ -109,8 +109,8 @@ def main():
             print(f"{name}: {imitate.interval(sum(won), len(won))}", flush=True)
 
         if policy is None:
-            rows = workers.submit(imitate.episode, ([objects[0]], tactile, imitate.Task(), 0, None, 0.0)).result()[0]
-            policy = Network(rows.shape[1], 12, args.hidden, random)
+            rows = workers.submit(imitate.episode, ([objects[0]], tactile, imitate.Task(), (0, 0), None, None)).result()[0]
+            policy = Network(rows.shape[1], 12, args.hidden, random, pixels=imitate.PIXELS if tactile else 0)
             policy.standardize(rows)
         test("before")
         for iteration in range(args.iterations):
@@ -137,7 +137,7 @@ def main():
             table.writerow([iteration, (iteration + 1) * len(runs), len(inputs), won, f"{mean:.3f}"])
             file.flush()
             print(f"{iteration + 1}: {won} of {len(runs)} succeed, return {mean:.3f}, {time.monotonic() - begun:.0f} s", flush=True)
-        policy.save(args.out / "policy.npz", tactile=tactile)
+        policy.save(args.out / "policy.npz", tactile=tactile, before=imitate.BEFORE)
         test("after")
 
 

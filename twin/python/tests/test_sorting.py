@@ -9,6 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 import ftac  # noqa: F401  (registers the environments)
 from ftac.scripted import CARRY, Script
+from ftac.sorting import ANY_SIZE
 
 
 def run(env, place, kind=1, steps=300):
@@ -56,6 +57,15 @@ class Sorting(unittest.TestCase):
                 np.testing.assert_array_equal(seen[0][name], other[name], name)
         tensions = [observation["grasp"][0, 13:] for observation in seen]
         np.testing.assert_array_equal(tensions[0], tensions[2])
+
+    def test_objects_have_any_size(self):
+        env = gymnasium.make("ftac/Sort-v1", randomization=ANY_SIZE).unwrapped
+        radii = []
+        for seed in range(8):
+            env.reset(seed=seed, options={"class": 0})
+            radii.append(env.save().episode.true_state()["objects"][0, 2])
+        # A ball lies with its middle one radius over the table; the two balls of the class differ by 2.5 mm.
+        self.assertGreater(np.ptp(radii), 0.005)
 
     def test_all_objects_are_drawn(self):
         drawn = set()

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 BALLS_CYLINDERS_BOXES = (("ball_45", "ball_50"), ("cylinder_45", "can_50"), ("cube_45", "box_50"))
 """Three shapes of nearly one size."""
+ANY_SIZE = {"effects.objects.size_sigma": 0.1, "effects.objects.mass_sigma": 0.3}
+"""`Randomization` by which objects differ in size and weight (standard deviations), so that a few objects cannot be told apart by how far the digits close and how heavy they are."""
 MOST_CLASSES = 4
 MOST_TRIES = 64
 """Pick-ups that may fail in a row before an episode cannot begin."""
@@ -42,7 +44,7 @@ class Sort(Pick):
     classes: names of the objects of each class; two to four classes. Each class is drawn alike, and each object of it.
     grasp_of: name of the object whose planned grasp (`ftac.grasps.pick_one`) is used for all of them.
     in_hand: whether an episode begins with the object lifted.
-    options: of `Pick`.
+    options: of `Pick`. With ``randomization=ANY_SIZE`` the objects of a class have all sizes.
     """
 
     _OWN_STATE = ("class_of_object", "_steps_over")
