@@ -202,6 +202,9 @@ impl<'a> GraspEnergy<'a> {
         frames.set_state(state);
         let mut terms = EnergyTerms::default();
         self.contacts(contacts, frames, &mut terms);
+        for (link, surface) in self.surface.links.iter().enumerate() {
+            frames.centers[link] = frames.point(link, &surface.bound.center);
+        }
         self.penetration(frames, &mut terms);
         self.self_penetration(frames, &mut terms);
         frames.collect_gradient(gradient);
@@ -262,7 +265,7 @@ impl<'a> GraspEnergy<'a> {
 
     fn penetration(&self, frames: &mut LinkFrames, terms: &mut EnergyTerms) {
         for (link, surface) in self.surface.links.iter().enumerate() {
-            let center = frames.point(link, &surface.bound.center);
+            let center = frames.centers[link];
             self.below_table(link, &center, surface.bound.radius, frames, terms);
             if self.field.distance(&center) > LIPSCHITZ_BOUND * surface.bound.radius {
                 continue;
@@ -271,12 +274,13 @@ impl<'a> GraspEnergy<'a> {
             let (mut force, mut torque, mut depth) = (Vector3::zeros(), Vector3::zeros(), 0.0);
             for patch in &surface.patches {
                 let center = rotation * patch.bound.center + translation;
-                if self.field.distance(&center) > LIPSCHITZ_BOUND * patch.bound.radius {
+                let reach = LIPSCHITZ_BOUND * patch.bound.radius;
+                if self.field.is_clear(&center, reach) || self.field.distance(&center) > reach {
                     continue;
                 }
                 for local in &surface.points[patch.range.clone()] {
                     let x = rotation * local + translation;
-                    if self.field.distance(&x) < 0.0 {
+                    if !self.field.is_clear(&x, 0.0) && self.field.distance(&x) < 0.0 {
                         let (distance, slope) = self.field.distance_gradient(&x);
                         depth -= distance;
                         terms.max_depth = terms.max_depth.max(-distance);
@@ -317,7 +321,7 @@ impl<'a> GraspEnergy<'a> {
         let weight = self.weights.self_penetration;
         for &(a, b) in &self.surface.pairs {
             let (left, right) = (&self.surface.links[a], &self.surface.links[b]);
-            let apart = frames.point(a, &left.bound.center) - frames.point(b, &right.bound.center);
+            let apart = frames.centers[a] - frames.centers[b];
             let reach = left.bound.radius + right.bound.radius;
             if apart.norm_squared() > reach * reach {
                 continue;
@@ -325,7 +329,7 @@ impl<'a> GraspEnergy<'a> {
             for x in &left.spheres {
                 let px = frames.point(a, &x.center);
                 // One ball against the other link first.
-                let away = (px - frames.point(b, &right.bound.center)).norm_squared();
+                let away = (px - frames.centers[b]).norm_squared();
                 let near = x.radius + right.bound.radius;
                 if away > near * near {
                     continue;

@@ -19,6 +19,9 @@ pub const LIPSCHITZ_BOUND: f64 = 1.732_050_807_568_878;
 /// Largest number of nodes: 64 MB.
 const MAX_NODES: usize = 4_000_000;
 
+/// Resolution of [`DistanceField::clearance`] in a cell.
+const CLEARANCE_UNITS: f64 = 4.0;
+
 /// Errors of sampling a field.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
@@ -72,6 +75,8 @@ pub struct DistanceField {
     nodes: Vec<[f32; 4]>,
     /// The distances alone, for hundreds of surface points per step: a quarter of the memory to read.
     distances: Vec<f32>,
+    /// Least distance in each cell in units of `1 / CLEARANCE_UNITS` cells, rounded down, by the index of its lowest node.
+    clearance: Vec<u8>,
     low: Point3<f64>,
     high: Point3<f64>,
     /// Centre of mass, m.
@@ -126,11 +131,13 @@ impl DistanceField {
                 }
             }
         }
+        let distances: Vec<f32> = nodes.iter().map(|node| node[0]).collect();
         Ok(Self {
+            clearance: cell_clearances(&distances, size, cell),
             origin,
             cells_per_meter: 1.0 / cell,
             size,
-            distances: nodes.iter().map(|node| node[0]).collect(),
+            distances,
             nodes,
             low: *low,
             high: *high,
@@ -159,6 +166,18 @@ impl DistanceField {
             beyond[axis] = (scaled - inside) / self.cells_per_meter;
         }
         GridPosition { node, part, beyond }
+    }
+
+    /// True if a look-up of one number shows that the interpolated distance at `point` is greater than `distance` (m).
+    /// Otherwise it may be either.
+    pub(crate) fn is_clear(&self, point: &Vector3<f64>, distance: f64) -> bool {
+        let mut node = 0;
+        for axis in [2, 1, 0] {
+            // A float becomes the nearest integer that the type has, so that points below the grid are in its first cell.
+            let base = ((point[axis] - self.origin[axis]) * self.cells_per_meter) as usize;
+            node = node * self.size[axis] + base.min(self.size[axis] - 2);
+        }
+        f64::from(self.clearance[node]) > distance * self.cells_per_meter * CLEARANCE_UNITS
     }
 
     /// Interpolates the distance, m.
@@ -230,6 +249,17 @@ impl DistanceField {
     }
 }
 
+/// Computes [`DistanceField::clearance`]. No interpolated value in a cell is less than that of its least corner.
+fn cell_clearances(distances: &[f32], size: [usize; 3], cell: f64) -> Vec<u8> {
+    let (row, layer) = (size[0], size[0] * size[1]);
+    let corners = [0, 1, row, row + 1, layer, layer + 1, layer + row, layer + row + 1];
+    let least = |node: usize| {
+        let values = corners.iter().map(|offset| distances.get(node + offset).copied().unwrap_or(f32::NEG_INFINITY));
+        values.fold(f32::INFINITY, f32::min)
+    };
+    (0..distances.len()).map(|node| (f64::from(least(node)) / cell * CLEARANCE_UNITS) as u8).collect()
+}
+
 /// Extends a distance and its gradient from the border of the grid to a point `beyond` it.
 fn extrapolate(distance: f64, gradient: Vector3<f64>, beyond: &Vector3<f64>) -> (f64, Vector3<f64>) {
     if *beyond == Vector3::zeros() {
@@ -297,6 +327,17 @@ pub(crate) mod tests {
                 let slope = (forth.normal - back.normal) / (2.0 * h);
                 prop_assert!((slope - sample.normal_jacobian.column(axis)).norm() < 1e-3);
             }
+        }
+
+        /// Points that one look-up shows to be clear are that far, inside the grid and beyond it.
+        #[test]
+        fn clear_points_are_far(p in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12], far in 0.0..0.03_f64) {
+            let (field, point) = (ball(0.03), Vector3::from(p));
+            let (clear, distance) = (field.is_clear(&point, far), field.distance(&point));
+            prop_assert!(!clear || distance > far, "{} {}", distance, far);
+            // A cell's diagonal and the rounding: 3.5 mm and 0.5 mm. Beyond the grid its border counts.
+            let seen = field.distance(&point.map(|x| x.clamp(-0.06, 0.06)));
+            prop_assert!(clear || seen < far + 0.004, "{} {}", seen, far);
         }
 
         /// The bound that lets the energy skip patches holds.

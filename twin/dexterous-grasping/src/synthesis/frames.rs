@@ -78,6 +78,8 @@ pub struct LinkFrames {
     pub translation: Vec<Vector3<f64>>,
     /// Wrench on each link.
     pub wrench: Vec<Wrench>,
+    /// Working space of the energy: the centre of each link's bounding ball, object frame, m.
+    pub(crate) centers: Vec<Vector3<f64>>,
 }
 
 impl LinkFrames {
@@ -101,6 +103,7 @@ impl LinkFrames {
             rotation: vec![Matrix3::identity(); links],
             translation: vec![Vector3::zeros(); links],
             wrench: vec![nothing; links],
+            centers: vec![Vector3::zeros(); links],
         }
     }
 

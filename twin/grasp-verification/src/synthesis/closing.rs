@@ -4,9 +4,9 @@
 //! slowly closing hand would damp it. Once they have closed, the damping is removed and the grasp has to come to rest
 //! by itself.
 //!
-//! A sample does not state how hard each digit has to pull to keep the object between the digits. A closing costs a
-//! thirtieth of a chain, so several [`ClosingParameters`] are tried: the plain one first, then others with different
-//! tensions, helping actuators and a small offset.
+//! A sample does not state how hard each digit has to pull to keep the object between the digits. A closing takes less
+//! time than a chain, so several [`ClosingParameters`] are tried: the plain one first, then others with different tensions,
+//! helping actuators and a small offset.
 
 use dexterous_grasping::synthesis::chain::GraspSample;
 use dexterous_grasping::synthesis::frames::{HandState, LinkFrames};
