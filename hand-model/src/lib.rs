@@ -35,7 +35,7 @@
 //! - [`kinematics`]: the tree of joints under all of them. [`urdf`]: writing and reading of URDF.
 //!
 //! Computations: [`statics`]: postures at which the digits come to rest, free or against an obstacle. [`gravity`]:
-//! static loads on the arm's joints.
+//! static loads on the arm's joints. [`bisection`]: roots of rising functions.
 //!
 //! Interface: [`robot`]: what a robot measures and which commands it takes ([`robot::RobotBackend`]).
 //!
@@ -69,6 +69,7 @@
 #![deny(missing_docs, unreachable_pub)]
 
 pub mod arm;
+pub mod bisection;
 pub mod digit;
 pub mod gravity;
 pub mod hand;

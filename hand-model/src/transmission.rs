@@ -37,6 +37,7 @@ pub mod friction;
 use friction::CableFriction;
 
 use crate::HandVector;
+use crate::bisection::bisect;
 
 /// Largest number of joints that one cable crosses.
 pub const MAX_SPANS: usize = 3;
@@ -284,16 +285,7 @@ impl Transmission {
             let span = |q: f64| carried * friction.tension_ratio(state, turned + lever.wraps(q)[0]);
             // K q - r(q) T increases as long as the spring term grows faster than r. Bisection never diverges.
             let residual = |q: f64| self.spring_torque(*joint, q) - lever.moment_arm(q) * span(q);
-            let (mut low, mut high) = (*lower, *upper);
-            let angle = if residual(high) <= 0.0 {
-                high
-            } else {
-                for _ in 0..60 {
-                    let middle = 0.5 * (low + high);
-                    if residual(middle) < 0.0 { low = middle } else { high = middle }
-                }
-                0.5 * (low + high)
-            };
+            let angle = if residual(*upper) <= 0.0 { *upper } else { bisect(residual, [*lower, *upper], 60) };
             carried = span(angle);
             turned = lever.wraps(angle)[1];
             angles.push((*joint, angle));

@@ -62,6 +62,13 @@ impl KnownShape for KnownObject {
             shape => shape.signed_distance(point),
         }
     }
+
+    fn distance(&self, point: &Point3<f64>) -> f64 {
+        match &self.model.shape {
+            shape @ ObjectShape::Mesh(_) => self.distance_grid(shape).distance(point),
+            shape => shape.signed_distance(point).0,
+        }
+    }
 }
 
 /// Pose estimate of an object.

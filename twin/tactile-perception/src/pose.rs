@@ -117,7 +117,7 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let PoseInputs { touches, prior, options, .. } = *inputs;
     let (problem, rest, mut steps) = prepare_problem(inputs)?;
     let mut shifted = PoseState { pose: prior.palm_from_object, ..rest.clone() };
-    steps += minimise(&problem, &mut shifted, EvidenceStage::Translation, 6);
+    steps += minimise(&problem, &mut shifted, EvidenceStage::Translation, 6).1;
     let screened = screen(&problem, prior, &shifted, options.starts);
     let starts = [rest, shifted].into_iter().chain(screened).collect();
     let mut found = descend(&problem, starts, &mut steps);
@@ -200,7 +200,7 @@ fn prepare_problem<'a>(inputs: &PoseInputs<'a>) -> Result<(PoseProblem<'a>, Pose
     }
     let mut problem = PoseProblem::new(inputs);
     let mut rest = problem.start(prior.palm_from_object);
-    let steps = minimise(&problem, &mut rest, EvidenceStage::Joints, 10);
+    let (_, steps) = minimise(&problem, &mut rest, EvidenceStage::Joints, 10);
     problem.update_torques(&rest.q);
     Ok((problem, rest, steps))
 }
@@ -220,8 +220,8 @@ fn descend(problem: &PoseProblem, starts: Vec<PoseState>, steps: &mut usize) -> 
             .into_par_iter()
             .with_max_len(1)
             .map(|(_, mut state)| {
-                let steps = minimise(problem, &mut state, evidence, most);
-                (steps, problem.cost(&state, evidence), state)
+                let (cost, steps) = minimise(problem, &mut state, evidence, most);
+                (steps, cost, state)
             })
             .collect();
         *steps += descended.iter().map(|(steps, _, _)| steps).sum::<usize>();
@@ -253,32 +253,30 @@ fn distinct_solutions(ranked: Vec<(f64, PoseState)>, shape: &dyn KnownShape, mos
     kept
 }
 
-/// Levenberg-Marquardt in place; returns the number of steps, rejected ones included.
-fn minimise(problem: &PoseProblem, state: &mut PoseState, evidence: EvidenceStage, most: usize) -> usize {
+/// Levenberg-Marquardt in place; returns the cost and the number of steps, rejected ones included. Every candidate is
+/// linearised at once, because most are accepted and the distances to the shape take most of the time.
+fn minimise(problem: &PoseProblem, state: &mut PoseState, evidence: EvidenceStage, most: usize) -> (f64, usize) {
     let mut damping = 1e-3;
-    let mut cost = problem.cost(state, evidence);
+    let mut here = problem.linearise(state, evidence);
     let mut steps = 0;
-    let mut system = None;
     while steps < most {
-        let (hessian, gradient) = system.get_or_insert_with(|| problem.linearise(state, evidence));
-        let mut damped: DMatrix<f64> = hessian.clone();
+        let mut damped: DMatrix<f64> = here.hessian.clone();
         for k in 0..damped.nrows() {
             damped[(k, k)] += damping * damped[(k, k)] + 1e-9;
         }
         steps += 1;
-        let Some(step) = damped.cholesky().map(|factor| factor.solve(&-&*gradient)) else {
+        let Some(step) = damped.cholesky().map(|factor| factor.solve(&-&here.gradient)) else {
             damping *= 10.0;
             continue;
         };
         let candidate = problem.moved(state, &step);
-        let new = problem.cost(&candidate, evidence);
-        if new < cost {
-            let gain = cost - new;
+        let there = problem.linearise(&candidate, evidence);
+        if there.cost < here.cost {
+            let gain = here.cost - there.cost;
             *state = candidate;
-            cost = new;
-            system = None;
+            here = there;
             damping = f64::max(damping * 0.2, 1e-7);
-            if gain < 1e-5 * (1.0 + cost) {
+            if gain < 1e-5 * (1.0 + here.cost) {
                 break;
             }
         } else {
@@ -288,5 +286,5 @@ fn minimise(problem: &PoseProblem, state: &mut PoseState, evidence: EvidenceStag
             damping *= 6.0;
         }
     }
-    steps
+    (here.cost, steps)
 }

@@ -5,6 +5,7 @@
 //! and at every joint K q = r(q) T + contact torque. Without contact they determine the posture; with contact the touch
 //! is needed too (see [`crate::pose`]).
 
+use hand_model::bisection::bisect;
 use hand_model::robot::ServoState;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::transmission::{Crossing, MAX_SPANS};
@@ -131,16 +132,13 @@ pub fn free_digit_sliding(
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
         path.joints.iter().zip(angles).map(|(crossing, (_, angle))| crossing.lever.excursion(*angle)).sum()
     };
-    // The excursion increases with the tension: bisect for the tension that a free digit would need.
-    let (mut low, mut high) = (0.0, 1.0);
-    while taken_up(&angles(high)) < excursion && high < 1e3 {
+    // The excursion increases with the tension that a free digit would need.
+    let missing = |tension: f64| taken_up(&angles(tension)) - excursion;
+    let mut high = 1.0;
+    while missing(high) < 0.0 && high < 1e3 {
         high *= 2.0;
     }
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if taken_up(&angles(middle)) < excursion { low = middle } else { high = middle }
-    }
-    angles(0.5 * (low + high))
+    angles(bisect(missing, [0.0, high], 40))
 }
 
 /// Excursion residual (m) of `cable` at joint angles `q`, and its derivative (the moment arm) for each joint that it

@@ -38,10 +38,9 @@ impl DistanceGrid {
 
     /// Returns the distance (m, negative inside) and the unit gradient.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let last = Vector3::from_fn(|axis, _| (self.size[axis] - 1) as f64);
-        let scaled = (point - self.origin) / self.cell;
-        let clamped = scaled.sup(&Vector3::zeros()).inf(&last);
-        let (distance, gradient) = self.interpolate(&clamped);
+        let (scaled, clamped) = self.scaled(point);
+        let cell = self.cell_at(&clamped);
+        let (distance, gradient) = (cell.distance(), cell.gradient());
         if scaled == clamped {
             return (distance, gradient);
         }
@@ -50,32 +49,71 @@ impl DistanceGrid {
         (away.norm(), away.try_normalize(1e-12).unwrap_or(gradient))
     }
 
-    /// Interpolates at `scaled`, in cells from the grid's origin, within the grid.
-    fn interpolate(&self, scaled: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    /// Returns the distance of [`Self::signed_distance`], the same to the bit.
+    pub fn distance(&self, point: &Point3<f64>) -> f64 {
+        let (scaled, clamped) = self.scaled(point);
+        if scaled == clamped { self.cell_at(&clamped).distance() } else { self.signed_distance(point).0 }
+    }
+
+    /// Returns a point in cells from the grid's origin, and the point of the grid nearest to it.
+    fn scaled(&self, point: &Point3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let last = Vector3::from_fn(|axis, _| (self.size[axis] - 1) as f64);
+        let scaled = (point - self.origin) / self.cell;
+        (scaled, scaled.sup(&Vector3::zeros()).inf(&last))
+    }
+
+    /// Returns the cell in which `scaled` is, in cells from the grid's origin, within the grid.
+    fn cell_at(&self, scaled: &Vector3<f64>) -> Cell {
         let mut base = [0; 3];
         let mut part = Vector3::zeros();
         for axis in 0..3 {
             base[axis] = (scaled[axis] as usize).min(self.size[axis] - 2);
             part[axis] = scaled[axis] - base[axis] as f64;
         }
-        let at = |i: usize, j: usize, k: usize| {
-            let index = ((base[2] + k) * self.size[1] + base[1] + j) * self.size[0] + base[0] + i;
-            f64::from(self.values[index])
+        let edge = |j: usize, k: usize| {
+            let index = ((base[2] + k) * self.size[1] + base[1] + j) * self.size[0] + base[0];
+            [f64::from(self.values[index]), f64::from(self.values[index + 1])]
         };
-        let (x, y, z) = (part.x, part.y, part.z);
-        let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-        let edge = |j: usize, k: usize| mix(at(0, j, k), at(1, j, k), x);
-        let slope = |j: usize, k: usize| at(1, j, k) - at(0, j, k);
-        let (c00, c10, c01, c11) = (edge(0, 0), edge(1, 0), edge(0, 1), edge(1, 1));
-        let (near, far) = (mix(c00, c10, y), mix(c01, c11, y));
+        Cell { edges: [edge(0, 0), edge(1, 0), edge(0, 1), edge(1, 1)], part }
+    }
+}
+
+/// A cell of the grid with a point in it.
+struct Cell {
+    /// Distances at both ends of the edges along x: y and z low, y high, z high, both high.
+    edges: [[f64; 2]; 4],
+    /// Position of the point in the cell, 0 to 1 along each axis.
+    part: Vector3<f64>,
+}
+
+impl Cell {
+    /// Interpolates along the edges, then between them: the distances at low and at high z.
+    fn faces(&self) -> ([f64; 4], [f64; 2]) {
+        let along = self.edges.map(|[a, b]| mix(a, b, self.part.x));
+        (along, [mix(along[0], along[1], self.part.y), mix(along[2], along[3], self.part.y)])
+    }
+
+    fn distance(&self) -> f64 {
+        let (_, [near, far]) = self.faces();
+        mix(near, far, self.part.z)
+    }
+
+    /// Returns the direction of the interpolant's gradient.
+    fn gradient(&self) -> Vector3<f64> {
+        let ([c00, c10, c01, c11], [near, far]) = self.faces();
+        let slopes = self.edges.map(|[a, b]| b - a);
+        let (y, z) = (self.part.y, self.part.z);
         let gradient = Vector3::new(
-            mix(mix(slope(0, 0), slope(1, 0), y), mix(slope(0, 1), slope(1, 1), y), z),
+            mix(mix(slopes[0], slopes[1], y), mix(slopes[2], slopes[3], y), z),
             mix(c10 - c00, c11 - c01, z),
             far - near,
         );
-        let gradient = gradient.try_normalize(1e-12).unwrap_or_else(Vector3::z);
-        (mix(near, far, z), gradient)
+        gradient.try_normalize(1e-12).unwrap_or_else(Vector3::z)
     }
+}
+
+fn mix(a: f64, b: f64, t: f64) -> f64 {
+    a + (b - a) * t
 }
 
 #[cfg(test)]
@@ -95,12 +133,14 @@ mod tests {
             let (distance, gradient) = grid.signed_distance(&point);
             let (exact, normal) = ball.signed_distance(&point);
             assert!((distance - exact).abs() < 5e-5, "{distance} {exact}");
+            assert_eq!(grid.distance(&point).to_bits(), distance.to_bits());
             assert!(gradient.angle(&normal) < 4.5f64.to_radians());
         }
         for far in [Point3::new(0.1, 0.0, 0.0), Point3::new(0.06, -0.05, 0.03)] {
             let ((distance, gradient), (exact, normal)) = (grid.signed_distance(&far), ball.signed_distance(&far));
             assert!(distance > exact - 5e-5 && distance < 1.02 * exact, "{distance} {exact}");
             assert!(gradient.angle(&normal) < 6f64.to_radians());
+            assert_eq!(grid.distance(&far).to_bits(), distance.to_bits());
         }
     }
 }

@@ -6,6 +6,7 @@
 //! the posture in which the hand approaches. Increasing the tension closes it.
 
 use hand_model::Hand;
+use hand_model::bisection::bisect;
 use nalgebra::Vector3;
 
 use super::field::DistanceField;
@@ -39,18 +40,13 @@ fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
         let angles = hand.transmission.free_angles(cable, tension);
         angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64
     };
-    let (mut low, mut high) = (0.0, FULL_TENSION);
     if mean <= 0.0 {
         return 0.0;
     }
-    if at(high) <= mean {
-        return high;
+    if at(FULL_TENSION) <= mean {
+        return FULL_TENSION;
     }
-    for _ in 0..24 {
-        let middle = 0.5 * (low + high);
-        if at(middle) < mean { low = middle } else { high = middle }
-    }
-    0.5 * (low + high)
+    bisect(|tension| at(tension) - mean, [0.0, FULL_TENSION], 24)
 }
 
 fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {

@@ -39,16 +39,29 @@ struct Posed<'a> {
     kinematics: &'a Kinematics<'a>,
 }
 
+/// The robust cost of a state to second order.
+pub(crate) struct LinearisedCost {
+    /// Cost as of [`PoseProblem::cost`], to the bit.
+    pub cost: f64,
+    /// Gauss-Newton matrix, lower triangle.
+    pub hessian: DMatrix<f64>,
+    pub gradient: DVector<f64>,
+}
+
+fn infinite_if_nan(cost: f64) -> f64 {
+    if cost.is_nan() { f64::INFINITY } else { cost }
+}
+
 impl PoseProblem<'_> {
     /// Robust cost of a state.
     pub(crate) fn cost(&self, state: &PoseState, evidence: EvidenceStage) -> f64 {
         let mut sink = Cost(0.0);
         self.residuals(state, evidence, &mut sink);
-        if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
+        infinite_if_nan(sink.0)
     }
 
-    /// Gauss-Newton matrix and gradient of the cost.
-    pub(crate) fn linearise(&self, state: &PoseState, evidence: EvidenceStage) -> (DMatrix<f64>, DVector<f64>) {
+    /// Cost of a state, with its gradient and its Gauss-Newton matrix.
+    pub(crate) fn linearise(&self, state: &PoseState, evidence: EvidenceStage) -> LinearisedCost {
         let n = self.columns;
         let held = match evidence {
             EvidenceStage::Joints | EvidenceStage::Posture => 0..6,
@@ -60,7 +73,7 @@ impl PoseProblem<'_> {
         for k in held {
             sink.hessian[(k, k)] = 1.0;
         }
-        (sink.hessian, sink.gradient)
+        LinearisedCost { cost: infinite_if_nan(sink.cost), hessian: sink.hessian, gradient: sink.gradient }
     }
 
     /// Adds all residuals of `evidence` to `sink`.
@@ -171,7 +184,11 @@ impl PoseProblem<'_> {
             let (mut whole, mut mean, mut common) = (0.0, 0.0, PointSensitivity::ZERO);
             for (point, trust) in patch.points.iter().step_by(every) {
                 let p = object_from_link * (point + lift);
-                let (distance, gradient) = self.shape.signed_distance(&p);
+                let (distance, gradient) = if sink.wants_rows() {
+                    self.shape.signed_distance(&p)
+                } else {
+                    (self.shape.distance(&p), Vector3::zeros())
+                };
                 let pull = PointSensitivity { gradient, moment: p.coords.cross(&gradient) };
                 let weight = trust * trust;
                 whole += weight;
@@ -243,15 +260,16 @@ impl PoseProblem<'_> {
             let object_from_link = object_from_palm * kinematics.pose(*link);
             let lift = pressed
                 .map_or(Vector3::zeros(), |n| self.pressed[n].normal * (state.lift[n] - UNDETECTED_DEPTH).max(0.0));
-            if self.shape.signed_distance(&(object_from_link * (middle + lift))).0 > radius + 5e-4 {
+            if self.shape.distance(&(object_from_link * (middle + lift))) > radius + 5e-4 {
                 continue;
             }
             let columns = pressed.map_or_else(|| self.reach(*link), |n| &self.pressed_reach[n]);
             for point in points.iter().step_by(every) {
                 let p = object_from_link * (point + lift);
-                let (distance, gradient) = self.shape.signed_distance(&p);
+                let distance = self.shape.distance(&p);
                 if distance < 0.0 {
                     sink.add(distance * scale, Loss::Huber(self.options.huber), columns, &|row| {
+                        let gradient = self.shape.signed_distance(&p).1;
                         let pull = PointSensitivity { gradient, moment: p.coords.cross(&gradient) };
                         self.sensitivity_row(posed, *link, &pull, scale, row);
                         if let Some(n) = pressed {
@@ -372,7 +390,8 @@ mod tests {
             let mut state = PoseState { q: hand.each_joint(|_| bend), ..problem.start(pose) };
             state.lift[..2].fill(lift);
             for evidence in [EvidenceStage::Soft, EvidenceStage::Middle, EvidenceStage::All] {
-                let (_, gradient) = problem.linearise(&state, evidence);
+                let LinearisedCost { cost, gradient, .. } = problem.linearise(&state, evidence);
+                prop_assert_eq!(cost.to_bits(), problem.cost(&state, evidence).to_bits());
                 for k in 0..gradient.len() {
                     let step = if (3..gradient.len() - 2).contains(&k) { 1e-7 } else { 1e-9 };
                     let cost = |sign: f64| {

@@ -48,8 +48,9 @@ impl ResidualSink for Cost {
     }
 }
 
-/// Builds the normal equations.
+/// Builds the normal equations, and sums the robust cost as [`Cost`] does.
 pub(super) struct NormalEquations {
+    pub cost: f64,
     /// Lower triangle only, which is all that a Cholesky factorisation reads.
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
@@ -61,6 +62,7 @@ pub(super) struct NormalEquations {
 impl NormalEquations {
     pub(crate) fn new(columns: usize, held: std::ops::Range<usize>) -> Self {
         Self {
+            cost: 0.0,
             hessian: DMatrix::zeros(columns, columns),
             gradient: DVector::zeros(columns),
             row: vec![0.0; columns],
@@ -71,6 +73,7 @@ impl NormalEquations {
 
 impl ResidualSink for NormalEquations {
     fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64])) {
+        self.cost += loss.cost(residual);
         let size = self.row.len();
         row(&mut self.row);
         let weight = loss.weight(residual);

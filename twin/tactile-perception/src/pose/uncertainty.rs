@@ -71,7 +71,7 @@ fn palm_covariance(problem: &PoseProblem, state: &PoseState) -> Option<Matrix6<f
 
 /// Covariance of all estimated parameters.
 fn inverse_hessian(problem: &PoseProblem, state: &PoseState) -> Option<DMatrix<f64>> {
-    let (mut hessian, _) = problem.linearise(state, EvidenceStage::All);
+    let mut hessian = problem.linearise(state, EvidenceStage::All).hessian;
     for k in 0..hessian.nrows() {
         hessian[(k, k)] += 1e-9;
     }
