@@ -29,6 +29,8 @@ const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
 /// Radius of a drawn cable, m: twice the real one, for visibility.
 const CABLE_RADIUS: f64 = 5.0e-4;
+/// Columns up to which all pixels of a triangle's box are tried.
+const NARROW_COLUMNS: u32 = 6;
 /// Width of a picture that encloses something, in widths of that.
 const VIEW_MARGIN: f64 = 1.14;
 /// Colours of the pads' configurations, from a on, used in turn.
@@ -234,12 +236,30 @@ impl Picture {
             (low as u32, high as u32)
         };
         let ((x0, x1), (y0, y1)) = (span(0), span(1));
+        let weights = |px: f64, py: f64| {
+            let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) * per_area;
+            let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) * per_area;
+            [1.0 - u - v, u, v]
+        };
+        // Change of the weights from a column to the next.
+        let [by_u, by_v] = [(c[1] - a[1]) * per_area, (a[1] - b[1]) * per_area];
+        let slopes = [-by_u - by_v, by_u, by_v];
         for y in y0..=y1 {
-            for x in x0..=x1 {
-                let (px, py) = (f64::from(x), f64::from(y));
-                let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) * per_area;
-                let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) * per_area;
-                let w = 1.0 - u - v;
+            // A long slanted triangle covers a small part of its box: the columns in which no weight is negative, and one
+            // more on each side for rounding.
+            let (mut first, mut last) = (x0, x1);
+            if x1 - x0 > NARROW_COLUMNS {
+                for (weight, slope) in weights(f64::from(x0), f64::from(y)).into_iter().zip(slopes) {
+                    let zero = f64::from(x0) - weight / slope;
+                    if slope > 0.0 {
+                        first = first.max((zero - 1.0) as u32);
+                    } else if slope < 0.0 {
+                        last = last.min((zero + 2.0) as u32);
+                    }
+                }
+            }
+            for x in first..=last {
+                let [w, u, v] = weights(f64::from(x), f64::from(y));
                 if u >= 0.0 && v >= 0.0 && w >= 0.0 {
                     draw((y * self.size[0] + x) as usize, [w, u, v]);
                 }
@@ -261,17 +281,29 @@ impl Picture {
 
     /// As [`Picture::hand`], with a colour for each pad.
     pub fn hand_with(&mut self, hand: &Hand, q: &[f64], pad_color: impl Fn(&Pad) -> [f64; 3]) {
-        self.hand_at(hand, (&Isometry3::identity(), &hand.tree.forward(q)), pad_color);
+        let links = hand.tree.forward(q);
+        self.rounded_hand(hand, (&Isometry3::identity(), &links), hand_mesh::FINE_STEPS, pad_color);
     }
 
-    /// As [`Picture::hand_with`], with the palm at `scene_from_palm` and the links at `palm_from_link`.
+    /// As [`Picture::hand_with`], for a hand in a scene: with the palm at `scene_from_palm`, the links at `palm_from_link`,
+    /// and roundings for a hand that is small in the picture.
     pub fn hand_at(
         &mut self,
         hand: &Hand,
-        (palm, links): (&Isometry3<f64>, &[Isometry3<f64>]),
+        poses: (&Isometry3<f64>, &[Isometry3<f64>]),
         pad_color: impl Fn(&Pad) -> [f64; 3],
     ) {
-        for RigidPart { link, material, mesh } in hand_mesh::parts(hand, hand_mesh::FINE_STEPS) {
+        self.rounded_hand(hand, poses, hand_mesh::SCENE_STEPS, pad_color);
+    }
+
+    fn rounded_hand(
+        &mut self,
+        hand: &Hand,
+        (palm, links): (&Isometry3<f64>, &[Isometry3<f64>]),
+        steps: u32,
+        pad_color: impl Fn(&Pad) -> [f64; 3],
+    ) {
+        for RigidPart { link, material, mesh } in hand_mesh::parts(hand, steps) {
             let pose = link.map_or(*palm, |link| palm * links[link]);
             self.mesh(&pose, &mesh, material_color(material));
         }
@@ -280,7 +312,9 @@ impl Picture {
         }
         for run in hand_mesh::cables(hand, links) {
             for pair in run.windows(2) {
-                self.mesh(palm, &Mesh::capsule(pair[0], pair[1], CABLE_RADIUS), CABLE_COLOR);
+                let ends = [pair[0], pair[1]];
+                let cable = Mesh::smooth_capsule(ends, CABLE_RADIUS, (3 * steps - 1, steps / 2 + 2));
+                self.mesh(palm, &cable, CABLE_COLOR);
             }
         }
     }
@@ -404,6 +438,39 @@ pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A triangle covers the pixels whose middles are in it, also a long slanted one that is wider than the picture.
+    #[test]
+    fn triangles_cover_what_is_in_them() {
+        let picture = Picture::new(40, View::palm());
+        let triangles = [
+            [[3.2, 70.1], [75.9, 4.3], [78.2, 5.1]],
+            [[-300.0, 20.0], [500.0, 60.5], [300.0, 60.0]],
+            [[10.0, 10.0], [10.0, 70.0], [60.0, 10.0]],
+            [[20.3, 20.1], [23.9, 21.7], [21.0, 25.2]],
+            [[5.0, 30.2], [70.0, 30.4], [40.0, 30.6]],
+        ];
+        for corners in triangles {
+            let mut covered = vec![false; picture.color.len()];
+            picture.cover(corners.map(|[x, y]| [x, y, 0.0]), |index, _| covered[index] = true);
+            for (index, covered) in covered.into_iter().enumerate() {
+                let (x, y) = ((index % 80) as f64, (index / 80) as f64);
+                let sides = [0, 1, 2].map(|n| {
+                    let ([ax, ay], [bx, by]) = (corners[n], corners[(n + 1) % 3]);
+                    (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+                });
+                let (least, most) = (
+                    sides.iter().copied().fold(f64::INFINITY, f64::min),
+                    sides.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+                );
+                if least > 1e-6 || most < -1e-6 {
+                    assert!(covered, "{corners:?}: {x}, {y}");
+                } else if least < -1e-6 && most > 1e-6 {
+                    assert!(!covered, "{corners:?}: {x}, {y}");
+                }
+            }
+        }
+    }
 
     /// The nearer of two balls on the line of sight is visible.
     #[test]

@@ -10,8 +10,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::mesh::Mesh;
 
-/// Steps of a rounding: for a stream that should stay small, and for a picture.
+/// Steps of a rounding: for a stream that should stay small, for a hand in the picture of a scene, where a step of the
+/// widest rounding is off by a quarter of a pixel, and for a picture of the hand.
 pub const COARSE_STEPS: u32 = 2;
+pub const SCENE_STEPS: u32 = 3;
 pub const FINE_STEPS: u32 = 7;
 /// Points of a pad's sheet along each side.
 pub const PAD_POINTS: u32 = 15;

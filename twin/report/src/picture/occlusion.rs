@@ -19,41 +19,45 @@ const OUTLINE_DEPTH_STEP: f64 = 0.004;
 /// background; a pixel is `pixel` m wide.
 pub fn shading(depth: &[f64], width: usize, pixel: f64) -> Vec<f64> {
     let height = depth.len() / width.max(1);
-    let at = |x: i64, y: i64| {
-        let inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
-        if inside { depth[y as usize * width + x as usize] } else { f64::NEG_INFINITY }
-    };
     // Offsets of the sampled neighbours in one half of the circle, pixels, with their radii, m.
-    let offsets: Vec<(i64, i64, f64)> = SAMPLE_RADII
+    let offsets: Vec<(isize, isize, f64)> = SAMPLE_RADII
         .iter()
         .flat_map(|radius| {
             let reach = (radius / pixel).max(1.0);
             (0..DIRECTION_COUNT).map(move |n| {
                 let (sin, cos) = (std::f64::consts::PI * (n as f64 + 0.5) / DIRECTION_COUNT as f64).sin_cos();
-                ((reach * cos).round() as i64, (reach * sin).round() as i64, *radius)
+                ((reach * cos).round() as isize, (reach * sin).round() as isize, *radius)
             })
         })
         .collect();
-    let margin = offsets.iter().map(|(dx, dy, _)| dx.abs().max(dy.abs())).max().unwrap_or(0).max(1);
-    let one = |index: usize| {
-        let (x, y, here) = ((index % width) as i64, (index / width) as i64, depth[index]);
-        if here == f64::NEG_INFINITY {
-            return 1.0;
-        }
-        let interior = (margin..width as i64 - margin).contains(&x) && (margin..height as i64 - margin).contains(&y);
-        let neighbour = |dx: i64, dy: i64| {
-            if interior { depth[(index as i64 + dy * width as i64 + dx) as usize] } else { at(x + dx, y + dy) }
-        };
-        let mut hidden = 0.0;
+    // With a margin of background no neighbour is outside, and a row is a loop without branches.
+    let margin = offsets.iter().map(|(dx, dy, _)| dx.unsigned_abs().max(dy.unsigned_abs())).max().unwrap_or(0);
+    let row_length = width + 2 * margin;
+    let mut padded = vec![f64::NEG_INFINITY; row_length * (height + 2 * margin)];
+    for (y, row) in depth.chunks_exact(width.max(1)).enumerate() {
+        padded[(y + margin) * row_length + margin..][..width].copy_from_slice(row);
+    }
+    let mut factors = Vec::with_capacity(depth.len());
+    let mut hidden = vec![0.0; width];
+    for y in 0..height {
+        let first = (y + margin) * row_length + margin;
+        let row = |shift: isize| &padded[first.wrapping_add_signed(shift)..][..width];
+        let here = row(0);
+        hidden.fill(0.0);
         for (dx, dy, radius) in &offsets {
-            let step = |near: f64| ((near - here) / radius).clamp(-MAX_DEPTH_DIFFERENCE, MAX_DEPTH_DIFFERENCE);
-            let mean = 0.5 * (step(neighbour(*dx, *dy)) + step(neighbour(-dx, -dy)));
-            hidden += ((mean - OCCLUSION_THRESHOLD) / (0.5 * MAX_DEPTH_DIFFERENCE)).clamp(0.0, 1.0);
+            let shift = dy * row_length as isize + dx;
+            for (((hidden, here), one), other) in hidden.iter_mut().zip(here).zip(row(shift)).zip(row(-shift)) {
+                let step = |near: f64| ((near - here) / radius).clamp(-MAX_DEPTH_DIFFERENCE, MAX_DEPTH_DIFFERENCE);
+                let mean = 0.5 * (step(*one) + step(*other));
+                *hidden += ((mean - OCCLUSION_THRESHOLD) / (0.5 * MAX_DEPTH_DIFFERENCE)).clamp(0.0, 1.0);
+            }
         }
-        let hidden = hidden / offsets.len() as f64;
-        1.0 - MAX_OCCLUSION_LOSS * (2.2 * hidden).min(1.0)
-    };
-    (0..depth.len()).map(one).collect()
+        factors.extend(hidden.iter().zip(here).map(|(hidden, here)| {
+            let hidden = hidden / offsets.len() as f64;
+            if *here == f64::NEG_INFINITY { 1.0 } else { 1.0 - MAX_OCCLUSION_LOSS * (2.2 * hidden).min(1.0) }
+        }));
+    }
+    factors
 }
 
 /// Returns the brightness factor of a pixel by its outline: it is lower where a neighbour is much farther away. `depth`
