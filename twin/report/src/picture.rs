@@ -1,6 +1,7 @@
 //! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above, with
 //! ambient occlusion in corners.
 
+mod coverage;
 mod occlusion;
 
 use std::io::Cursor;
@@ -29,8 +30,6 @@ const PAD_COLOR: [f64; 3] = [92.0, 120.0, 150.0];
 const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
 /// Radius of a drawn cable, m: twice the real one, for visibility.
 const CABLE_RADIUS: f64 = 5.0e-4;
-/// Columns up to which all pixels of a triangle's box are tried.
-const NARROW_COLUMNS: u32 = 6;
 /// Width of a picture that encloses something, in widths of that.
 const VIEW_MARGIN: f64 = 1.14;
 /// Colours of the pads' configurations, from a on, used in turn.
@@ -210,61 +209,14 @@ impl Picture {
     }
 
     fn triangle(&mut self, corners: [[f64; 3]; 3], shade: [f64; 3], color: [f64; 3]) {
-        let (mut depth, mut colors) = (std::mem::take(&mut self.depth), std::mem::take(&mut self.color));
-        self.cover(corners, |index, [w, u, v]| {
+        coverage::pixels(self.size, corners, |index, [w, u, v]| {
             let near = w * corners[0][2] + u * corners[1][2] + v * corners[2][2];
-            if near > depth[index] {
-                depth[index] = near;
+            if near > self.depth[index] {
+                self.depth[index] = near;
                 let light = w * shade[0] + u * shade[1] + v * shade[2];
-                colors[index] = color.map(|part| (part * light).min(255.0));
+                self.color[index] = color.map(|part| (part * light).min(255.0));
             }
         });
-        (self.depth, self.color) = (depth, colors);
-    }
-
-    /// Calls `draw` for every pixel of a triangle, with the barycentric weights of its corners there.
-    fn cover(&self, [a, b, c]: [[f64; 3]; 3], mut draw: impl FnMut(usize, [f64; 3])) {
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-        if area.abs() < 1e-9 {
-            return;
-        }
-        let per_area = 1.0 / area;
-        let span = |axis: usize| {
-            let limit = f64::from(self.size[axis] - 1);
-            let low = a[axis].min(b[axis]).min(c[axis]).ceil().clamp(0.0, limit);
-            let high = a[axis].max(b[axis]).max(c[axis]).floor().clamp(0.0, limit);
-            (low as u32, high as u32)
-        };
-        let ((x0, x1), (y0, y1)) = (span(0), span(1));
-        let weights = |px: f64, py: f64| {
-            let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) * per_area;
-            let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) * per_area;
-            [1.0 - u - v, u, v]
-        };
-        // Change of the weights from a column to the next.
-        let [by_u, by_v] = [(c[1] - a[1]) * per_area, (a[1] - b[1]) * per_area];
-        let slopes = [-by_u - by_v, by_u, by_v];
-        for y in y0..=y1 {
-            // A long slanted triangle covers a small part of its box: the columns in which no weight is negative, and one
-            // more on each side for rounding.
-            let (mut first, mut last) = (x0, x1);
-            if x1 - x0 > NARROW_COLUMNS {
-                for (weight, slope) in weights(f64::from(x0), f64::from(y)).into_iter().zip(slopes) {
-                    let zero = f64::from(x0) - weight / slope;
-                    if slope > 0.0 {
-                        first = first.max((zero - 1.0) as u32);
-                    } else if slope < 0.0 {
-                        last = last.min((zero + 2.0) as u32);
-                    }
-                }
-            }
-            for x in first..=last {
-                let [w, u, v] = weights(f64::from(x), f64::from(y));
-                if u >= 0.0 && v >= 0.0 && w >= 0.0 {
-                    draw((y * self.size[0] + x) as usize, [w, u, v]);
-                }
-            }
-        }
     }
 
     /// Draws a mesh at its pose.
@@ -350,7 +302,7 @@ impl Picture {
         let mut over = vec![false; self.color.len()];
         for corners in triangles {
             let [a, b, c] = corners.map(|index| placed[index as usize]);
-            self.cover([a, b, c], |index, _| over[index] = true);
+            coverage::pixels(self.size, [a, b, c], |index, _| over[index] = true);
         }
         for (pixel, _) in self.color.iter_mut().zip(over).filter(|(_, over)| *over) {
             for (part, own) in pixel.iter_mut().zip(color) {
@@ -438,39 +390,6 @@ pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A triangle covers the pixels whose middles are in it, also a long slanted one that is wider than the picture.
-    #[test]
-    fn triangles_cover_what_is_in_them() {
-        let picture = Picture::new(40, View::palm());
-        let triangles = [
-            [[3.2, 70.1], [75.9, 4.3], [78.2, 5.1]],
-            [[-300.0, 20.0], [500.0, 60.5], [300.0, 60.0]],
-            [[10.0, 10.0], [10.0, 70.0], [60.0, 10.0]],
-            [[20.3, 20.1], [23.9, 21.7], [21.0, 25.2]],
-            [[5.0, 30.2], [70.0, 30.4], [40.0, 30.6]],
-        ];
-        for corners in triangles {
-            let mut covered = vec![false; picture.color.len()];
-            picture.cover(corners.map(|[x, y]| [x, y, 0.0]), |index, _| covered[index] = true);
-            for (index, covered) in covered.into_iter().enumerate() {
-                let (x, y) = ((index % 80) as f64, (index / 80) as f64);
-                let sides = [0, 1, 2].map(|n| {
-                    let ([ax, ay], [bx, by]) = (corners[n], corners[(n + 1) % 3]);
-                    (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-                });
-                let (least, most) = (
-                    sides.iter().copied().fold(f64::INFINITY, f64::min),
-                    sides.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-                );
-                if least > 1e-6 || most < -1e-6 {
-                    assert!(covered, "{corners:?}: {x}, {y}");
-                } else if least < -1e-6 && most > 1e-6 {
-                    assert!(!covered, "{corners:?}: {x}, {y}");
-                }
-            }
-        }
-    }
 
     /// The nearer of two balls on the line of sight is visible.
     #[test]
