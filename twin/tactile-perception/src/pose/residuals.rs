@@ -184,11 +184,7 @@ impl PoseProblem<'_> {
             let (mut whole, mut mean, mut common) = (0.0, 0.0, PointSensitivity::ZERO);
             for (point, trust) in patch.points.iter().step_by(every) {
                 let p = object_from_link * (point + lift);
-                let (distance, gradient) = if sink.wants_rows() {
-                    self.shape.signed_distance(&p)
-                } else {
-                    (self.shape.distance(&p), Vector3::zeros())
-                };
+                let (distance, gradient) = self.shape.signed_distance(&p);
                 let pull = PointSensitivity { gradient, moment: p.coords.cross(&gradient) };
                 let weight = trust * trust;
                 whole += weight;
