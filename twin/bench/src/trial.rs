@@ -335,7 +335,7 @@ impl Bench {
         let PriorKnowledge { objects, grasps, reordered, sighted } = trial;
         let known = |object: &Arc<ObjectModel>| {
             let known = self.known_objects.get(&object.name);
-            known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be registered", object.name))
+            known.with_context(|| format!("{} cannot be registered", object.name))
         };
         Ok(Knowledge {
             cell: &self.world.cell,

@@ -1,6 +1,6 @@
 //! Perception of holds: estimates from tactile images which objects are in the hand, and their poses in it.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use dexterous_grasping::Grasp;
 use hand_model::parameters::HoldLimits;
@@ -30,43 +30,42 @@ const MIN_PRIOR_SIGMA: (f64, f64) = (0.003, 0.08);
 /// Cell size of the distance grids of meshes, and their margin around the shape, m.
 const GRID_CELL_AND_MARGIN: (f64, f64) = (0.001, 0.012);
 
-/// An object whose shape can be registered quickly. A mesh gets a distance grid, which takes some tenths of a second to
-/// compute, when it is prepared or first asked for a distance.
+/// An object whose shape can be registered quickly: a mesh has a distance grid, which is computed where a distance is
+/// asked for.
 #[derive(Debug, Clone)]
 pub struct KnownObject {
     pub model: Arc<ObjectModel>,
-    grid: OnceLock<DistanceGrid>,
+    grid: Option<DistanceGrid>,
 }
 
 impl KnownObject {
     pub fn new(model: Arc<ObjectModel>) -> Self {
-        Self { model, grid: OnceLock::new() }
+        let is_mesh = matches!(model.shape, ObjectShape::Mesh(_));
+        let grid = is_mesh.then(|| DistanceGrid::new(&model.shape, GRID_CELL_AND_MARGIN.0, GRID_CELL_AND_MARGIN.1));
+        Self { model, grid }
     }
 
-    /// Computes the distance grid if there is none yet, so that no decision has to wait for it.
+    /// Computes the whole distance grid, which takes some tenths of a second, so that no decision has to wait for a
+    /// part of it.
     pub fn prepare(&self) {
-        if let shape @ ObjectShape::Mesh(_) = &self.model.shape {
-            self.distance_grid(shape);
+        if let Some(grid) = &self.grid {
+            grid.prepare();
         }
-    }
-
-    fn distance_grid(&self, shape: &ObjectShape) -> &DistanceGrid {
-        self.grid.get_or_init(|| DistanceGrid::new(shape, GRID_CELL_AND_MARGIN.0, GRID_CELL_AND_MARGIN.1))
     }
 }
 
 impl KnownShape for KnownObject {
     fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
-        match &self.model.shape {
-            shape @ ObjectShape::Mesh(_) => self.distance_grid(shape).signed_distance(point),
-            shape => shape.signed_distance(point),
+        match &self.grid {
+            Some(grid) => grid.signed_distance(point),
+            None => self.model.shape.signed_distance(point),
         }
     }
 
     fn distance(&self, point: &Point3<f64>) -> f64 {
-        match &self.model.shape {
-            shape @ ObjectShape::Mesh(_) => self.distance_grid(shape).distance(point),
-            shape => shape.signed_distance(point).0,
+        match &self.grid {
+            Some(grid) => grid.distance(point),
+            None => self.model.shape.signed_distance(point).0,
         }
     }
 }

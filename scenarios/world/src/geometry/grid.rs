@@ -1,39 +1,65 @@
 //! Signed distance grid: a query takes tens of nanoseconds instead of microseconds for a mesh.
 //!
 //! Distances are sampled on a regular grid around the shape and interpolated trilinearly; the gradient is that of the
-//! interpolant. A point outside the grid is measured from the surface point nearest to the grid's border, which
-//! slightly overestimates the distance at most.
+//! interpolant. The grid is divided into blocks, and the samples of a block are computed when a query first falls into
+//! it: most queries are near a few contacts. A point outside the grid is measured from the surface point nearest to the
+//! grid's border, which slightly overestimates the distance at most.
+
+use std::sync::OnceLock;
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
 use super::shape::ObjectShape;
+
+/// Cells along each edge of a block.
+const BLOCK: usize = 8;
+/// Samples along each edge of a block: those on its faces are in the neighbours too, so that a cell needs one block.
+const SAMPLES: usize = BLOCK + 1;
 
 /// A sampled signed distance field, in the shape's frame.
 #[derive(Debug, Clone)]
 pub struct DistanceGrid {
+    shape: ObjectShape,
     origin: Point3<f64>,
     cell: f64,
+    /// Samples along x, y and z.
     size: [usize; 3],
-    values: Vec<f32>,
+    /// Blocks along x and y.
+    row: [usize; 2],
+    /// Samples of each block, m; x first, then y.
+    blocks: Vec<OnceLock<Box<[f32; SAMPLES * SAMPLES * SAMPLES]>>>,
 }
 
 impl DistanceGrid {
-    /// Samples `shape` with cells of `cell` (m), `margin` (m) beyond its bounding box.
+    /// Creates a grid for `shape` with cells of `cell` (m), `margin` (m) beyond its bounding box.
     pub fn new(shape: &ObjectShape, cell: f64, margin: f64) -> Self {
         let (low, high) = shape.aabb();
         let origin = low - Vector3::repeat(margin);
         let extent = high - low + Vector3::repeat(2.0 * margin);
         let size = [0, 1, 2].map(|axis| (extent[axis] / cell).ceil() as usize + 1);
-        let mut values = Vec::with_capacity(size.iter().product());
-        for k in 0..size[2] {
-            for j in 0..size[1] {
-                for i in 0..size[0] {
-                    let point = origin + Vector3::new(i as f64, j as f64, k as f64) * cell;
-                    values.push(shape.signed_distance(&point).0 as f32);
-                }
+        let [x, y, z] = size.map(|samples| (samples - 1).div_ceil(BLOCK));
+        Self { shape: shape.clone(), origin, cell, size, row: [x, y], blocks: vec![OnceLock::new(); x * y * z] }
+    }
+
+    /// Computes all samples, so that no query has to wait for its block.
+    pub fn prepare(&self) {
+        (0..self.blocks.len()).into_par_iter().for_each(|number| _ = self.block(number));
+    }
+
+    /// Returns the samples of a block.
+    fn block(&self, number: usize) -> &[f32; SAMPLES * SAMPLES * SAMPLES] {
+        self.blocks[number].get_or_init(|| {
+            let row = number / self.row[0];
+            let first = [number % self.row[0], row % self.row[1], row / self.row[1]].map(|block| block * BLOCK);
+            let mut samples = Box::new([0.0; SAMPLES * SAMPLES * SAMPLES]);
+            for (n, sample) in samples.iter_mut().enumerate() {
+                let [i, j, k] = [n % SAMPLES, n / SAMPLES % SAMPLES, n / (SAMPLES * SAMPLES)];
+                let step = Vector3::new((first[0] + i) as f64, (first[1] + j) as f64, (first[2] + k) as f64);
+                *sample = self.shape.signed_distance(&(self.origin + step * self.cell)).0 as f32;
             }
-        }
-        Self { origin, cell, size, values }
+            samples
+        })
     }
 
     /// Returns the distance (m, negative inside) and the unit gradient.
@@ -70,9 +96,12 @@ impl DistanceGrid {
             base[axis] = (scaled[axis] as usize).min(self.size[axis] - 2);
             part[axis] = scaled[axis] - base[axis] as f64;
         }
+        let block = base.map(|index| index / BLOCK);
+        let samples = self.block((block[2] * self.row[1] + block[1]) * self.row[0] + block[0]);
+        let [x, y, z] = base.map(|index| index % BLOCK);
         let edge = |j: usize, k: usize| {
-            let index = ((base[2] + k) * self.size[1] + base[1] + j) * self.size[0] + base[0];
-            [f64::from(self.values[index]), f64::from(self.values[index + 1])]
+            let index = ((z + k) * SAMPLES + y + j) * SAMPLES + x;
+            [f64::from(samples[index]), f64::from(samples[index + 1])]
         };
         Cell { edges: [edge(0, 0), edge(1, 0), edge(0, 1), edge(1, 1)], part }
     }
@@ -135,6 +164,12 @@ mod tests {
             assert!((distance - exact).abs() < 5e-5, "{distance} {exact}");
             assert_eq!(grid.distance(&point).to_bits(), distance.to_bits());
             assert!(gradient.angle(&normal) < 4.5f64.to_radians());
+        }
+        // The blocks that no query has met yet are the same, whichever thread computes them.
+        let prepared = DistanceGrid::new(&ball, 0.001, 0.008);
+        prepared.prepare();
+        for number in 0..grid.blocks.len() {
+            assert_eq!(grid.block(number), prepared.block(number));
         }
         for far in [Point3::new(0.1, 0.0, 0.0), Point3::new(0.06, -0.05, 0.03)] {
             let ((distance, gradient), (exact, normal)) = (grid.signed_distance(&far), ball.signed_distance(&far));
