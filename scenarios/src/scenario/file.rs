@@ -90,13 +90,14 @@ impl ScenarioFile {
         let mut base: Table = parse_toml(BENCHMARK_TOML, Path::new("benchmark.toml"))?;
         base.retain(|key, _| INHERITED_FIELDS.contains(&key));
         merge(&mut own, &base);
-        match own.try_into() {
-            Ok(file) => Ok(file),
-            // Parsing the text itself gives an error with its line, unless a field is missing that the benchmark has.
-            Err(error) => match parse_toml::<Self>(text, path) {
+        // The merged text is parsed like any other: another deserialiser for all these types would take long to compile.
+        match parse_toml(&own.to_string(), path) {
+            Err(DataError::Syntax { message, .. }) => match parse_toml::<Self>(text, path) {
+                // Parsing the text itself gives an error with its line, unless a field is missing that the benchmark has.
                 Err(at_line) if !at_line.to_string().contains("missing field") => Err(at_line),
-                _ => Err(DataError::field(path, "scenario", error.message(), "fields as in benchmark.toml")),
+                _ => Err(DataError::field(path, "scenario", message, "fields as in benchmark.toml")),
             },
+            parsed => parsed,
         }
     }
 
