@@ -59,6 +59,29 @@ class Examples(unittest.TestCase):
         (row,) = bench.run(CandidatesInOrder(), combinations=[1])
         self.assertNotEqual(row["cause"], "policy_failed", row["reason"])
 
+    def test_a_choice_is_learned(self):
+        sys.path.insert(0, str(EXAMPLES))
+        from learned_choice import LearnedChoice, explore, fitted, unseen_predictions
+
+        ((combination, seed, known, clean),) = explore((0, 1, 2))
+        self.assertEqual((combination, seed), (0, 2))
+        self.assertTrue(np.all(np.isfinite(known)) and isinstance(clean, bool))
+        random = np.random.default_rng(0)
+        # Trials in which one number decides the outcome.
+        inputs = np.tile(known, (400, 1))
+        inputs[:, -1] = random.random(400)
+        outcomes, folds = (inputs[:, -1] > 0.4).astype(float), np.arange(400) % 4
+        predicted = unseen_predictions(inputs, outcomes, folds, epochs=300, hidden=8)
+        self.assertLess(((predicted - outcomes) ** 2).mean(), 0.4 * outcomes.var())
+        # And trials in which nothing does.
+        drawn = random.permutation(outcomes)
+        predicted = unseen_predictions(inputs, drawn, folds, epochs=300, hidden=8)
+        self.assertGreater(((predicted - drawn) ** 2).mean(), 0.9 * drawn.var())
+        with tempfile.TemporaryDirectory() as folder:
+            fitted(inputs, outcomes, 20, 8, random).save(Path(folder) / "choice.npz")
+            (row,) = bench.run(LearnedChoice(Path(folder) / "choice.npz"), combinations=[0])
+        self.assertNotEqual(row["cause"], "policy_failed", row["reason"])
+
     def test_the_best_grasp_is_chosen(self):
         with tempfile.TemporaryDirectory() as folder:
             few = ["--objects", "gem", "--most", "4", "--episodes", "2", "--rounds", "2", "--out", "chosen.json"]

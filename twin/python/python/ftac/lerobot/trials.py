@@ -19,7 +19,6 @@ from ftac.features import STEP, Features, Observation, Row, Spec
 from ftac.lerobot.episodes import Recorder, words
 from ftac.lerobot.layout import Layout
 from ftac.lerobot.writer import Episode
-from ftac.policy_host import Host
 
 Array = NDArray[np.float64]
 SPEC = Spec(images=64, hand="tensions", grasp=True)
@@ -106,6 +105,9 @@ class Replay:
 
 def replay(benchmark: _native.Benchmark, spec: Spec, episode: dict[str, Any], actions: NDArray[Any]) -> dict[str, Any]:
     """Repeats the actions of an episode (its row of ``meta/episodes``) in its trial, blindly. Returns the record of this trial."""
+    # A program of its own, `python -m ftac.policy_host`: the package does not load it.
+    from ftac.policy_host import Host
+
     host = Host(Replay(replace(spec, images=None), actions))
     introduction = json.dumps(host.introduction())
     record: dict[str, Any] = json.loads(benchmark.run(host, introduction, False, episode["combination"], episode["trial"]))
