@@ -26,6 +26,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, ensure};
 use control::action::ActionLimits;
 use control::look_ahead::LookAheadSettings;
+use control::perception::KnownObject;
 use control::policy::blind::BlindPolicy;
 use control::policy::chooser::ChooserPolicy;
 use control::policy::sequential::SequentialPolicy;
@@ -233,6 +234,9 @@ impl Bench {
     ) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
         let knowledge = self.prior_knowledge(start.prior_knowledge(), means)?;
+        if means.sensing != Sensing::ServosOnly {
+            self.prepare_objects(&start.objects);
+        }
         let options = BranchSettings { inject_truth, ..options };
         if start.objects.len() > 2 {
             let senses = TouchPerception::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
@@ -294,6 +298,7 @@ impl Bench {
             );
         }
         let means = PolicyCapabilities { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
+        self.prepare_objects(&start.objects);
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
         let (knowledge, senses) =
             (self.prior_knowledge(start.prior_knowledge(), means)?, TouchPerception::new(pipeline, Sensing::Full)?);
@@ -328,6 +333,11 @@ impl Bench {
             PriorKnowledge { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; MAX_OBJECTS] };
         let knowledge = self.prior_knowledge(known, means)?;
         Ok(order::best_sequence_score(&knowledge, &senses, &grasps.first))
+    }
+
+    /// Makes these objects ready to be felt, so that no decision has to wait for their distances.
+    fn prepare_objects(&self, objects: &[Arc<ObjectModel>]) {
+        objects.iter().filter_map(|object| self.known_objects.get(&object.name)).for_each(KnownObject::prepare);
     }
 
     /// Returns the prior knowledge of a policy about a trial.

@@ -6,7 +6,6 @@ use anyhow::{Context as _, Result};
 use control::detection::DetectedObject;
 use control::executor::Phase;
 use control::outage::Outage;
-use control::perception::KnownObject;
 use control::policy::OrderComparison;
 use dexterous_grasping::Repertoire;
 use grasp_verification::ball_sizes;
@@ -210,7 +209,7 @@ impl<'a> InitialConditions<'a> {
         let objects = self.objects(bench)?;
         if source.is_some() {
             // A backend in real time does not wait for this preparation later.
-            objects.iter().filter_map(|object| bench.known_objects.get(&object.name)).for_each(KnownObject::prepare);
+            bench.prepare_objects(&objects);
         }
         let disturber = Disturber::new(&self.disturbances, &objects);
         let sized = scaled_objects(&objects, &self.disturbances.size_factors())?;
