@@ -95,7 +95,7 @@ impl TactileBoard {
     pub fn unit(hand: &Hand, serial: u64) -> Self {
         let sensors: Vec<Sensor> = hand
             .cameras
-            .iter()
+            .par_iter()
             .enumerate()
             .map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, unit_seed(serial, n)))
             .collect();

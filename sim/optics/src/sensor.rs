@@ -69,37 +69,11 @@ impl Sensor {
         let shading = Shading::new(&model.lamps, &model.reflectance, model.gain, model.ambient);
         let response = model.response.each_ref().map(ResponseTable::new);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7465_7874_7572_6573);
-        let mut background_grey = texture(model.texture[0], model.texture[1], &mut rng);
-        let mut correction = Vec::with_capacity(3 * PIXEL_COUNT);
-        let mut row = SurfaceRow::new();
-        let ((x0, _), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
-        for index in 0..IMAGE_SIZE {
-            let y = camera.pixel_center(0, index).1;
-            let [mut rest, mut rest_x, mut rest_y] = [[0.0f32; IMAGE_SIZE]; 3];
-            for (column, rest) in rest.iter_mut().enumerate() {
-                let x = camera.pixel_center(column, index).0;
-                let height = |x, y| pad.surface_height(x, y);
-                let zx = (height(x + 0.5 * dx, y) - height(x - 0.5 * dx, y)) / dx;
-                let zy = (height(x, y + 0.5 * dy) - height(x, y - 0.5 * dy)) / dy;
-                let softer = (MAX_REST_SLOPE / zx.hypot(zy).max(MAX_REST_SLOPE)) as f32;
-                *rest = height(x, y) as f32 * softer;
-                (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
-            }
-            let mut radiance = |z: &[f32], slopes| {
-                row.set(&model.camera, (x0, y), dx, z, slopes);
-                shading.shade(&mut row, &[], (0, 0));
-                (0..3 * IMAGE_SIZE).map(|at| row.radiance[at % 3][at / 3]).collect::<Vec<f32>>()
-            };
-            let zeros = [0.0; IMAGE_SIZE];
-            let curved = radiance(&rest, [&rest_x, &rest_y]);
-            let flat = radiance(&zeros, [&zeros, &zeros]);
-            let line = &mut background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
-            for (at, ((background, curved), flat)) in line.iter_mut().zip(curved).zip(flat).enumerate() {
-                *background = (*background + response[at % 3].grey(curved)).clamp(0.0, 255.0);
-                let seen = model.response[at % 3].radiance(f64::from(*background) / 255.0);
-                correction.push(seen as f32 - flat);
-            }
-        }
+        let texture = texture(model.texture[0], model.texture[1], &mut rng);
+        let (background_grey, correction) = widest(
+            #[inline(always)]
+            || untouched_gel(pad, camera, &model, &shading, &response, texture),
+        );
         let rgb = background_grey.iter().map(|&grey| quantise(grey)).collect();
         Self {
             noise: ReadOutNoise::new(model.noise, seed ^ 0x7265_6164_6f75_7400),
@@ -315,4 +289,47 @@ impl Sensor {
         self.shading.shade(row, shadows, (first, index - area.top));
         Some((area.left + first, area.left + last))
     }
+}
+
+/// Computes the background of a pad (grey levels before quantisation) from its texture, and the radiance of the
+/// background minus that of the model's flat gel; both row-major RGB.
+#[inline(always)]
+fn untouched_gel(
+    pad: &Pad,
+    camera: &PadCamera,
+    model: &SensorModel,
+    shading: &Shading,
+    response: &[ResponseTable; 3],
+    texture: Vec<f32>,
+) -> (Vec<f32>, Vec<f32>) {
+    let (mut background_grey, mut correction) = (texture, vec![0.0; 3 * PIXEL_COUNT]);
+    let [mut curved, mut flat] = [SurfaceRow::new(), SurfaceRow::new()];
+    let ((x0, _), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
+    let height = |x, y| pad.surface_height(x, y);
+    let zeros = [0.0; IMAGE_SIZE];
+    let rows = background_grey.chunks_exact_mut(3 * IMAGE_SIZE).zip(correction.chunks_exact_mut(3 * IMAGE_SIZE));
+    for (index, (line, correction)) in rows.enumerate() {
+        let y = camera.pixel_center(0, index).1;
+        let [mut rest, mut rest_x, mut rest_y] = [[0.0f32; IMAGE_SIZE]; 3];
+        for (column, rest) in rest.iter_mut().enumerate() {
+            let x = camera.pixel_center(column, index).0;
+            let zx = (height(x + 0.5 * dx, y) - height(x - 0.5 * dx, y)) / dx;
+            let zy = (height(x, y + 0.5 * dy) - height(x, y - 0.5 * dy)) / dy;
+            let softer = (MAX_REST_SLOPE / zx.hypot(zy).max(MAX_REST_SLOPE)) as f32;
+            *rest = height(x, y) as f32 * softer;
+            (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
+        }
+        curved.set(&model.camera, (x0, y), dx, &rest, [&rest_x, &rest_y]);
+        shading.shade(&mut curved, &[], (0, 0));
+        flat.set(&model.camera, (x0, y), dx, &zeros, [&zeros, &zeros]);
+        shading.shade(&mut flat, &[], (0, 0));
+        for (at, (background, correction)) in line.iter_mut().zip(correction).enumerate() {
+            let (channel, column) = (at % 3, at / 3);
+            let grey = response[channel].grey(curved.radiance[channel][column]);
+            *background = (*background + grey).clamp(0.0, 255.0);
+            let seen = model.response[channel].radiance(f64::from(*background) / 255.0);
+            *correction = seen as f32 - flat.radiance[channel][column];
+        }
+    }
+    (background_grey, correction)
 }

@@ -1,6 +1,7 @@
 //! The built-in objects.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use ftac_platform::file_access::FileAccess;
 
@@ -54,7 +55,9 @@ impl ObjectSet {
     /// # Panics
     /// Never in a tested build: the files are compiled in and a test reads them.
     pub fn standard() -> Self {
-        Self::builtin(&[COMPACT_OBJECTS, LARGE_OBJECTS, LONG_OBJECTS])
+        // Each is made once; sets share them.
+        static STANDARD: OnceLock<ObjectSet> = OnceLock::new();
+        STANDARD.get_or_init(|| Self::builtin(&[COMPACT_OBJECTS, LARGE_OBJECTS, LONG_OBJECTS])).clone()
     }
 
     /// Returns the 23 objects of the synthesized repertoire: as many as in the paper, but a different set.

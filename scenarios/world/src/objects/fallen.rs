@@ -12,6 +12,9 @@ use super::symmetry::Symmetry;
 const DIRECTION_COUNT: usize = 1500;
 /// Half angle of the neighbourhood in which a resting pose must be the lowest, rad.
 const POSE_NEIGHBOURHOOD: f64 = 0.15;
+/// Number of directions before and after one among which its whole neighbourhood is: their z components are
+/// 2 / [`DIRECTION_COUNT`] apart, and those of neighbours differ by the angle at most.
+const NEIGHBOURS: usize = (0.5 * POSE_NEIGHBOURHOOD * DIRECTION_COUNT as f64) as usize + 1;
 /// Number of resting poses kept, the lowest ones.
 const MAX_POSES: usize = 3;
 /// Step sizes of the refinement, rad.
@@ -27,13 +30,15 @@ impl ObjectModel {
         let height = |down: &Vector3<f64>| self.shape.support(down).coords.dot(down);
         let spread: Vec<(Vector3<f64>, f64)> =
             fibonacci_sphere(DIRECTION_COUNT).map(|down| (down, height(&down))).collect();
+        let beside = POSE_NEIGHBOURHOOD.cos();
         let mut lowest: Vec<(Vector3<f64>, f64)> = spread
             .iter()
-            .filter(|(down, at)| {
-                let beside = |other: &Vector3<f64>| other.dot(down) > POSE_NEIGHBOURHOOD.cos();
-                spread.iter().all(|(other, there)| !beside(other) || there >= at)
+            .enumerate()
+            .filter(|(n, (down, at))| {
+                let near = &spread[n.saturating_sub(NEIGHBOURS)..(n + NEIGHBOURS + 1).min(DIRECTION_COUNT)];
+                near.iter().all(|(other, there)| there >= at || other.dot(down) <= beside)
             })
-            .map(|(down, _)| refine(*down, &height))
+            .map(|(_, (down, _))| refine(*down, &height))
             .collect();
         lowest.sort_by(|a, b| a.1.total_cmp(&b.1));
         let mut found: Vec<Self> = Vec::new();
