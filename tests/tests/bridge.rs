@@ -66,34 +66,31 @@ fn the_same_trial_on_three_bodies() {
     assert!(records.windows(2).all(|pair| pair[0] == pair[1]), "{records:?}");
 }
 
-/// The backend `direct` processes commands, measurements and images like the emulated devices, but without wires: two
-/// trials with noise are the same on both, command by command and image by image.
+/// The backend `direct` processes commands, measurements and images like the emulated devices, but without wires: a
+/// trial with noise and touch is the same on both, command by command and image by image.
 #[test]
 fn wires_change_nothing() {
     let folder = tempdir().expect("a folder");
-    for (combination, policy) in [("0", "blind"), ("1", "touch")] {
-        let sessions = ["direct", "emulated"].map(|robot| {
-            let sessions = folder.path().join(format!("{robot}-{policy}"));
-            let out = folder.path().join("trial.rrd");
-            let body = ["--robot", robot, "--session", text(&sessions), "--out", text(&out), "--json"];
-            let output = run(&[&["trial", combination, "--trial", "1", "--policy", policy], &body[..]].concat());
-            assert!(matches!(output.status.code(), Some(0 | 1)), "{robot}: {}", stderr(&output));
-            only_file(&sessions)
-        });
-        let output = run(&["replay", text(&sessions[0]), "--against", text(&sessions[1]), "--json"]);
-        let compared = json(&output.stdout);
-        assert_eq!((output.status.code(), &compared["difference"]), (Some(0), &Value::Null), "{policy}");
-        assert!(compared["identical_ticks"].as_u64().is_some_and(|ticks| ticks > 500), "{compared}");
-        assert!(compared["identical_images"].as_u64().is_some_and(|images| images >= 36), "{compared}");
-    }
+    let sessions = ["direct", "emulated"].map(|robot| {
+        let sessions = folder.path().join(robot);
+        let out = folder.path().join("trial.rrd");
+        let arguments = ["trial", "1", "--trial", "1", "--policy", "touch", "--robot", robot, "--json"];
+        let output = run(&[&arguments[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{robot}: {}", stderr(&output));
+        only_file(&sessions)
+    });
+    let output = run(&["replay", text(&sessions[0]), "--against", text(&sessions[1]), "--json"]);
+    let compared = json(&output.stdout);
+    assert_eq!((output.status.code(), &compared["difference"]), (Some(0), &Value::Null));
+    assert!(compared["identical_ticks"].as_u64().is_some_and(|ticks| ticks > 500), "{compared}");
+    assert!(compared["identical_images"].as_u64().is_some_and(|images| images >= 36), "{compared}");
     // The plain simulated robot differs from both: the comparison is able to detect differences.
     let sim = folder.path().join("sim");
     let out = folder.path().join("trial.rrd");
-    let arguments = ["trial", "0", "--trial", "1", "--policy", "blind", "--session", text(&sim), "--out", text(&out)];
+    let arguments = ["trial", "1", "--trial", "1", "--policy", "touch", "--session", text(&sim), "--out", text(&out)];
     assert!(matches!(run(&arguments).status.code(), Some(0 | 1)));
     a_session_becomes_a_bag(&only_file(&sim), &folder.path().join("bag.mcap"));
-    let other = only_file(&folder.path().join("direct-blind"));
-    let output = run(&["replay", text(&other), "--against", text(&only_file(&sim)), "--json"]);
+    let output = run(&["replay", text(&sessions[0]), "--against", text(&only_file(&sim)), "--json"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(json(&output.stdout)["difference"].is_string());
 }
@@ -123,14 +120,13 @@ fn a_session_is_held_to_every_bit() {
     let folder = tempdir().expect("a folder");
     let sessions = folder.path().join("sessions");
     let out = folder.path().join("out");
-    let bench =
-        ["bench", "--combos", "1", "--trials", "1", "--robot", "emulated", "--record", "all", "--out", text(&out)];
-    let output = run(&bench);
+    let bench = ["bench", "--combos", "1", "--trials", "1", "--conditions", "reflex,touch", "--robot", "emulated"];
+    let output = run(&[&bench[..], &["--record", "all", "--out", text(&out)]].concat());
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     fs::rename(out.join("sessions"), &sessions).expect("recorded");
     let files: Vec<PathBuf> =
         fs::read_dir(&sessions).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
-    assert_eq!(files.len(), 4, "{files:?}");
+    assert_eq!(files.len(), 2, "{files:?}");
     for file in &files {
         let (code, replayed) = replay(file);
         assert_eq!(
@@ -140,14 +136,15 @@ fn a_session_is_held_to_every_bit() {
         );
     }
     // Cut in the middle, as by a power failure: everything before the cut is identical.
-    let file = &files[0];
+    let of = |condition: &str| files.iter().find(|file| text(file).contains(condition)).expect("its session");
+    let file = of("reflex");
     let bytes = fs::read(file).expect("readable");
     fs::write(file, &bytes[..bytes.len() / 2]).expect("written");
     let (code, replayed) = replay(file);
     assert_eq!((code, &replayed["complete"], &replayed["difference"]), (Some(0), &Value::Bool(false), &Value::Null));
     assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 100));
     // One changed bit means a damaged file, or another session.
-    let touched = files.iter().find(|file| text(file).contains("touch")).expect("a touch trial");
+    let touched = of("touch");
     let mut bytes = fs::read(touched).expect("readable");
     let middle = bytes.len() / 3;
     bytes[middle] ^= 1;

@@ -13,6 +13,8 @@ use std::process::{Command, Output};
 use e2e::{binary, root, run, stderr};
 use tempfile::{TempDir, tempdir};
 
+use crate::pictures;
+
 /// Pages with commands (blocks marked `sh`), each of which a test runs.
 const RUN: [&str; 11] = [
     "files.md",
@@ -120,8 +122,8 @@ fn expect_files(folder: &TempDir, files: &[&str]) {
 #[test]
 fn the_first_hour() {
     let folder = run_page("first-hour.md");
-    let files = ["demo/index.html", "small/report.html", "small/summary.json", "small/trials.csv", "trial.rrd"];
-    expect_files(&folder, &files);
+    expect_files(&folder, &["small/report.html", "small/summary.json", "small/trials.csv", "trial.rrd"]);
+    pictures::check_demo(&folder.path().join("demo"));
 }
 
 #[test]

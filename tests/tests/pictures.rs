@@ -1,6 +1,7 @@
 //! Pictures and films without a display: `ftac hand picture`, `ftac demo`.
 
 use std::fs;
+use std::path::Path;
 
 use e2e::{ftac, stderr};
 use tempfile::tempdir;
@@ -52,14 +53,10 @@ fn the_hand_is_drawn_in_any_posture() {
     assert!(stderr(&wrong).contains("--pose: found `claw`"), "{}", stderr(&wrong));
 }
 
-#[test]
-fn a_demo_without_a_viewer_is_a_page_with_a_film() {
-    let folder = tempdir().expect("a folder");
-    let path = folder.path().to_str().expect("UTF-8");
-    let output = ftac(&["demo", "--no-viewer", "--out", path]).output().expect("runs");
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let page = fs::read_to_string(folder.path().join("index.html")).expect("a page");
-    let film = fs::read(folder.path().join("film.webp")).expect("a film");
+/// Checks the folder of a demo without a viewer: a page that needs nothing else, a film, pictures and recordings.
+pub(crate) fn check_demo(folder: &Path) {
+    let page = fs::read_to_string(folder.join("index.html")).expect("a page");
+    let film = fs::read(folder.join("film.webp")).expect("a film");
     // Chunks of the container: an animation, and a frame for every picture that differs from the one before.
     assert_eq!((&film[..4], &film[8..12]), (b"RIFF".as_slice(), b"WEBP".as_slice()));
     let frames = film.windows(4).filter(|chunk| chunk == b"ANMF").count();
@@ -68,6 +65,6 @@ fn a_demo_without_a_viewer_is_a_page_with_a_film() {
     assert!(page.matches("<h2>").count() == 2 && page.contains("touched from above to locate it"), "the notes");
     assert!(!page.contains("src=\"http"), "one file, nothing fetched");
     for name in ["blind.png", "touch.png", "blind.rrd", "touch.rrd"] {
-        assert!(fs::metadata(folder.path().join(name)).expect(name).len() > 10_000, "{name}");
+        assert!(fs::metadata(folder.join(name)).expect(name).len() > 10_000, "{name}");
     }
 }

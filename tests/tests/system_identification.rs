@@ -216,7 +216,10 @@ fn an_interrupted_excitation_goes_on() {
     let folder = tempdir().expect("a folder");
     let sessions = folder.path().join("sessions");
     let script = folder.path().join("short.toml");
-    fs::write(&script, EXCITATION_SCRIPT.replace("\ntime = 1.0", "\ntime = 12.0")).expect("written");
+    // The second step takes long enough to be interrupted.
+    let long = EXCITATION_SCRIPT.replace("current = 0.065\ntime = 1.0", "current = 0.065\ntime = 12.0");
+    assert_ne!(long, EXCITATION_SCRIPT);
+    fs::write(&script, long).expect("written");
     let excite = ["sysid", "excite", text(&sessions), "--script", text(&script)];
     let mut child = ftac(&excite).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     let state = || fs::read_to_string(sessions.join("excitation.json")).unwrap_or_default();

@@ -128,11 +128,10 @@ fn run_and_resumed(conditions: &[Condition], record: RecordingSelection) {
 #[test]
 fn a_run_without_touch_is_recorded_and_resumed() {
     use Condition::{Blind, Ideal, Reflex};
-    run_and_resumed(&[Blind], RecordingSelection::Sample);
     run_and_resumed(&[Blind], RecordingSelection::Causes);
-    run_and_resumed(&[Reflex], RecordingSelection::All);
-    run_and_resumed(&[Ideal], RecordingSelection::All);
-    run_and_resumed(&[Ideal, Blind], RecordingSelection::None);
+    run_and_resumed(&[Reflex], RecordingSelection::Sample);
+    run_and_resumed(&[Ideal], RecordingSelection::None);
+    run_and_resumed(&[Ideal, Blind], RecordingSelection::All);
 }
 
 #[test]
