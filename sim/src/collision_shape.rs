@@ -4,8 +4,6 @@ use rapier3d_f64::geometry::SharedShape;
 use rapier3d_f64::math::{Pose, Rotation, Vector};
 use world::geometry::ObjectShape;
 
-use crate::hull::standing_hull;
-
 /// Rounding radius of a cylinder's rim, m; a sharp rim chatters.
 const RIM_RADIUS: f64 = 0.002;
 
@@ -33,8 +31,6 @@ pub fn convex_parts(shape: &ObjectShape) -> Vec<(Pose, SharedShape)> {
             Pose::IDENTITY,
             SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius),
         )],
-        ObjectShape::Mesh(_) => {
-            shape.convex_parts().iter().filter_map(|points| Some((Pose::IDENTITY, standing_hull(points)?))).collect()
-        }
+        ObjectShape::Mesh(mesh) => mesh.standing_hulls().iter().map(|hull| (Pose::IDENTITY, hull.clone())).collect(),
     }
 }

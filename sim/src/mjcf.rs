@@ -15,14 +15,13 @@ use hand_model::transmission::{Follower, GuidePair, Lever};
 use hand_model::{Arm, ArmVector, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use plant::ArmDefects;
-use world::geometry::ObjectShape;
+use world::geometry::{ObjectShape, standing_hull};
 use world::physics::Physics;
 
 use crate::body::last_from_palm;
 use crate::collision_model::{CollisionModel, hull};
 use crate::drive::OPPOSITION_STIFFNESS;
 use crate::hand_scene::TensionCommand;
-use crate::hull::standing_hull;
 use crate::test_stand::Prop;
 
 /// Compiler options of every scene. Inertias of published models often violate the triangle inequality, which MuJoCo

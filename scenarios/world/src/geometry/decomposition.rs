@@ -5,10 +5,12 @@
 
 use nalgebra::Point3;
 use parry3d_f64::math::Vector;
+use parry3d_f64::shape::SharedShape;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 
 use super::mesh::{Mesh, from_parry};
 use super::revolution::hull_mesh;
+use super::standing_hull::standing_hull;
 
 /// (voxels along the mesh, concavity), from coarse to fine.
 const RESOLUTION_LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
@@ -51,20 +53,28 @@ pub(super) fn run_vhacd(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Poi
 /// Returns the greatest distance by which `parts` stand out of `mesh`, m, at points [`SAMPLE_SPACING`] apart on their
 /// faces.
 pub(super) fn protrusion(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
-    let mut most = 0.0f64;
-    for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {
-        for [a, b, c] in hull.triangles().iter().map(|corners| corners.map(|n| hull.vertices()[n as usize])) {
-            let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
-            let steps = (longest / SAMPLE_SPACING).ceil().max(1.0) as usize;
-            for i in 0..=steps {
-                for j in 0..=steps - i {
-                    let (u, v) = (i as f64 / steps as f64, j as f64 / steps as f64);
-                    most = most.max(mesh.signed_distance(&(a + (b - a) * u + (c - a) * v)).0);
-                }
+    // On one thread: a mesh is decomposed under the lock of its parts, where a worker that waits for others could be given
+    // a job that needs the same parts.
+    let hulls = parts.iter().filter_map(|part| hull_mesh(part).ok());
+    let points = hulls.flat_map(|hull| surface_points(&hull));
+    points.map(|point| mesh.signed_distance(&point).0).fold(0.0, f64::max)
+}
+
+/// Returns points on a mesh: its vertices, and points [`SAMPLE_SPACING`] apart between those of a larger triangle.
+fn surface_points(mesh: &Mesh) -> Vec<Point3<f64>> {
+    let mut points = mesh.vertices().to_vec();
+    for [a, b, c] in mesh.triangles().iter().map(|corners| corners.map(|n| mesh.vertices()[n as usize])) {
+        let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
+        let steps = (longest / SAMPLE_SPACING).ceil().max(1.0) as usize;
+        for (i, j) in (0..=steps).flat_map(|i| (0..=steps - i).map(move |j| (i, j))) {
+            let is_corner = [i, j, steps - i - j].contains(&steps);
+            if !is_corner {
+                let (u, v) = (i as f64 / steps as f64, j as f64 / steps as f64);
+                points.push(a + (b - a) * u + (c - a) * v);
             }
         }
     }
-    most
+    points
 }
 
 impl Mesh {
@@ -79,6 +89,13 @@ impl Mesh {
             decompose(self, self.tolerance).0
         };
         self.known_parts.as_deref().unwrap_or_else(|| self.computed_parts.get_or_init(find))
+    }
+
+    /// Returns the convex parts as collision shapes ([`standing_hull`]), without those that have no volume. They are made
+    /// by the first call.
+    pub fn standing_hulls(&self) -> &[SharedShape] {
+        self.standing_hulls
+            .get_or_init(|| self.convex_parts().iter().filter_map(|points| standing_hull(points)).collect())
     }
 }
 

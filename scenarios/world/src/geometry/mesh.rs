@@ -8,7 +8,7 @@ use ftac_platform::data::DataError;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
-use parry3d_f64::shape::{TriMesh, TriMeshFlags};
+use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
 /// Vertices (in the file's unit) and triangles (vertex indices).
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
@@ -95,6 +95,8 @@ pub struct Mesh {
     pub(super) known_parts: Option<Vec<Vec<Point3<f64>>>>,
     /// Convex parts from a decomposition, if none were given.
     pub(super) computed_parts: OnceLock<Vec<Vec<Point3<f64>>>>,
+    /// Hulls of the convex parts.
+    pub(super) standing_hulls: OnceLock<Vec<SharedShape>>,
     /// Greatest distance by which convex parts may stand out of the mesh, m.
     pub(super) tolerance: f64,
 }
@@ -157,13 +159,14 @@ impl Mesh {
             unit_inertia: Matrix3::identity() * second.trace() - second,
             known_parts: None,
             computed_parts: OnceLock::new(),
+            standing_hulls: OnceLock::new(),
             tolerance: DEFAULT_PART_TOLERANCE,
         })
     }
 
     /// Returns the mesh with `parts`, convex point sets known to fill it, in the same frame.
     pub fn with_parts(self, parts: Vec<Vec<Point3<f64>>>) -> Self {
-        Self { known_parts: Some(parts), ..self }
+        Self { known_parts: Some(parts), standing_hulls: OnceLock::new(), ..self }
     }
 
     /// Returns the mesh with a tolerance for its decomposition: convex parts may stand out of it by at most

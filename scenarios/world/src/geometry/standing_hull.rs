@@ -6,10 +6,10 @@
 //! it, and the hull changes by less than the tactile sensors can resolve.
 
 use nalgebra::Point3;
-use rapier3d_f64::parry::shape::ConvexPolyhedron;
-use rapier3d_f64::prelude::{SharedShape, Vector};
+use parry3d_f64::math::Vector;
+use parry3d_f64::shape::{ConvexPolyhedron, SharedShape};
 
-use crate::convert;
+use super::mesh::to_parry;
 
 /// Distance by which a vertex that is not one of the four is moved back behind its face, m.
 const SET_BACK_DISTANCE: f64 = 5e-5;
@@ -17,7 +17,7 @@ const SET_BACK_DISTANCE: f64 = 5e-5;
 /// Computes the convex hull of `points` such that no face on which it could stand has more than four vertices. `None`
 /// if they span no volume.
 pub fn standing_hull(points: &[Point3<f64>]) -> Option<SharedShape> {
-    let points: Vec<Vector> = points.iter().map(convert::point).collect();
+    let points: Vec<Vector> = points.iter().map(to_parry).collect();
     let hull = ConvexPolyhedron::from_convex_hull(&points)?;
     let mut moved = hull.points().to_vec();
     for face in hull.faces() {
