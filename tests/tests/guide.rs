@@ -107,8 +107,10 @@ fn run_page(name: &str) -> TempDir {
     let folder = folder();
     for (line, slow) in commands(&page(name)) {
         let output = typed(line, if slow { &["--help"] } else { &["--quiet"] }, folder.path());
-        // A result may fall short, but usage and input are right.
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{name}: {line}\n{}", stderr(&output));
+        // A result may fall short, but usage and input are right. A demo without a viewer has nothing to fall short of.
+        let most = if line.starts_with("ftac demo ") { 0 } else { 1 };
+        let code = output.status.code();
+        assert!(code.is_some_and(|code| (0..=most).contains(&code)), "{name}: {line}\n{}", stderr(&output));
     }
     folder
 }
