@@ -4,10 +4,8 @@
 //! that a joint connects are not compared, nor are the wrist and the palm that it carries. Pairs that overlap in the
 //! home posture already are left out too, because the capsules are wider than the links.
 
-use hand_model::Hand;
+use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
-use parry3d_f64::math::Vector;
-use parry3d_f64::shape::SharedShape;
 
 use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
 use crate::inverse_kinematics::{ArmKinematics, Joints};
@@ -39,15 +37,7 @@ impl ArmBodies {
     /// Bodies of the arm of `kinematics` and of the open `hand`.
     pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Result<Self, CollisionError> {
         let arm = kinematics.arm();
-        let ends = arm.tube_ends();
-        let links: Vec<Solid> = (0..=arm.joints())
-            .map(|n| {
-                let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
-                let to = ends[n];
-                let tip = Vector::new(to.x, to.y, to.z);
-                Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
-            })
-            .collect();
+        let links = link_solids(arm);
         let hand = hand_solids(hand, &hand.open_angles(), hand.digits(), true);
         let among = (0..links.len()).flat_map(|first| (first + 2..links.len()).map(move |second| (first, second)));
         let with_hand =
@@ -111,11 +101,20 @@ impl ArmBodies {
     }
 }
 
+/// Returns the base of the arm and its links as capsules, each in its own frame.
+pub fn link_solids(arm: &Arm) -> Vec<Solid> {
+    let names = std::iter::once("base").chain(arm.links.iter().map(String::as_str));
+    names
+        .zip(arm.tube_ends())
+        .zip(&arm.radii)
+        .map(|((name, end), radius)| Solid::capsule(name, &end, *radius, Isometry3::identity()))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::inverse_kinematics::ArmMount;
-    use hand_model::Arm;
 
     fn arm() -> (ArmKinematics, ArmBodies) {
         let hand = Hand::ftac();

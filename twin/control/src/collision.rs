@@ -68,6 +68,16 @@ impl Solid {
         Self::new(name, SharedShape::cuboid(core.x, core.y, core.z), pose).grown(radius)
     }
 
+    /// A sphere of this `radius` (m).
+    pub fn ball(name: impl Into<String>, radius: f64, pose: Isometry3<f64>) -> Self {
+        Self::new(name, SharedShape::ball(radius), pose)
+    }
+
+    /// A capsule of this `radius` (m) from the origin of its frame to `end` (m).
+    pub fn capsule(name: impl Into<String>, end: &Vector3<f64>, radius: f64, pose: Isometry3<f64>) -> Self {
+        Self::new(name, SharedShape::segment(Vector::ZERO, Vector::new(end.x, end.y, end.z)), pose).grown(radius)
+    }
+
     /// The table: everything below z = `height` (m) of the world.
     pub fn table(height: f64) -> Self {
         Self::new("table", SharedShape::halfspace(Vector::Z), Isometry3::translation(0.0, 0.0, height))
@@ -246,7 +256,7 @@ pub fn clearance_at(
 }
 
 /// Signed distance (m) between two solids, the first at `world_from_a`.
-pub(crate) fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
+pub fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
     let (pose_a, pose_b) = (parry_pose(world_from_a), parry_pose(&b.pose));
     let core = if let Some(plane) = b.shape.as_halfspace() {
         over_plane(a.shape.as_ref(), &pose_b.inv_mul(&pose_a), plane.normal)

@@ -4,11 +4,12 @@
 //! several spots, each time with another heading and tilt of the hand. The touches then identify the arm's joints, the
 //! hand's mount, and the links of the fingers, which are pushed onto their stops.
 
-use control::inverse_kinematics::{ArmKinematics, ArmMount, Joints};
-use hand_model::hand::CoverShape;
+use control::inverse_kinematics::Joints;
 use hand_model::{Hand, RobotModel};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+
+use crate::ball_clearance::{BallClearance, kinematics};
 
 /// Number of headings of the hand about the vertical that are tried for a press.
 const HEADING_COUNT: usize = 16;
@@ -17,14 +18,6 @@ const TILT_SHARES: [f64; 3] = [1.0, 0.5, 0.0];
 /// Increments of heading, tilt and tilt direction between successive presses: low-discrepancy fractions from the golden
 /// ratio and its generalizations to higher degrees (Roberts 2018).
 const LOW_DISCREPANCY_STEPS: [f64; 3] = [0.819_173, 0.671_044, 0.549_701];
-/// Minimum clearance of other links from the ball during a press, m.
-const PRESS_CLEARANCE: f64 = 0.002;
-/// Minimum clearance of all links from the ball between presses, m: half of a usual standoff.
-const TRAVEL_CLEARANCE: f64 = 0.02;
-/// Minimum distance of links from the centre line of the post below the ball, m.
-const POST_CLEARANCE: f64 = 0.012;
-/// Minimum height of links above the table on which the arm stands, m.
-const TABLE_CLEARANCE: f64 = 0.03;
 /// Maximum rotation of the joints before the wrist from their start angles, rad: more would bring the elbow to the
 /// other side.
 const MAX_ARM_ROTATION: f64 = 1.5;
@@ -34,10 +27,6 @@ const JOINTS_BEFORE_WRIST: usize = 4;
 /// for such a rise, rad.
 const RISE_HEIGHTS: [f64; 3] = [0.06, 0.1, 0.15];
 const MAX_RISE_ROTATION: f64 = 0.8;
-/// Number of intervals of such a path that are checked for collisions.
-const CHECKED_INTERVALS: usize = 12;
-/// Points on each side of the centre along each axis of a cover that are checked for collisions.
-const GRID_HALF_COUNT: i32 = 3;
 
 /// A ball that is fixed within the hand's workspace, and the presses of pads on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -128,25 +117,18 @@ pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
     link * pad.link_from_pad
 }
 
-/// Returns the kinematics of a robot whose base is the world's origin.
-pub fn kinematics(robot: &RobotModel) -> ArmKinematics {
-    let RobotModel { hand, arm, .. } = robot;
-    ArmKinematics::new((**arm).clone(), ArmMount::for_hand(hand, 0.0))
-}
-
-/// Plans the approach by which the arm of `robot` brings a pad onto a ball at `middle`. Snapshots are taken from
-/// `early` (m) before the expected contact to as much beyond the maximum depth. Uses the first heading that the arm
-/// reaches with everything else clear; returns none if there is no such heading.
+/// Plans the approach from posture `from` by which the arm brings a pad onto the ball. Snapshots are taken from `early`
+/// (m) before the expected contact to as much beyond the maximum depth. Inverse kinematics starts from the `ready`
+/// posture. Uses the first heading that the arm reaches with everything else clear; returns none if there is no such
+/// heading.
 pub fn plan_approach(
-    robot: &RobotModel,
+    clearance: &BallClearance,
     ball: &CalibrationBall,
     press: &PadPress,
-    middle: &Point3<f64>,
     early: f64,
-    from: &Joints,
+    (from, ready): (&Joints, &Joints),
 ) -> Option<PressApproach> {
-    let hand = &robot.hand;
-    let kinematics = kinematics(robot);
+    let (hand, kinematics, middle) = (clearance.hand(), clearance.kinematics(), clearance.middle());
     let camera = &hand.cameras[press.camera];
     let pad = &hand.pads[camera.pad];
     let (x, y) = (press.spot[0] * camera.w, camera.center_y + press.spot[1] * camera.h);
@@ -168,12 +150,12 @@ pub fn plan_approach(
         let flat = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), about)
             * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let turn = UnitQuaternion::rotation_between(&(flat * Vector3::z()), &down)? * flat;
-        if !is_clear(hand, Some(pad.link), &palm_at(&turn, 0.0), ball, middle) {
+        if !clearance.is_hand_clear(Some(pad.link), &palm_at(&turn, 0.0)) {
             return None;
         }
-        let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
+        let hover = kinematics.solve(&palm_at(&turn, ball.standoff), ready)?;
         // Straight lines in joint space lead from press to press: none may lead round to the other side of the arm.
-        if !keeps_elbow_side(from, &hover) {
+        if !keeps_elbow_side(ready, &hover) {
             return None;
         }
         let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
@@ -187,7 +169,8 @@ pub fn plan_approach(
             }
             way.push(next);
         }
-        Some(PressApproach { waypoints: Vec::new(), hover, press_postures: way })
+        let waypoints = plan_detour(clearance, [from, &hover])?;
+        clearance.is_arm_clear_of_press(way.last()?).then_some(PressApproach { waypoints, hover, press_postures: way })
     })
 }
 
@@ -214,83 +197,68 @@ pub(crate) fn keeps_elbow_side(from: &Joints, to: &Joints) -> bool {
     to.iter().zip(from).take(JOINTS_BEFORE_WRIST).all(|(to, from)| (to - from).abs() <= MAX_ARM_ROTATION)
 }
 
-/// Returns postures on the straight line in joint space, in `pieces` intervals, both ends included.
-pub(crate) fn straight_line(from: &Joints, to: &Joints, pieces: usize) -> impl Iterator<Item = Joints> {
-    let (from, to) = (*from, *to);
-    (0..=pieces).map(move |n| {
-        let share = n as f64 / pieces as f64;
-        from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect()
-    })
-}
-
-/// Returns the covers of an open hand with its palm at `palm`, with their poses: that of the palm, which is no link,
-/// and those of all links.
-pub(crate) fn posed_covers<'a>(
-    hand: &'a Hand,
-    palm: &Isometry3<f64>,
-) -> impl Iterator<Item = (Option<usize>, Isometry3<f64>, &'a CoverShape)> {
-    let palm = *palm;
-    let links = hand.tree.forward(&hand.open_angles());
-    let fingers =
-        links.into_iter().zip(&hand.covers).enumerate().map(move |(n, (link, cover))| (Some(n), palm * link, cover));
-    std::iter::once((None, palm, &hand.palm_cover)).chain(fingers)
-}
-
 /// Plans waypoints between two postures beside the ball: none if the straight path is free, otherwise up and down
 /// again. `None` if that is blocked, too.
-pub fn plan_detour(
-    robot: &RobotModel,
-    ball: &CalibrationBall,
-    middle: &Point3<f64>,
-    [from, to]: [&Joints; 2],
-) -> Option<Vec<Joints>> {
-    let hand = &robot.hand;
-    let kinematics = kinematics(robot);
-    let free = |from: &Joints, to: &Joints| {
-        straight_line(from, to, CHECKED_INTERVALS)
-            .all(|at| is_clear(hand, None, &kinematics.palm_pose(&at), ball, middle))
-    };
+fn plan_detour(clearance: &BallClearance, [from, to]: [&Joints; 2]) -> Option<Vec<Joints>> {
+    let kinematics = clearance.kinematics();
     let above = |at: &Joints, by: f64| {
         let up = kinematics.solve(&(Translation3::new(0.0, 0.0, by) * kinematics.palm_pose(at)), at)?;
         (0..up.len()).all(|joint| (up[joint] - at[joint]).abs() < MAX_RISE_ROTATION).then_some(up)
     };
-    if free(from, to) {
+    if clearance.is_path_clear(from, to) {
         return Some(Vec::new());
     }
     RISE_HEIGHTS.iter().find_map(|by| {
         let up = [above(from, *by)?, above(to, *by)?];
         // Beside the ball, the start may already be closer to it than the required clearance.
-        (free(&up[0], &up[1]) && free(&up[1], to)).then(|| up.to_vec())
+        (clearance.is_path_clear(&up[0], &up[1]) && clearance.is_path_clear(&up[1], to)).then(|| up.to_vec())
     })
 }
 
-/// True if the links keep clear of ball, post and table with the palm at `palm`. `pressed` is the link that is pressed
-/// and may touch the ball (`Some(None)` for the palm); with `None`, all links must keep clear.
-fn is_clear(
-    hand: &Hand,
-    pressed: Option<Option<usize>>,
-    palm: &Isometry3<f64>,
-    ball: &CalibrationBall,
-    middle: &Point3<f64>,
-) -> bool {
-    let clearance = if pressed.is_some() { PRESS_CLEARANCE } else { TRAVEL_CLEARANCE };
-    posed_covers(hand, palm).all(|(link, pose, cover)| {
-        grid_points(cover).all(|point| {
-            let point = pose * point;
-            let beside = (point - middle).xy().norm();
-            let below = point.z < middle.z - ball.radius && beside < POST_CLEARANCE;
-            let near = pressed != Some(link) && (point - middle).norm() < ball.radius + clearance;
-            point.z > TABLE_CLEARANCE && !below && !near
-        })
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::ExcitationScript;
 
-/// Returns a grid of points of a cover, link frame.
-pub(crate) fn grid_points(cover: &CoverShape) -> impl Iterator<Item = Point3<f64>> + '_ {
-    let steps = move || -GRID_HALF_COUNT..=GRID_HALF_COUNT;
-    let grid = steps().flat_map(move |x| steps().flat_map(move |y| steps().map(move |z| [x, y, z])));
-    grid.map(|at| {
-        let share = Vector3::from(at.map(|n| f64::from(n) / f64::from(GRID_HALF_COUNT)));
-        cover.link_from_cover * Point3::from(share.component_mul(&cover.half))
-    })
+    /// Intervals of a straight path between two postures; below, the number of presses.
+    const INTERVALS: usize = 200;
+    const PRESSES: usize = 36;
+
+    /// Returns the distance between the surfaces of a capsule from `start` to `end` and a ball at `middle`, m.
+    fn gap([start, end]: [Point3<f64>; 2], radius: f64, middle: &Point3<f64>, ball: f64) -> f64 {
+        let axis = end - start;
+        let share = ((middle - start).dot(&axis) / axis.norm_squared()).clamp(0.0, 1.0);
+        (middle - start - share * axis).norm() - radius - ball
+    }
+
+    /// From press to press and during the presses, the wrist stays away from the ball.
+    #[test]
+    fn the_wrist_keeps_clear_of_the_ball() {
+        let robot = RobotModel::ftac_gen3();
+        let script = ExcitationScript::standard(&robot).expect("valid");
+        let ball = script.ball.as_ref().expect("a ball");
+        let (ready, middle) = (robot.arm.home, ball.center());
+        let clearance = BallClearance::new(&robot, ball.radius, &middle);
+        let (mut at, mut pressed) = (ready, 0);
+        for press in ball.presses(&robot.hand).iter().take(PRESSES) {
+            let Some(approach) = plan_approach(&clearance, ball, press, 0.005, (&at, &ready)) else { continue };
+            let posts = approach.waypoints.iter().chain([&approach.hover]).chain(&approach.press_postures);
+            let mut from = at;
+            for to in posts {
+                for n in 0..=INTERVALS {
+                    let share = n as f64 / INTERVALS as f64;
+                    let joints: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect();
+                    let links = robot.arm.tree.forward(&joints);
+                    for capsule in &robot.arm.wrist {
+                        let ends = [Point3::origin(), Point3::from(capsule.end)].map(|end| links[capsule.link] * end);
+                        let gap = gap(ends, capsule.radius, &middle, ball.radius);
+                        assert!(gap > 0.0, "press {}: {gap}", press.number);
+                    }
+                }
+                from = *to;
+            }
+            (at, pressed) = (approach.hover, pressed + 1);
+        }
+        assert!(pressed > PRESSES / 2, "{pressed}");
+    }
 }

@@ -1,7 +1,7 @@
 //! System identification: how a robot instance differs from its nominal model.
 //!
 //! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a
-//! [`ball`], and how to lift a [`payload`]. [`excitation`] runs the script, and [`pressing`] aims the presses.
+//! [`ball`] with a [`ball_clearance`], and how to lift a [`payload`]. [`excitation`] runs the script, and [`pressing`] aims the presses.
 //! [`trace`] reads such a session back and extracts its [`free_motion`]s and [`deepest_touches`].
 //!
 //! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`payload_calibration`]
@@ -12,6 +12,7 @@
 
 pub mod arm_load;
 pub mod ball;
+pub mod ball_clearance;
 pub mod chain;
 pub mod error;
 pub mod evaluation;

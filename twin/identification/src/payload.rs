@@ -16,7 +16,8 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 use world::objects::{ObjectModel, ObjectSet};
 
-use crate::ball::{grid_points, keeps_elbow_side, kinematics, posed_covers, straight_line};
+use crate::ball::keeps_elbow_side;
+use crate::ball_clearance::{grid_points, kinematics, posed_covers, straight_line};
 
 /// A posture of the arm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

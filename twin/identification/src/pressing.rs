@@ -10,7 +10,8 @@ use plant::RobotInstance;
 use tactile_perception::PhotometricCalibration;
 
 use crate::arm_load::estimate_force;
-use crate::ball::{CalibrationBall, PadPress, PressApproach, plan_approach, plan_detour, plan_slide};
+use crate::ball::{CalibrationBall, PadPress, PressApproach, plan_approach, plan_slide};
+use crate::ball_clearance::BallClearance;
 use crate::excitation_setup::ExcitationSetup;
 use crate::kinematic_calibration::{BallTouch, KinematicCalibration, calibrate};
 use crate::touches::{PressImages, deepest_touches};
@@ -57,19 +58,16 @@ impl<'a> PressAim<'a> {
     /// Plans the path from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
     /// joints do not wind up from press to press.
     pub fn plan_press(&self, press: &PadPress, from: &Joints) -> Option<PressApproach> {
-        let way =
-            |early| plan_approach(self.robot_model(), self.ball, press, &self.calibration.ball, early, &self.ready);
-        let near = way(APPROACH_MARGIN_BOUNDS[0])?;
+        let clearance = BallClearance::new(self.robot_model(), self.ball.radius, &self.calibration.ball);
+        let plan = |early| plan_approach(&clearance, self.ball, press, early, (from, &self.ready));
+        let near = plan(APPROACH_MARGIN_BOUNDS[0])?;
         let unsure = self.calibration.normal_sigma(
             self.robot,
             self.ball,
             press.camera,
             near.press_postures.last().unwrap_or(&self.ready),
         );
-        let approach =
-            way((APPROACH_MARGIN_SIGMAS * unsure).clamp(APPROACH_MARGIN_BOUNDS[0], APPROACH_MARGIN_BOUNDS[1]))?;
-        let round = plan_detour(self.robot_model(), self.ball, &self.calibration.ball, [from, &approach.hover])?;
-        Some(PressApproach { waypoints: round, ..approach })
+        plan((APPROACH_MARGIN_SIGMAS * unsure).clamp(APPROACH_MARGIN_BOUNDS[0], APPROACH_MARGIN_BOUNDS[1]))
     }
 
     /// Plans the slide of a press's pad over the ball from the posture `at`, if it slides.

@@ -34,7 +34,7 @@ pub struct HeldObject<'a> {
 pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
     let pose = Isometry3::identity();
     match &object.shape {
-        ObjectShape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), pose)],
+        ObjectShape::Sphere { radius } => vec![Solid::ball(object.name.clone(), *radius, pose)],
         ObjectShape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, pose)],
         ObjectShape::Cylinder { radius, half_height } => {
             let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
