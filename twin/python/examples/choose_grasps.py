@@ -27,8 +27,7 @@ def held(job):
     name, (owner, number), seed = job
     env = envs.Pick(objects=[name])
     observation, info = env.reset(seed=seed)
-    grasp = next(grasp for grasp in ftac.grasps.repertoire()[owner] if grasp.id == number)
-    script = Script(env.features, grasp, yaw=info["yaws"][0])
+    script = Script(env.features, ftac.grasps.numbered(owner, number), yaw=info["yaws"][0])
     for _ in range(STEPS):
         observation, _, over, _, info = env.step(script.act(observation))
         if over:

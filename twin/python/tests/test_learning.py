@@ -98,6 +98,12 @@ class Rewards(unittest.TestCase):
         self.assertLess(by_chance, 0.5 * scripted)
         self.assertLess(abs(still), 0.01)
 
+    def test_objects_of_two_pick_ups_with_one_number_are_held_too(self):
+        for name in ("billiard_ball", "bottle"):
+            env = envs.Pick(objects=[name], reality=False)
+            _, info = run(env, lambda env: Script(env.features).act)
+            self.assertTrue(info["is_success"], name)
+
     def test_weights_are_data(self):
         env = envs.Pick(combination=0, reality=False, reward={"reach": 2.0, "step": -0.01})
         env.reset(seed=1)

@@ -97,8 +97,12 @@ def pick_one() -> dict[str, PickUp]:
     """For each object, the pick-up that `ftac.scripted.Script` carries out best in ``ftac/PickOne-v1``, as ``examples/choose_grasps.py`` has measured it. An
     object without pick-ups in the repertoire has one of a similar object."""
     text = (Path(__file__).parent / "data" / "pick_one.json").read_text()
-    known = {(grasp.object, grasp.id): grasp for grasps in repertoire().values() for grasp in grasps}
-    return {name: known[one["object"], one["id"]] for name, one in json.loads(text).items()}
+    return {name: numbered(one["object"], one["id"]) for name, one in json.loads(text).items()}
+
+
+def numbered(object: str, id: int) -> PickUp:
+    """The best pick-up of an object with this number. Numbers are those of pick-ups by the same digits: one by other digits may have it too."""
+    return next(grasp for grasp in repertoire()[object] if grasp.id == id)
 
 
 @cache
