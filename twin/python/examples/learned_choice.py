@@ -150,6 +150,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=Path("choice.npz"))
     args = parser.parse_args()
+    if not args.out.parent.is_dir():
+        parser.error(f"--out: no folder {args.out.parent}")
     jobs = [(combination, args.trials, seed) for seed in args.seeds for combination in args.combinations]
     found = []
     with ProcessPoolExecutor(args.jobs) as workers:
