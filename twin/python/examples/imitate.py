@@ -161,7 +161,7 @@ def begin(objects, tactile, task, seed):
 
 
 def episode(job):
-    """Runs an episode: rows of inputs, what the script would do, and whether the task was done in the end. `help` is the share of the time in which a script
+    """Runs an episode: rows of inputs, what the script would do (nothing in a test of a network), and whether the task was done in the end. `help` is the share of the time in which a script
     moves the robot in training, or None in a test: of the network, or of the script if there is none."""
     objects, tactile, task, (seed, number), network, help = job
     random = np.random.default_rng([seed, number])
@@ -169,10 +169,12 @@ def episode(job):
     setting = TASKS[task.name]
     (scripts, right), inputs = scripts_of(env, task), Inputs(tactile, setting.before)
     rows, actions, pushed = [], [], np.zeros(env.action_space.shape[0])
+    # Nobody asks the scripts in a test of a network.
+    asked = scripts if network is None or help is not None else []
     for step in range(setting.steps):
         rows.append(inputs(observation))
-        proposed = [script.act(observation) for script in scripts]
-        actions.append(proposed[right])
+        proposed = [script.act(observation) for script in asked]
+        actions += proposed[right : right + 1]
         if step % HELP_STEPS == 0:
             helped = network is None or (help is not None and random.random() < help)
             chosen = right if help is None else int(random.integers(len(scripts)))
