@@ -6,8 +6,20 @@ use std::path::Path;
 use e2e::{run, stderr};
 use tempfile::{TempDir, tempdir};
 
-/// A clamp of two jaws, each on its own hinge, that closes on an object between them.
-const CLAMP_URDF: &str = include_str!("../../twin/guide/files/clamp.urdf");
+/// A clamp of two jaws, each on its own hinge, that closes on an object between them. It has no palm.
+const CLAMP_URDF: &str = r#"<robot name="clamp">
+  <link name="base"/>
+  <link name="left"><inertial><origin xyz="0.04 0 0" rpy="0 0 0"/><mass value="0.1"/>
+    <inertia ixx="2e-5" ixy="0" ixz="0" iyy="6e-5" iyz="0" izz="6e-5"/></inertial>
+    <collision><origin xyz="0.05 0 0" rpy="0 0 0"/><geometry><box size="0.10 0.01 0.03"/></geometry></collision></link>
+  <link name="right"><inertial><origin xyz="0.04 0 0" rpy="0 0 0"/><mass value="0.1"/>
+    <inertia ixx="2e-5" ixy="0" ixz="0" iyy="6e-5" iyz="0" izz="6e-5"/></inertial>
+    <collision><origin xyz="0.05 0 0" rpy="0 0 0"/><geometry><box size="0.10 0.01 0.03"/></geometry></collision></link>
+  <joint name="turn_left" type="revolute"><origin xyz="0 0.03 0" rpy="0 0 0"/><parent link="base"/><child link="left"/>
+    <axis xyz="0 0 -1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="turn_right" type="revolute"><origin xyz="0 -0.03 0" rpy="0 0 0"/><parent link="base"/><child link="right"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+</robot>"#;
 const PULLS_TOML: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n\
     [[actuator]]\nname = \"close\"\narms = { turn_left = 0.01, turn_right = 0.01 }\n";
 
