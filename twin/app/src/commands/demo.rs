@@ -17,6 +17,7 @@ use serde::Serialize;
 use telemetry::RecordingTarget;
 use telemetry::viewer;
 
+use crate::options::combination::combination_number;
 use crate::options::robot::RobotArgs;
 use crate::terminal::{Outcome, Terminal};
 
@@ -24,7 +25,7 @@ use crate::terminal::{Outcome, Terminal};
 #[derive(Debug, Args)]
 pub struct DemoArgs {
     /// Number of the combination, from 0.
-    #[arg(default_value_t = 0)]
+    #[arg(default_value_t = 0, value_parser = combination_number)]
     pub combination: usize,
     /// Number of the trial, from 0.
     #[arg(long, default_value_t = 0)]
@@ -61,8 +62,8 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     let mut recordings = Vec::new();
     let mut files = Vec::new();
     for condition in COMPARED_CONDITIONS {
-        let file = args.out.join(format!("{condition}.rrd"));
-        let mut targets = vec![RecordingTarget::File(file.clone())];
+        let partial = args.out.join(format!("{condition}.partial.rrd"));
+        let mut targets = vec![RecordingTarget::File(partial.clone())];
         targets.extend(program.is_some().then_some(RecordingTarget::Spawn));
         let task = TrialTask {
             images_throughout: true,
@@ -71,7 +72,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             ..TrialTask::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
         };
         recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
-        files.push(file);
+        files.push((partial, args.out.join(format!("{condition}.rrd"))));
     }
     let mut films = COMPARED_CONDITIONS.map(|condition| Filming::for_animation(&bench, condition));
     let mut watchers = Watchers(Vec::new());
@@ -79,6 +80,9 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     watchers.0.extend(films.iter_mut().map(|one| one as _));
     let results = bench.run_each_condition(args.combination, args.trial, &COMPARED_CONDITIONS, &[], &mut watchers)?;
     recordings.into_iter().try_for_each(Recording::finish)?;
+    for (partial, file) in files {
+        std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
+    }
     let stage = filming::film_stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);
     let page = write_page(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]), quiet)?;

@@ -206,6 +206,9 @@ fn request(
 pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     if let Some(out) = &args.out {
         search::check_writable(out)?;
+        if out.exists() {
+            bail!("--out {}: found a file, expected none; name another one or remove it", out.display());
+        }
     }
     renamed_options::note_renamed_options();
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
@@ -224,6 +227,10 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     terminal.print(&report, &report.text())?;
     let found = report.of_type.unwrap_or(report.verified.all);
     let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" of type {kind}"));
+    if let Some(out) = args.out.as_ref().filter(|_| found == 0) {
+        // It holds nothing but its header.
+        std::fs::remove_file(out).with_context(|| out.display().to_string())?;
+    }
     Ok((found == 0).then(|| format!("no grasp{kind} of {} was verified in {} chains", report.object, args.n)))
 }
 

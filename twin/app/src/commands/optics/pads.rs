@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use ftac_platform::data::write_atomically;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tactile_optics::pads::PadOptics;
@@ -53,7 +54,16 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     }
     std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     for (path, text) in &files {
-        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+        if path.exists() && std::fs::read(path).with_context(|| path.display().to_string())? != text.as_bytes() {
+            bail!(
+                "--out {}: found {} with another content, expected none; name another folder or remove it",
+                args.out.display(),
+                path.display()
+            );
+        }
+    }
+    for (path, text) in &files {
+        write_atomically(path, text.as_bytes())?;
     }
     if !terminal.json && !terminal.quiet {
         eprintln!("{} files in {}", files.len(), args.out.display());
