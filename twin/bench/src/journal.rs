@@ -278,6 +278,9 @@ impl Journal {
     /// Reads the journal of a run without changing it. A last line cut off by an interruption is dropped.
     pub fn read(folder: &Path) -> Result<(BTreeMap<WorkUnit, JournalEntry>, RunRequest)> {
         let run = folder.join("run.json");
+        if folder.is_file() {
+            bail!("{}: found a file, expected the folder of a run", folder.display());
+        }
         if folder.is_dir() {
             check_links(folder)?;
         }

@@ -224,6 +224,18 @@ fn run_into_recording<T>(
     Ok(result)
 }
 
+/// Returns the command that continues the run in `folder`. Programs of others have to be named again.
+fn resume_command(request: &RunRequest, folder: &Path) -> String {
+    let mut command = format!("ftac bench --resume {}", folder.display());
+    if let Some(policy) = &request.policy {
+        command += &format!(" --policy {}:{}", policy.file.display(), policy.class);
+    }
+    if let Some(driver) = &request.driver {
+        command += &format!(" --robot {}", driver.class.name());
+    }
+    command
+}
+
 /// Runs the unfinished units of `request`; the journal keeps every finished one.
 pub fn run(
     bench: &Bench,
@@ -248,9 +260,8 @@ pub fn run(
     let interrupt = (!request.keeps_wall_time()).then(Interrupt::catch).transpose()?;
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         if interrupt.as_ref().is_some_and(Interrupt::happened) {
-            let finished = journal.lock().map_or(0, |journal| journal.done.len());
-            let resume_hint = format!("continue with `ftac bench --resume {}`", folder.display());
-            bail!(Interrupted { done: finished, total: all.len(), pieces: "units of work are finished", resume_hint });
+            let resume_hint = format!("continue with `{}`", resume_command(request, folder));
+            bail!(Interrupted { done: 0, total: all.len(), pieces: "units of work are finished", resume_hint });
         }
         let start = Instant::now();
         let results = run_unit(bench, request, *unit, folder, options).with_context(|| {
@@ -263,12 +274,16 @@ pub fn run(
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry.clone()).map_err(|error| save_to_temporary(&entry, error))?;
         bar.inc(1);
-        bar.set_message(progress_rates(&journal, begun, resumed));
+        bar.set_message(progress_rates(&journal));
         Ok(())
     });
     bar.finish_and_clear();
-    outcome?;
     let journal = journal.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+    outcome.map_err(|error| match error.downcast::<Interrupted>() {
+        // The other threads have finished their units meanwhile.
+        Ok(interrupted) => Interrupted { done: journal.done.len(), ..interrupted }.into(),
+        Err(error) => error,
+    })?;
     // A resumed run counts the time of work, without pauses.
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
     let wall_s = begun.elapsed().as_secs_f64().max(worked);
@@ -301,22 +316,16 @@ fn save_to_temporary(entry: &JournalEntry, error: anyhow::Error) -> anyhow::Erro
     }
 }
 
-fn progress_rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
+fn progress_rates(journal: &Journal) -> String {
     let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
-    let share = |condition: Condition, pick: fn(&TrialRecord) -> bool| {
-        let of: Vec<_> = records.iter().filter(|record| record.condition == condition).collect();
-        let hits = of.iter().filter(|record| pick(record)).count();
-        if of.is_empty() { "  -".to_owned() } else { format!("{:3.0}%", 100.0 * hits as f64 / of.len() as f64) }
+    let shares = |pick: fn(&TrialRecord) -> bool| -> String {
+        let share = |condition: &Condition| {
+            let of: Vec<_> = records.iter().filter(|record| record.condition == *condition).collect();
+            let hits = of.iter().filter(|record| pick(record)).count();
+            (!of.is_empty()).then(|| format!(" {condition} {:.0}%", 100.0 * hits as f64 / of.len() as f64))
+        };
+        let told = [Condition::Blind, Condition::Reflex, Condition::Touch, Condition::External];
+        told.iter().filter_map(share).collect()
     };
-    let minutes = begun.elapsed().as_secs_f64() / 60.0;
-    let trials = journal.done.len().saturating_sub(resumed);
-    format!(
-        "{:.0} units/min  clean success: blind {} reflex {} touch {}  contact: blind {} touch {}",
-        trials as f64 / minutes.max(1e-9),
-        share(Condition::Blind, |r| r.clean_success),
-        share(Condition::Reflex, |r| r.clean_success),
-        share(Condition::Touch, |r| r.clean_success),
-        share(Condition::Blind, |r| r.contact),
-        share(Condition::Touch, |r| r.contact)
-    )
+    format!("clean success:{}  contact:{}", shares(|record| record.clean_success), shares(|record| record.contact))
 }

@@ -3,6 +3,7 @@
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -21,6 +22,8 @@ struct InterruptFlags {
     happened: Arc<AtomicBool>,
     /// True if the next signal ends the program, as it does by default.
     next_is_fatal: Arc<AtomicBool>,
+    /// True while a guard is alive.
+    is_guarded: AtomicBool,
 }
 
 impl Interrupt {
@@ -29,24 +32,48 @@ impl Interrupt {
         let flags = match INTERRUPT_FLAGS.get() {
             Some(flags) => flags,
             None => {
-                let new = InterruptFlags { happened: Arc::default(), next_is_fatal: Arc::new(AtomicBool::new(true)) };
+                let new = InterruptFlags {
+                    happened: Arc::default(),
+                    next_is_fatal: Arc::new(AtomicBool::new(true)),
+                    is_guarded: AtomicBool::new(false),
+                };
                 for signal in [SIGINT, SIGTERM, SIGHUP] {
                     // The order matters: a signal is counted as fatal or not before it is noted.
                     flag::register_conditional_default(signal, new.next_is_fatal.clone())?;
                     flag::register(signal, new.next_is_fatal.clone())?;
                     flag::register(signal, new.happened.clone())?;
                 }
+                std::thread::Builder::new().name("interrupt".to_owned()).spawn(acknowledge)?;
                 INTERRUPT_FLAGS.get_or_init(|| new)
             }
         };
         flags.happened.store(false, Ordering::SeqCst);
         flags.next_is_fatal.store(false, Ordering::SeqCst);
+        flags.is_guarded.store(true, Ordering::SeqCst);
         Ok(Self { flags })
     }
 
     /// True if the operator has asked to end.
     pub fn happened(&self) -> bool {
         self.flags.happened.load(Ordering::SeqCst)
+    }
+}
+
+/// Time between two looks for an interrupt, ms, and number of looks after which work that goes on is worth a word.
+const POLL_INTERVAL: u64 = 100;
+const PATIENCE: u32 = 5;
+
+/// Says that an interrupt was noted if what is running takes a while to end in order.
+fn acknowledge() {
+    let mut pending = 0;
+    loop {
+        std::thread::sleep(Duration::from_millis(POLL_INTERVAL));
+        let Some(flags) = INTERRUPT_FLAGS.get() else { continue };
+        let happened = flags.is_guarded.load(Ordering::SeqCst) && flags.happened.load(Ordering::SeqCst);
+        pending = if happened { pending + 1 } else { 0 };
+        if pending == PATIENCE {
+            eprintln!("interrupted: what is running is finished first; interrupt again to end at once");
+        }
     }
 }
 
@@ -80,5 +107,6 @@ pub fn is_interrupted() -> bool {
 impl Drop for Interrupt {
     fn drop(&mut self) {
         self.flags.next_is_fatal.store(true, Ordering::SeqCst);
+        self.flags.is_guarded.store(false, Ordering::SeqCst);
     }
 }
