@@ -17,6 +17,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::options::backend::{BackendKind, PoseSourceArgs, RobotOption, RobotParser, backend_factory, check_backend};
+use crate::options::combination::combination_number;
 use crate::options::driver::DriverArgs;
 use crate::options::robot::{RobotArgs, instance_text, pad_calibration_text, warn_nominal_pads};
 use crate::options::ros2::Ros2Args;
@@ -28,6 +29,7 @@ use crate::terminal::{Outcome, Terminal};
 #[derive(Debug, Args)]
 pub struct TrialArgs {
     /// Number of the combination, from 0.
+    #[arg(value_parser = combination_number)]
     pub combination: usize,
     /// Number of the trial, from 0.
     #[arg(long, default_value_t = 0)]
