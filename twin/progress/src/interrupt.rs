@@ -61,7 +61,7 @@ impl Interrupt {
 
 /// Time between two looks for an interrupt, ms, and number of looks after which work that goes on is worth a word.
 const POLL_INTERVAL: u64 = 100;
-const PATIENCE: u32 = 5;
+const LOOKS_BEFORE_MESSAGE: u32 = 5;
 
 /// Says that an interrupt was noted if what is running takes a while to end in order.
 fn acknowledge() {
@@ -71,7 +71,7 @@ fn acknowledge() {
         let Some(flags) = INTERRUPT_FLAGS.get() else { continue };
         let happened = flags.is_guarded.load(Ordering::SeqCst) && flags.happened.load(Ordering::SeqCst);
         pending = if happened { pending + 1 } else { 0 };
-        if pending == PATIENCE {
+        if pending == LOOKS_BEFORE_MESSAGE {
             eprintln!("interrupted: what is running is finished first; interrupt again to end at once");
         }
     }
