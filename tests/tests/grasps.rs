@@ -353,3 +353,20 @@ fn grasps_use_the_parts_that_are_asked_for() {
     let one = run(&[&generate[..], &["--parts", "palm"]].concat());
     assert!(stderr(&one).contains("--parts: found one part"), "{}", stderr(&one));
 }
+
+/// A search replaces no file, and leaves none behind if it finds nothing.
+#[test]
+fn a_search_writes_only_what_it_finds() {
+    let folder = tempdir().expect("a folder");
+    let (mesh, out) = (root().join("twin/guide/files/box.obj"), folder.path().join("grasps.jsonl"));
+    let generate = ["grasps", "generate", "--mesh", text(&mesh), "--n", "1", "--closings", "1", "--out", text(&out)];
+    fs::write(&out, "mine").expect("written");
+    let refused = run(&generate);
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("grasps.jsonl: found a file, expected none"), "{}", stderr(&refused));
+    assert_eq!(fs::read_to_string(&out).expect("a file"), "mine");
+    fs::remove_file(&out).expect("removed");
+    let nothing = run(&generate);
+    assert_eq!(nothing.status.code(), Some(1), "{}", stderr(&nothing));
+    assert!(!out.exists());
+}

@@ -197,3 +197,20 @@ fn a_curved_pad_is_pressed_along_its_normals() {
         assert!(!out.exists(), "left an image behind");
     }
 }
+
+#[test]
+fn an_edited_pad_is_not_replaced() {
+    let folder = tempdir().expect("a folder");
+    let pads = folder.path().join("pads");
+    let write = ["optics", "pads", "--out", text(&pads)];
+    assert_eq!(run(&write).status.code(), Some(0));
+    // The same files once more are no loss.
+    assert_eq!(run(&write).status.code(), Some(0));
+    let edited = pads.join("index_distal.toml");
+    let own = fs::read_to_string(&edited).expect("a pad") + "# mine\n";
+    fs::write(&edited, &own).expect("written");
+    let refused = run(&write);
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("index_distal.toml with another content, expected none"), "{}", stderr(&refused));
+    assert_eq!(fs::read_to_string(&edited).expect("a pad"), own);
+}
