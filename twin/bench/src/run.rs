@@ -228,7 +228,7 @@ fn run_into_recording<T>(
 fn resume_command(request: &RunRequest, folder: &Path) -> String {
     let mut command = format!("ftac bench --resume {}", folder.display());
     if let Some(policy) = &request.policy {
-        command += &format!(" --policy {}:{}", policy.file.display(), policy.class);
+        command += &format!(" --policy {}", policy.python_class().name());
     }
     if let Some(driver) = &request.driver {
         command += &format!(" --robot {}", driver.class.name());
@@ -274,7 +274,7 @@ pub fn run(
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry.clone()).map_err(|error| save_to_temporary(&entry, error))?;
         bar.inc(1);
-        bar.set_message(progress_rates(&journal));
+        bar.set_message(shares_so_far(&journal));
         Ok(())
     });
     bar.finish_and_clear();
@@ -316,7 +316,8 @@ fn save_to_temporary(entry: &JournalEntry, error: anyhow::Error) -> anyhow::Erro
     }
 }
 
-fn progress_rates(journal: &Journal) -> String {
+/// Returns clean success and contact of the conditions that have run.
+fn shares_so_far(journal: &Journal) -> String {
     let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
     let shares = |pick: fn(&TrialRecord) -> bool| -> String {
         let share = |condition: &Condition| {

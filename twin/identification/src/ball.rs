@@ -169,8 +169,11 @@ pub fn plan_approach(
             }
             way.push(next);
         }
+        if !clearance.is_arm_clear_of_press(way.last()?) {
+            return None;
+        }
         let waypoints = plan_detour(clearance, [from, &hover])?;
-        clearance.is_arm_clear_of_press(way.last()?).then_some(PressApproach { waypoints, hover, press_postures: way })
+        Some(PressApproach { waypoints, hover, press_postures: way })
     })
 }
 
@@ -218,6 +221,7 @@ fn plan_detour(clearance: &BallClearance, [from, to]: [&Joints; 2]) -> Option<Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ball_clearance::straight_line;
     use crate::script::ExcitationScript;
 
     /// Intervals of a straight path between two postures; below, the number of presses.
@@ -245,9 +249,7 @@ mod tests {
             let posts = approach.waypoints.iter().chain([&approach.hover]).chain(&approach.press_postures);
             let mut from = at;
             for to in posts {
-                for n in 0..=INTERVALS {
-                    let share = n as f64 / INTERVALS as f64;
-                    let joints: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect();
+                for joints in straight_line(&from, to, INTERVALS) {
                     let links = robot.arm.tree.forward(&joints);
                     for capsule in &robot.arm.wrist {
                         let ends = [Point3::origin(), Point3::from(capsule.end)].map(|end| links[capsule.link] * end);

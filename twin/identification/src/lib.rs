@@ -1,8 +1,8 @@
 //! System identification: how a robot instance differs from its nominal model.
 //!
 //! A [`script`] defines how to excite a robot so that its motion reveals its parameters, how to press its pads on a
-//! [`ball`] with a [`ball_clearance`], and how to lift a [`payload`]. [`excitation`] runs the script, and [`pressing`] aims the presses.
-//! [`trace`] reads such a session back and extracts its [`free_motion`]s and [`deepest_touches`].
+//! [`ball`] with a [`ball_clearance`], and how to lift a [`payload`]. [`excitation`] runs the script, and [`pressing`]
+//! aims the presses. [`trace`] reads such a session back and extracts its [`free_motion`]s and [`deepest_touches`].
 //!
 //! From touches, [`kinematic_calibration`] estimates the deviations of arm, mount and links; [`payload_calibration`]
 //! estimates the gains of the arm's torque sensors from a known weight. [`free_digit`] is the model of one digit that

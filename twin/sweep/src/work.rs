@@ -155,15 +155,22 @@ impl Worker<'_> {
     /// Tries every open unit once and runs the free ones. Returns their number.
     fn run_open_units(&self, open: &[&SweepUnit], jobs: usize) -> Result<usize> {
         let before = self.run_here.load(Ordering::Relaxed) + self.failed_ids()?.len();
-        bench::workers::for_each(jobs, open, |_, unit| {
-            let is_stopped = self.stopped.lock().is_ok_and(|stopped| stopped.is_some());
-            if is_stopped || self.interrupt.happened() { Ok(()) } else { self.run_sweep_unit(unit) }
-        })?;
+        let outcome = bench::workers::for_each(jobs, open, |_, unit| {
+            if self.interrupt.happened() {
+                return Err(interrupted(self.folder)?);
+            }
+            if self.stopped.lock().is_ok_and(|stopped| stopped.is_some()) {
+                return Ok(());
+            }
+            self.run_sweep_unit(unit)
+        });
+        if outcome.as_ref().is_err_and(|error| error.is::<Interrupted>()) {
+            // The other threads have ended their units meanwhile.
+            return Err(interrupted(self.folder)?);
+        }
+        outcome?;
         if let Some(error) = self.stopped.lock().ok().and_then(|mut stopped| stopped.take()) {
             return Err(error);
-        }
-        if self.interrupt.happened() {
-            return Err(interrupted(self.folder)?);
         }
         Ok(self.run_here.load(Ordering::Relaxed) + self.failed_ids()?.len() - before)
     }

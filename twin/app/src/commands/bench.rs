@@ -390,7 +390,7 @@ fn parse_policy(args: &BenchArgs) -> Result<Option<PolicySource>> {
 /// Refuses a policy other than that named on the command line. The folder may be of unknown origin: its files must not
 /// choose the program that runs.
 fn check_policy(kept: Option<&PolicySource>, named: Option<&str>, folder: &Path) -> Result<()> {
-    let of = |source: &PolicySource| format!("{}:{}", source.file.display(), source.class);
+    let of = |source: &PolicySource| source.python_class().name();
     match (kept, named) {
         (None, None) => Ok(()),
         (Some(kept), Some(named)) if of(kept) == named => Ok(()),
