@@ -120,7 +120,7 @@ fn success_description(objects: usize) -> &'static str {
 
 /// Records the branch of one condition, after the first grasp that it may share with others.
 pub struct Recording {
-    recorder: Option<Recorder>,
+    recorder: Recorder,
     names: Vec<String>,
     objects: Vec<Arc<ObjectModel>>,
     condition: Condition,
@@ -169,7 +169,7 @@ impl Recording {
             seed: bench.seed,
         })?;
         Ok(Self {
-            recorder: Some(recorder),
+            recorder,
             names,
             objects,
             condition,
@@ -188,11 +188,13 @@ impl Recording {
     }
 
     /// Flushes and closes the targets.
-    pub fn finish(mut self) -> Result<()> {
-        if let Some(recorder) = self.recorder.take() {
-            recorder.finish()?;
-        }
-        Ok(())
+    pub fn finish(self) -> Result<()> {
+        Ok(self.recorder.finish()?)
+    }
+
+    /// Closes the targets and removes the files.
+    pub fn discard(self) -> Result<()> {
+        Ok(self.recorder.discard()?)
     }
 }
 
@@ -212,7 +214,7 @@ impl Watcher for Recording {
         if !self.is_shown {
             return Ok(());
         }
-        let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
+        let recorder = &mut self.recorder;
         let (mut names, mut objects) = (self.names.clone(), self.objects.clone());
         self.reversed = moment.reversed;
         if moment.reversed {
@@ -271,14 +273,13 @@ impl Watcher for Recording {
         if record.condition != self.condition {
             return Ok(());
         }
-        let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
         let text = format!(
             "{}: {}{}",
             record.condition,
             if record.success { success_description(self.objects.len()) } else { "failed" },
             record.cause.map_or_else(String::new, |cause| format!(" ({cause})")),
         );
-        recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;
+        self.recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;
         Ok(())
     }
 }

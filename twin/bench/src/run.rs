@@ -112,19 +112,18 @@ fn run_recorded(
     options: &RunOptions,
     (condition, run_trial): (Condition, impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>),
 ) -> Result<TrialResults> {
-    run_into_recording(name, folder, options.live, |targets| {
-        let mut recording =
-            Recording::open(targets, bench, &request.task(unit, condition, false), (TimeOrigin::Never, false))?;
-        let mut filming = Filming::new(bench, condition, 4.0);
-        let results = run_with_watchers(bench, request, Some(&mut recording), condition, |watcher| {
-            run_trial(&mut Watchers(vec![watcher, &mut filming]))
-        });
-        recording.finish()?;
-        if unit.trial.is_some() && results.is_ok() {
-            write_film_strip(bench, unit, &filming.film, &report::pictures::strip_file(folder, name, condition))?;
-        }
-        results
-    })
+    let targets = recording_targets(name, folder, options.live);
+    let mut recording =
+        Recording::open(&targets, bench, &request.task(unit, condition, false), (TimeOrigin::Never, false))?;
+    let mut filming = Filming::new(bench, condition, 4.0);
+    let results = run_with_watchers(bench, request, Some(&mut recording), condition, |watcher| {
+        run_trial(&mut Watchers(vec![watcher, &mut filming]))
+    });
+    recording.finish()?;
+    if unit.trial.is_some() && results.is_ok() {
+        write_film_strip(bench, unit, &filming.film, &report::pictures::strip_file(folder, name, condition))?;
+    }
+    results
 }
 
 /// Runs `run_trial` with `recording` as its watcher, and with fault detection if `request` asks for it. `condition` labels
@@ -172,12 +171,13 @@ fn run_conditions(
         let run_trial = |watcher: &mut dyn Watcher| bench.run(&task, place.as_mut(), watcher).map(TrialResults::from);
         let one = match record {
             false => run_with_watchers(bench, request, None, condition, run_trial)?,
-            true => run_into_recording(&condition_recording_name(name, condition), folder, options.live, |targets| {
-                let mut recording = Recording::open(targets, bench, &task, (began, false))?;
+            true => {
+                let targets = recording_targets(&condition_recording_name(name, condition), folder, options.live);
+                let mut recording = Recording::open(&targets, bench, &task, (began, false))?;
                 let one = run_with_watchers(bench, request, Some(&mut recording), condition, run_trial);
                 recording.finish()?;
-                one
-            })?,
+                one?
+            }
         };
         results.records.extend(one.records);
         results.tries.extend(one.tries);
@@ -204,24 +204,11 @@ fn condition_recording_name(name: &str, condition: Condition) -> String {
     format!("{name}_{condition}")
 }
 
-/// Runs `run_trial` into a recording that gets its name once it is complete, even if the trial was stopped.
-fn run_into_recording<T>(
-    name: &str,
-    folder: &Path,
-    live: bool,
-    run_trial: impl FnOnce(&[telemetry::RecordingTarget]) -> Result<T>,
-) -> Result<T> {
+/// Returns the targets of the recording `name` of the run in `folder`.
+fn recording_targets(name: &str, folder: &Path, live: bool) -> Vec<telemetry::RecordingTarget> {
     let file = folder.join("recordings").join(format!("{name}.rrd"));
-    let partial = file.with_extension("partial.rrd");
-    let mut targets = vec![telemetry::RecordingTarget::File(partial.clone())];
-    if live {
-        targets.push(telemetry::RecordingTarget::Spawn);
-    }
-    let result = run_trial(&targets);
-    let renamed = std::fs::rename(&partial, &file).with_context(|| file.display().to_string());
-    let result = result?;
-    renamed?;
-    Ok(result)
+    let viewer = live.then_some(telemetry::RecordingTarget::Spawn);
+    std::iter::once(telemetry::RecordingTarget::File(file)).chain(viewer).collect()
 }
 
 /// Returns the command that continues the run in `folder`. Programs of others have to be named again.

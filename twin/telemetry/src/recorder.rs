@@ -311,6 +311,11 @@ impl Recorder {
         self.opened.close(self.settings.flush_timeout)
     }
 
+    /// Closes the recording and removes its files.
+    pub fn discard(self) -> Result<(), TelemetryError> {
+        self.opened.discard()
+    }
+
     /// Logs a pose if it has moved, and returns true if it has.
     fn log_pose_if_moved(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<bool, TelemetryError> {
         let moved = self.last_poses.has_moved(path, pose);

@@ -1,5 +1,6 @@
-//! File of a recording. The first failed write, that of the footer included, is kept for the code that closes the
-//! recording: Rerun's own sink only writes it to an unread log.
+//! File of a recording. It gets its name when the recording is closed; until then it is `NAME.partial.rrd`, so that an
+//! interrupted recording replaces no complete one. The first failed write, that of the footer included, is kept for the
+//! code that closes the recording: Rerun's own sink only writes it to an unread log.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -13,33 +14,57 @@ use rerun::sink::{LogSink, SinkFlushError};
 
 use crate::error::TelemetryError;
 
-/// First error of a file, shared by the writer and the code that closes the recording.
+/// File that is being written, shared by the writer and the code that closes the recording.
 #[derive(Debug, Clone)]
-pub(crate) struct FileError {
+pub(crate) struct UnfinishedFile {
     path: PathBuf,
-    first: Arc<Mutex<Option<io::Error>>>,
+    /// Name until the recording is closed. `None` for a device, which keeps its own.
+    partial: Option<PathBuf>,
+    fault: Arc<Mutex<Option<io::Error>>>,
 }
 
-impl FileError {
+impl UnfinishedFile {
     fn note(&self, error: io::Error) {
-        if let Ok(mut first) = self.first.lock() {
-            first.get_or_insert(error);
+        if let Ok(mut fault) = self.fault.lock() {
+            fault.get_or_insert(error);
         }
     }
 
-    /// Takes the error, if there is one.
-    pub fn take(&self) -> Result<(), TelemetryError> {
-        match self.first.lock().ok().and_then(|mut first| first.take()) {
-            Some(source) => Err(TelemetryError::Unwritable { path: self.path.clone(), source }),
-            None => Ok(()),
-        }
+    /// Returns the first failed write as an error, if there is one.
+    fn check(&self) -> Result<(), TelemetryError> {
+        let fault = self.fault.lock().ok().and_then(|mut fault| fault.take());
+        fault.map_or(Ok(()), |source| Err(self.unwritable(source)))
     }
+
+    fn unwritable(&self, source: io::Error) -> TelemetryError {
+        TelemetryError::Unwritable { path: self.path.clone(), source }
+    }
+
+    /// Gives the file its name once everything is written. After a failed write it keeps its partial name.
+    pub fn complete(&self) -> Result<(), TelemetryError> {
+        self.check()?;
+        let renamed = self.partial.as_ref().map_or(Ok(()), |partial| std::fs::rename(partial, &self.path));
+        renamed.map_err(|source| self.unwritable(source))
+    }
+
+    /// Removes the file. An earlier recording of this name stays.
+    pub fn remove(&self) -> Result<(), TelemetryError> {
+        let removed = self.partial.as_ref().map_or(Ok(()), std::fs::remove_file);
+        removed.map_err(|source| self.unwritable(source))
+    }
+}
+
+/// Returns the name of the recording `path` until it is complete. `None` if there is something else than a file, such as
+/// a device.
+fn partial_name(path: &Path) -> Option<PathBuf> {
+    let other = std::fs::metadata(path).is_ok_and(|found| !found.is_file());
+    (!other).then(|| path.with_extension("partial.rrd"))
 }
 
 /// A file that remembers its first error.
 struct ErrorTrackingFile {
     file: File,
-    fault: FileError,
+    unfinished: UnfinishedFile,
 }
 
 impl Write for ErrorTrackingFile {
@@ -49,7 +74,7 @@ impl Write for ErrorTrackingFile {
         written.map_err(|error| {
             let kind = error.kind();
             if kind != io::ErrorKind::Interrupted {
-                self.fault.note(error);
+                self.unfinished.note(error);
             }
             kind.into()
         })
@@ -63,23 +88,27 @@ impl Write for ErrorTrackingFile {
 /// Sink that writes into a file for as long as this works.
 pub(crate) struct RecordingFile {
     encoder: Mutex<Encoder<ErrorTrackingFile>>,
-    fault: FileError,
+    unfinished: UnfinishedFile,
 }
 
 impl RecordingFile {
-    /// Creates the file at `path`, replacing an existing one.
-    pub fn create(path: &Path) -> Result<(Self, FileError), TelemetryError> {
-        let unwritable = |source| TelemetryError::Unwritable { path: path.to_owned(), source };
-        let file = File::create(path).map_err(unwritable)?;
-        let fault = FileError { path: path.to_owned(), first: Arc::default() };
-        let noting = ErrorTrackingFile { file, fault: fault.clone() };
+    /// Creates the file of the recording `path`.
+    pub fn create(path: &Path) -> Result<(Self, UnfinishedFile), TelemetryError> {
+        let unfinished = UnfinishedFile { path: path.to_owned(), partial: partial_name(path), fault: Arc::default() };
+        if let Some(partial) = &unfinished.partial {
+            // One that is there already may be a link to somewhere else.
+            drop(std::fs::remove_file(partial));
+        }
+        let file = File::create(unfinished.partial.as_deref().unwrap_or(path));
+        let file = file.map_err(|source| unfinished.unwritable(source))?;
+        let tracking = ErrorTrackingFile { file, unfinished: unfinished.clone() };
         let version = rerun::build_info().version;
-        let encoder = Encoder::new_eager(version, EncodingOptions::PROTOBUF_COMPRESSED, noting);
-        let encoder = encoder.map_err(|error| match fault.take() {
+        let encoder = Encoder::new_eager(version, EncodingOptions::PROTOBUF_COMPRESSED, tracking);
+        let encoder = encoder.map_err(|error| match unfinished.check() {
             Err(named) => named,
-            Ok(()) => unwritable(io::Error::other(error)),
+            Ok(()) => unfinished.unwritable(io::Error::other(error)),
         })?;
-        Ok((Self { encoder: Mutex::new(encoder), fault: fault.clone() }, fault))
+        Ok((Self { encoder: Mutex::new(encoder), unfinished: unfinished.clone() }, unfinished))
     }
 }
 
@@ -88,12 +117,12 @@ impl LogSink for RecordingFile {
         if let Ok(mut encoder) = self.encoder.lock()
             && let Err(error) = encoder.append(&message)
         {
-            self.fault.note(io::Error::other(error));
+            self.unfinished.note(io::Error::other(error));
         }
     }
 
     fn flush_blocking(&self, _: Duration) -> Result<(), SinkFlushError> {
-        // A failed write is reported through [`FileError::take`].
+        // A failed write is reported through [`UnfinishedFile::complete`].
         Ok(())
     }
 

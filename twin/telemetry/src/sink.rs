@@ -10,14 +10,15 @@ use rerun::{RecordingStream, RecordingStreamBuilder};
 
 use crate::error::TelemetryError;
 use crate::live::LiveSink;
-use crate::recording_file::{FileError, RecordingFile};
+use crate::recording_file::{RecordingFile, UnfinishedFile};
 use crate::release::APPLICATION;
 use crate::viewer;
 
 /// Target of a recording. Any number may be used at once; at most one of them should be live.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum RecordingTarget {
-    /// A `.rrd` file. An existing one is replaced, and its folder is created.
+    /// A `.rrd` file; its folder is created. It is `NAME.partial.rrd` until the recording is closed, and then replaces an
+    /// existing one.
     File(PathBuf),
     /// A viewer that is started now on this machine. One that does not start is left out, and [`viewer::loss_reason`]
     /// reports it.
@@ -28,38 +29,44 @@ pub enum RecordingTarget {
     Serve(SocketAddr),
 }
 
-/// An open recording and the faults of its files.
+/// An open recording and its files.
 pub(crate) struct OpenRecording {
     pub rec: RecordingStream,
-    faults: Vec<FileError>,
+    files: Vec<UnfinishedFile>,
 }
 
 impl OpenRecording {
     /// Opens a recording into all of `targets`, without the clocks that Rerun adds. Without targets it is disabled.
     pub fn new(targets: &[RecordingTarget], batches: ChunkBatcherConfig) -> Result<Self, TelemetryError> {
-        let (mut sinks, mut faults) = (Vec::new(), Vec::new());
+        let (mut sinks, mut files) = (Vec::new(), Vec::new());
         for target in targets {
-            sinks.extend(sink(target, &mut faults)?);
+            sinks.extend(sink(target, &mut files)?);
         }
         let rec =
             RecordingStreamBuilder::new(APPLICATION).enabled(!sinks.is_empty()).batcher_config(batches).buffered()?;
         rec.set_log_time_enabled(false);
         rec.set_log_tick_enabled(false);
         rec.set_sink(Box::new(MultiSink::new(sinks)));
-        Ok(Self { rec, faults })
+        Ok(Self { rec, files })
     }
 
-    /// Flushes everything and closes the recording. `timeout` is the time limit for slow targets. An error names the
-    /// file that could not be written.
+    /// Flushes everything and closes the recording, whose files get their names. `timeout` is the time limit for slow
+    /// targets. An error names the file that could not be written.
     pub fn close(self, timeout: Duration) -> Result<(), TelemetryError> {
         let flushed = self.rec.flush_with_timeout(timeout);
         self.rec.finalize_deferred_sinks();
-        self.faults.iter().try_for_each(FileError::take)?;
+        self.files.iter().try_for_each(UnfinishedFile::complete)?;
         Ok(flushed?)
+    }
+
+    /// Closes the recording and removes its files.
+    pub fn discard(self) -> Result<(), TelemetryError> {
+        self.rec.finalize_deferred_sinks();
+        self.files.iter().try_for_each(UnfinishedFile::remove)
     }
 }
 
-fn file(path: &Path) -> Result<(RecordingFile, FileError), TelemetryError> {
+fn file(path: &Path) -> Result<(RecordingFile, UnfinishedFile), TelemetryError> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         let unwritable = |source| TelemetryError::Unwritable { path: path.to_owned(), source };
         std::fs::create_dir_all(folder).map_err(unwritable)?;
@@ -67,16 +74,16 @@ fn file(path: &Path) -> Result<(RecordingFile, FileError), TelemetryError> {
     RecordingFile::create(path)
 }
 
-/// Opens the sink of a target; `None` for a viewer that was lost. The fault of a file goes into `faults`.
-fn sink(target: &RecordingTarget, faults: &mut Vec<FileError>) -> Result<Option<Box<dyn LogSink>>, TelemetryError> {
+/// Opens the sink of a target; `None` for a viewer that was lost. Its file goes into `files`.
+fn sink(target: &RecordingTarget, files: &mut Vec<UnfinishedFile>) -> Result<Option<Box<dyn LogSink>>, TelemetryError> {
     let grpc = |address: &str| -> Result<Option<Box<dyn LogSink>>, TelemetryError> {
         let uri = address.parse().map_err(|_| TelemetryError::Address(address.to_owned()))?;
         Ok(Some(Box::new(LiveSink::new(GrpcSink::new(uri), address))))
     };
     match target {
         RecordingTarget::File(path) => {
-            let (file, fault) = file(path)?;
-            faults.push(fault);
+            let (file, unfinished) = file(path)?;
+            files.push(unfinished);
             Ok(Some(Box::new(file)))
         }
         // A lost viewer is not started again for each trial.

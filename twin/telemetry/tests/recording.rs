@@ -193,6 +193,27 @@ fn an_unwritable_path_is_an_error_that_names_it() {
     assert!(matches!(result, Err(TelemetryError::Address(_))));
 }
 
+/// An earlier recording stays until the new one is complete.
+#[test]
+fn a_recording_gets_its_name_when_it_is_closed() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("trial.rrd");
+    let names = || -> Vec<_> {
+        let files = std::fs::read_dir(folder.path()).expect("folder");
+        files.map(|file| file.expect("file").file_name()).collect()
+    };
+    std::fs::write(&path, "an earlier recording").expect("writes");
+    let open = || Recorder::create(&path, &RobotModel::ftac_gen3(), &[]).expect("opens");
+    let recorder = open();
+    assert_eq!(names().len(), 2, "{:?}", names());
+    recorder.discard().expect("removes");
+    drop(open());
+    assert_eq!(std::fs::read(&path).expect("reads"), b"an earlier recording");
+    open().finish().expect("writes");
+    assert_eq!(names(), ["trial.rrd"]);
+    read_back(&path);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error() {

@@ -60,10 +60,8 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let program = if args.no_viewer { None } else { viewer::find() };
     let mut recordings = Vec::new();
-    let mut files = Vec::new();
     for condition in COMPARED_CONDITIONS {
-        let partial = args.out.join(format!("{condition}.partial.rrd"));
-        let mut targets = vec![RecordingTarget::File(partial.clone())];
+        let mut targets = vec![RecordingTarget::File(args.out.join(format!("{condition}.rrd")))];
         targets.extend(program.is_some().then_some(RecordingTarget::Spawn));
         let task = TrialTask {
             images_throughout: true,
@@ -72,7 +70,6 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             ..TrialTask::new("sim", terminal.seed, [args.combination, args.trial, combos], condition)
         };
         recordings.push(Recording::open(&targets, &bench, &task, (TimeOrigin::Never, true))?);
-        files.push((partial, args.out.join(format!("{condition}.rrd"))));
     }
     let mut films = COMPARED_CONDITIONS.map(|condition| Filming::for_animation(&bench, condition));
     let mut watchers = Watchers(Vec::new());
@@ -80,9 +77,6 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     watchers.0.extend(films.iter_mut().map(|one| one as _));
     let results = bench.run_each_condition(args.combination, args.trial, &COMPARED_CONDITIONS, &[], &mut watchers)?;
     recordings.into_iter().try_for_each(Recording::finish)?;
-    for (partial, file) in files {
-        std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
-    }
     let stage = filming::film_stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);
     let page = write_page(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]), quiet)?;

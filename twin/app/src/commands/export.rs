@@ -228,12 +228,8 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     let began = if task.keeps_wall_time() { find_time_origin(session)? } else { TimeOrigin::Never };
     let (mut source, report) =
         ReplayFactory::new(Replay::new(SessionReader::open(session, RobotSizes::from_robot(robot))?)?, task.is_real());
-    let partial = out.with_extension("partial.rrd");
-    // An existing file may be a link to somewhere else.
-    drop(std::fs::remove_file(&partial));
-    let mut recording = Recording::open(&[RecordingTarget::File(partial.clone())], &bench, &task, (began, false))?;
+    let mut recording = Recording::open(&[RecordingTarget::File(out.to_owned())], &bench, &task, (began, false))?;
     let finished = bench.run(&task, &mut source, &mut recording);
-    recording.finish()?;
     let (progress, fault) = report.take().context("the trial ended before the recording began")?;
     let finished = finished.map(drop).or_else(|error| match error.downcast_ref::<TrialStopped>() {
         // The trial cannot continue if the recording was cut short or the controller diverged from it.
@@ -242,11 +238,11 @@ pub fn export_rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u6
     });
     if progress.ticks == 0 {
         // The recording would be empty, whatever the cause.
-        std::fs::remove_file(&partial).with_context(|| partial.display().to_string())?;
+        recording.discard()?;
         finished?;
         anyhow::bail!("{}: found no complete tick, expected a session that began", session.display());
     }
-    std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
+    recording.finish()?;
     finished?;
     let left = fault.map(|fault| {
         format!("the recording ends where this program ({}) diverges from it: {fault}", env!("CARGO_PKG_VERSION"))

@@ -10,7 +10,10 @@ use fault_detection::FaultDetector;
 impl Recording {
     /// Logs the reference model at the last observed moment, and the faults detected at that moment, in words.
     pub fn log_fault_detector(&mut self, fault_detector: &FaultDetector, named: &[String]) -> Result<()> {
-        let Some(recorder) = self.recorder.as_mut().filter(|_| self.is_shown) else { return Ok(()) };
+        if !self.is_shown {
+            return Ok(());
+        }
+        let recorder = &mut self.recorder;
         let [arm, hand] = &fault_detector.reference_model().links();
         let residuals = fault_detector.residuals();
         let object = fault_detector.held_object().map(|(estimate, pose)| {
