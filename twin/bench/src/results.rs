@@ -154,6 +154,12 @@ pub fn write_results(
     Ok(summary)
 }
 
+/// Returns the wall time (s) in the results of `folder`, if it has any.
+pub fn earlier_wall_time(folder: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    serde_json::from_str::<serde_json::Value>(&text).ok()?["wall_s"].as_f64()
+}
+
 /// Adds the provenance of the data, and the command that made the page if it is another one.
 fn add_provenance(run: &mut serde_json::Value, made: &[Provenance]) {
     match made {

@@ -186,6 +186,13 @@ impl BoardGroup {
 /// # Errors
 /// Fails for a folder without entries, and for a file that is no entry.
 pub fn read_board(folder: &Path) -> Result<Vec<BoardGroup>, BoardError> {
+    if folder.is_file() {
+        return Err(BoardError::Option {
+            option: "DIR",
+            found: format!("the file {}", folder.display()),
+            expected: "a folder with entries of `ftac board add`".to_owned(),
+        });
+    }
     let failed = |source| DataError::Io { path: folder.to_owned(), source };
     let mut files = Vec::new();
     for file in std::fs::read_dir(folder).map_err(failed)? {

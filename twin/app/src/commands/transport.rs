@@ -28,6 +28,9 @@ use transport::trial::{TransportRecord, TransportSite};
 use crate::options::backend::BackendKind;
 use crate::terminal::{Outcome, Terminal};
 
+/// Result file of a folder.
+const RESULT_FILE: &str = "transports.json";
+
 /// Arguments of `transport`.
 #[derive(Debug, Args)]
 pub struct TransportArgs {
@@ -144,7 +147,7 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
         );
     }
     let transport = match &args.scenario {
-        Some(path) => TransportTask::read(path)?,
+        Some(path) => TransportTask::read(path).context("--scenario")?,
         None => TransportTask::small_balls(),
     };
     let site = build_site(transport, args.skills.as_deref(), terminal.seed)?;
@@ -242,7 +245,11 @@ fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite
 fn run_transports(terminal: &Terminal, args: &TransportArgs, site: &TransportSite) -> Outcome {
     let policies = if args.policy.is_empty() { PickMode::ALL.to_vec() } else { args.policy.clone() };
     if let Some(folder) = &args.out {
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        let results = folder.join(RESULT_FILE);
+        if results.exists() {
+            bail!("--out: found the results of another run in {}, expected a new folder", results.display());
+        }
+        std::fs::create_dir_all(folder).with_context(|| format!("--out {}", folder.display()))?;
     }
     let units: Vec<(PickMode, usize)> =
         policies.iter().flat_map(|policy| (0..args.trials).map(move |trial| (*policy, trial))).collect();
@@ -278,7 +285,7 @@ fn run_transports(terminal: &Terminal, args: &TransportArgs, site: &TransportSit
     };
     if let Some(folder) = &args.out {
         ftac_platform::data::write_atomically(
-            &folder.join("transports.json"),
+            &folder.join(RESULT_FILE),
             serde_json::to_string_pretty(&result)?.as_bytes(),
         )?;
     }

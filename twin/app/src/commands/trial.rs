@@ -187,7 +187,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     };
     warn_nominal_pads(task.keeps_wall_time(), &[condition], task.pads.as_deref());
     let file = args.out.clone().unwrap_or_else(|| {
-        PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
+        PathBuf::from(format!("recordings/combination_{:02}_trial_{}_{}.rrd", args.combination, args.trial, condition))
     });
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;

@@ -52,7 +52,7 @@ def load(role: Role, asked: str, arguments: dict[str, Any] | None = None) -> Any
     path = Path(file).resolve()
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{file}: expected a Python file, such as my_{role}.py")
+        raise Refused(f"{file}: expected a Python file, such as my_{role}.py")
     module = importlib.util.module_from_spec(spec)
     # What lies beside the file can be imported, and what the file defines can be pickled.
     sys.path.insert(0, str(path.parent))
@@ -87,7 +87,7 @@ def _class(module: ModuleType, name: str, file: str) -> Any:
     found = getattr(module, name, None)
     if not inspect.isclass(found) and not inspect.isfunction(found):
         classes = [known for known, value in vars(module).items() if inspect.isclass(value)]
-        raise AttributeError(f"{file}: found no class {name}, expected one of: {', '.join(classes) or 'none there'}")
+        raise Refused(f"{file}: found no class {name}, expected one of: {', '.join(classes) or 'none there'}")
     return found
 
 

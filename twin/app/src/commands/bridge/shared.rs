@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use hand_model::Hand;
 use hardware_bridge::config::BridgeConfig;
@@ -23,12 +23,12 @@ pub struct ConfigArg {
 
 impl ConfigArg {
     pub fn read(&self) -> Result<BridgeConfig> {
-        Ok(BridgeConfig::read(&self.config)?)
+        BridgeConfig::read(&self.config).context("--config")
     }
 
     /// Reads the configuration without looking for the arm's password, for commands that do not need the arm.
     pub fn read_without_password(&self) -> Result<BridgeConfig> {
-        Ok(BridgeConfig::read_without_password(&self.config)?)
+        BridgeConfig::read_without_password(&self.config).context("--config")
     }
 }
 

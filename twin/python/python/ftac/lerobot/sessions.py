@@ -41,6 +41,7 @@ def export(
         raise ValueError("sessions: found none, expected at least one")
     spec = replace(SPEC, images=images)
     robot, writer = None, None
+    unfinished = []
     try:
         for number, path in enumerate(sessions):
             steps = _native.session(Path(path), images)
@@ -52,6 +53,8 @@ def export(
             if steps["robot"] != robot:
                 raise ValueError(f"{path}: robot: found {steps['robot']}, expected {robot} as in the first session")
             outcome = json.loads(steps["outcome"]) if steps["outcome"] else {}
+            if not outcome:
+                unfinished.append(Path(path).name)
             assert writer is not None
             episode = episode_of(steps, spec, bool(outcome.get("success", False)))
             episode.about |= {"clean_success": bool(outcome.get("clean_success", False)), "condition": str(outcome.get("condition", ""))}
@@ -65,6 +68,8 @@ def export(
                 print(f"\r{number + 1} of {len(sessions)} sessions", end="", file=sys.stderr, flush=True)
         if not quiet:
             print(file=sys.stderr)
+        if unfinished:
+            print(f"no outcome, because the trial did not end; exported as no success: {', '.join(unfinished)}", file=sys.stderr)
         assert writer is not None
         return writer.finish()
     except BaseException:
