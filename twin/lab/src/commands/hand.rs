@@ -3,7 +3,7 @@
 mod close;
 pub mod inspect;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use ftac::lab::arguments::hand::{CheckArgs, HandLabCommand};
@@ -85,39 +85,29 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
         return hand_grasps(terminal, args, &hand);
     }
     let public_model = public_model(args.public_model.as_deref())?;
-    let options = check::CheckOptions {
-        public_model: public_model.as_deref(),
-        out: args.out.as_deref(),
-        seed: terminal.seed,
-        seeds: args.seeds.into(),
-    };
+    let options =
+        check::CheckOptions { public_model, out: args.out.as_deref(), seed: terminal.seed, seeds: args.seeds.into() };
     let rows = check::run(&hand, &options)?;
     show_rows(terminal, &rows, args.out.as_deref())
 }
 
-/// Default folder of the public model, beside a checkout.
-const PUBLIC_MODEL_FOLDER: &str = "../shared/data/hands/ftac_public";
-
-/// Returns the folder of the public model: the named one, or the one beside a checkout, if any.
-fn public_model(named: Option<&Path>) -> anyhow::Result<Option<PathBuf>> {
-    let folder = named.unwrap_or(Path::new(PUBLIC_MODEL_FOLDER));
-    match (folder.join(check::public_model::MODEL_FILE).is_file(), named) {
-        (true, _) => Ok(Some(folder.to_owned())),
-        (false, Some(named)) => anyhow::bail!(
-            "--public-model {}: found no {} in it, expected it, from {}",
-            named.display(),
-            check::public_model::MODEL_FILE,
+/// Checks that the named folder has the public model. Says that its row is left out if none is named.
+fn public_model(named: Option<&Path>) -> anyhow::Result<Option<&Path>> {
+    let Some(folder) = named else {
+        eprintln!(
+            "left out: joint frames beside the public model of this hand; it comes from {}, and --public-model FOLDER names it",
             check::public_model::MODEL_SOURCE
-        ),
-        (false, None) => {
-            eprintln!(
-                "left out: joint frames beside the public model of this hand: found none at {PUBLIC_MODEL_FOLDER}; it comes from {}, and \
-                 --public-model FOLDER names it",
-                check::public_model::MODEL_SOURCE
-            );
-            Ok(None)
-        }
-    }
+        );
+        return Ok(None);
+    };
+    anyhow::ensure!(
+        folder.join(check::public_model::MODEL_FILE).is_file(),
+        "--public-model {}: found no {} in it, expected it, from {}",
+        folder.display(),
+        check::public_model::MODEL_FILE,
+        check::public_model::MODEL_SOURCE
+    );
+    Ok(named)
 }
 
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {

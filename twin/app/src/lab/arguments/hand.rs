@@ -42,8 +42,8 @@ pub struct CheckArgs {
     #[arg(long, alias = "transmission", requires = "urdf")]
     pub pulls: Option<PathBuf>,
     /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf; from
-    /// https://github.com/Taccel-Simulator/Taccel), for a comparison of joint frames; default:
-    /// ../shared/data/hands/ftac_public; if that is missing, the row is left out.
+    /// https://github.com/Taccel-Simulator/Taccel), for a comparison of joint frames; default: none, and the row is left
+    /// out.
     #[arg(long)]
     pub public_model: Option<PathBuf>,
     /// Check the 33 grasp types of Feix instead.

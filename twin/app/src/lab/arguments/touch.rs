@@ -86,9 +86,9 @@ pub struct EvalArgs {
     /// Evaluate the networks in this folder instead of the built-in ones.
     #[arg(long)]
     pub networks: Option<PathBuf>,
-    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them; default: those of the Python package
-    /// taxim, if they are at ../shared/data/real-gelsight/taxim_gelsight. The built-in networks were trained for that
-    /// sensor; `optics calibrate` evaluates those that it trains for another.
+    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them; default: none, and a real sensor is left
+    /// out. The built-in networks were trained for the sensor of the Python package taxim; `optics calibrate` evaluates
+    /// those that it trains for another.
     #[arg(long, requires = "ball_diameter_mm", requires = "pixel_mm")]
     pub real: Option<PathBuf>,
     /// Diameter of that ball, mm (for presses whose label does not give it).

@@ -16,11 +16,8 @@ use lab::touch::pictures;
 use lab::touch::poses::evaluate_poses;
 use scenarios::Scenario;
 
-/// Default folder of the GelSight presses known to the program's networks, beside a checkout, with the ball's diameter
-/// and the pixel size (mm).
-const KNOWN_REAL_PRESSES: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
-/// Origin of these presses.
-const KNOWN_REAL_PRESSES_ORIGIN: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
+/// Origin of the presses of a real GelSight known to the program's networks.
+const KNOWN_REAL_PRESSES: &str = "the Python package taxim 1.4.1 (https://pypi.org/project/taxim)";
 
 /// Perceives the grasps, evaluates and prints.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
@@ -60,18 +57,12 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     Ok(found.shortfall())
 }
 
-/// Returns the named real presses, else the known ones if available.
+/// Returns the named real presses. Says that a real sensor is left out if none are named.
 fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
     let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
     else {
-        let (folder, ball_diameter_mm, pixel_mm) = KNOWN_REAL_PRESSES;
-        let known = RealSource { folder: folder.into(), ball_diameter_mm, pixel_mm };
-        if known.folder.is_dir() {
-            return Ok(Some(known));
-        }
         eprintln!(
-            "left out: a real GelSight: found no presses at {folder}; they come from {KNOWN_REAL_PRESSES_ORIGIN}, and --real FOLDER names them or those \
-             of another sensor"
+            "left out: a real GelSight; --real FOLDER --ball-diameter-mm D --pixel-mm P names presses of one, such as those in {KNOWN_REAL_PRESSES}"
         );
         return Ok(None);
     };
