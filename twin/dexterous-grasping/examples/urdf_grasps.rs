@@ -1,6 +1,6 @@
 //! Searches grasps of a bottle with a hand from a URDF and ranks them by the wrench that they resist.
 //!
-//! `cargo run --release -p dexterous-grasping --example urdf_hand [-- HAND.urdf ACTUATORS.toml]`
+//! `cargo run --release -p dexterous-grasping --example urdf_grasps [-- HAND.urdf ACTUATORS.toml]`
 //!
 //! Without files it uses a hand of three fingers and a thumb in the proportions of an Allegro Hand. The actuator file is
 //! described in `hand_model::urdf_hand`; its `[palm] facing` is needed. Collision shapes of files must be boxes, spheres
