@@ -106,7 +106,7 @@ fn write_page(
     hand.hand_with(stage.hand, &angles, picture::configuration_color);
     let caption = format!("{} hand", stage.hand.parameters.handedness);
     picture::save(&hand.finish(&caption), &args.out.join("hand.png"))?;
-    let [first, second] = names;
+    let [first, second] = names.map(|name| name.replace('_', " "));
     let about = html! {
         p {
             "The hand takes the " (first) " with ring and little finger, keeps it, and takes the " (second) " with thumb, index and middle finger. \

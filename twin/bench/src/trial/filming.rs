@@ -48,7 +48,8 @@ impl Watcher for Filming {
             return Ok(());
         }
         if let Some(note) = moment.note {
-            self.film.notes.push((moment.time, note.to_owned()));
+            // Names of objects, for people.
+            self.film.notes.push((moment.time, note.replace('_', " ")));
         }
         let due = self.film.frames.last().is_none_or(|last| moment.time - last.time >= self.period - 1e-9);
         if let Some(truth) = moment.truth.filter(|_| due) {
