@@ -244,6 +244,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=Path("imitation"))
     args = parser.parse_args()
+    if args.out.exists():
+        parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
     args.task = Task(args.task_name, args.teacher, args.xy_sigma and tuple(args.xy_sigma))
     objects = known_objects(args.objects)

@@ -175,6 +175,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes of the tests")
     parser.add_argument("--out", type=Path, default=Path("lerobot_policy"))
     args = parser.parse_args()
+    if args.out.exists():
+        parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
     objects = known_objects(args.objects)
     dataset = args.dataset or args.out / "dataset"

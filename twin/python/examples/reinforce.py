@@ -93,6 +93,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=Path("reinforced"))
     args = parser.parse_args()
+    if args.out.exists():
+        parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
     random, objects, begun = np.random.default_rng(args.seed), imitate.known_objects(args.objects), time.monotonic()
     tactile, policy, critic = args.tactile, None, None
