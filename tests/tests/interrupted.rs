@@ -94,6 +94,11 @@ fn a_resumed_run_records_as_it_was_begun() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let again = recordings();
     assert!(again.len() == 2 && again.is_subset(&all) && again.contains("combination_00_trial_1.rrd"), "{again:?}");
+    // With nothing left to do, the results stay as they are, wall time included.
+    let summary = || fs::read_to_string(out.join("summary.json")).expect("a summary");
+    let finished = summary();
+    assert_eq!(run(&["bench", "--resume", text(&out)]).status.code(), Some(0));
+    assert_eq!(summary(), finished);
 }
 
 #[test]

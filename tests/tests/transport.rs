@@ -32,6 +32,9 @@ fn more_than_one_at_once() {
     let kept: Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("transports.json")).expect("kept")).expect("JSON");
     assert_eq!(kept, result);
+    let again = run(&["transport", "--trials", "1", "--policy", "blind", "--out", utf8(folder.path())]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(stderr(&again).contains("--out: found the results of another run"), "{}", stderr(&again));
 }
 
 /// The plan: the golf ball with the little finger, and the softball with thumb, index and middle finger. The push takes

@@ -237,6 +237,12 @@ class Command(unittest.TestCase):
         bags = json.loads(self.run_ftac("export", "mcap", "lowered", "--out", "bags", "--json").stdout)["bags"]
         self.assertEqual(len(bags), 2)
         self.assertTrue(all(bag["messages"] > 0 and Path(self.folder, bag["bag"]).exists() for bag in bags))
+        # A session whose end is missing is named.
+        session = next((self.folder / "lowered").glob("**/*.mcap"))
+        (self.folder / "cut").mkdir()
+        (self.folder / "cut" / session.name).write_bytes(session.read_bytes()[: session.stat().st_size // 2])
+        cut = self.run_ftac("export", "lerobot", "cut", "--images", "32")
+        self.assertIn(f"exported as no success: {session.name}", cut.stderr)
 
 
 if __name__ == "__main__":
