@@ -246,8 +246,7 @@ fn print_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Detect
         record.success,
         record.contact
     );
-    if !record.reason.is_empty() {
-        text += &format!("{}\n", record.reason);
-    }
+    // A decision, or a retry, in a line.
+    record.reason.split("; ").filter(|note| !note.is_empty()).for_each(|note| text += &format!("  {note}\n"));
     terminal.print(&TrialOutput { record, faults: named }, &text)
 }

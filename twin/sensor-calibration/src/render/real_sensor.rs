@@ -12,7 +12,7 @@ use tactile_optics::calibration::CalibratedSensor;
 use world::geometry::Mesh;
 
 use super::views::{Views, normals};
-use super::{MeshPose, RAY_START};
+use super::{MeshPose, RAY_START, describe_contact};
 
 /// True if the file is a sensor's calibration of `optics calibrate`, and not a pad's.
 pub fn is_sensor(path: &Path) -> Result<bool> {
@@ -44,6 +44,13 @@ pub struct SensorRender {
     pub bottomed_out: bool,
     /// Time of the render, ms.
     pub render_ms: f64,
+}
+
+impl SensorRender {
+    /// Describes the written files in a line.
+    pub fn text(&self) -> String {
+        format!("{}: {}", self.image.display(), describe_contact(self.contact_pixels, self.deepest_mm))
+    }
 }
 
 /// Presses a mesh into the sensor, its lowest point `depth` (m) below the untouched gel, and writes `out` with its

@@ -111,7 +111,7 @@ fn expect_png(out: &Path) -> Result<()> {
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
     let hand = instance_model(args.instance.as_deref(), &args.robot.model()?)?.hand;
-    let (mesh, repair) = Mesh::load(&args.mesh)?;
+    let (mesh, repair) = Mesh::load(&args.mesh).context("MESH")?;
     if !repair.is_none() {
         eprintln!("{}: {repair}", args.mesh.display());
     }
@@ -138,9 +138,10 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
         let time: f64 = rows.iter().map(|row| row.render_ms).sum();
         eprintln!("{} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
     }
+    let text: String = rows.iter().map(CameraRender::text).collect();
     let rendered =
         PadRenderOutput { pad: &args.pad, force: pressed.force, shift_mm: 1e3 * pressed.shift, cameras: rows };
-    terminal.print(&rendered, "")?;
+    terminal.print(&rendered, &text)?;
     let short = (pressed.force - args.force).abs() > 0.01 * args.force;
     Ok(short.then(|| format!("the gel is pressed flat: it bears {:.2} N of {} N", pressed.force, args.force)))
 }
@@ -160,7 +161,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
     if !terminal.json && !terminal.quiet {
         eprintln!("{} mm deep, rendered in {:.1} ms", found.depth_mm, found.render_ms);
     }
-    terminal.print(&found, "")?;
+    terminal.print(&found, &found.text())?;
     let short = || format!("the gel is pressed flat: it yields {} of {} mm", found.depth_mm, 1e3 * depth);
     Ok(found.bottomed_out.then(short))
 }
@@ -172,7 +173,8 @@ pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
     let pad = find_pad(&hand, &args.pad)?;
     let (sheet, list) = shape_sheet(&hand, pad, args.force, args.unit, terminal.seed)?;
     sheet.save(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
-    terminal.print(&ShapesOutput { shapes: list }, "")?;
+    let text = format!("{} shapes on one sheet: {}\n", list.len(), args.out.display());
+    terminal.print(&ShapesOutput { shapes: list }, &text)?;
     Ok(None)
 }
 
