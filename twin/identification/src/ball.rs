@@ -202,7 +202,7 @@ pub(crate) fn keeps_elbow_side(from: &Joints, to: &Joints) -> bool {
 
 /// Plans waypoints between two postures beside the ball: none if the straight path is free, otherwise up and down
 /// again. `None` if that is blocked, too.
-fn plan_detour(clearance: &BallClearance, [from, to]: [&Joints; 2]) -> Option<Vec<Joints>> {
+pub fn plan_detour(clearance: &BallClearance, [from, to]: [&Joints; 2]) -> Option<Vec<Joints>> {
     let kinematics = clearance.kinematics();
     let above = |at: &Joints, by: f64| {
         let up = kinematics.solve(&(Translation3::new(0.0, 0.0, by) * kinematics.palm_pose(at)), at)?;

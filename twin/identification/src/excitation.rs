@@ -140,9 +140,8 @@ pub fn run_script<R: RobotBackend, E: From<ExcitationError>>(
             }
             (ExcitationStep::Press(..), None) => (true, None),
             (ExcitationStep::CalibratePayload(weight, part), aim) => {
-                let own = aim.as_ref().map_or(means.robot, |aim| aim.robot_model());
                 let back = Some(weight.posture_joints(0, &means.ready));
-                match player.calibrate_payload(means, own, (weight, *part), &mut goes_on) {
+                match player.calibrate_payload(means, aim.as_ref(), (weight, *part), &mut goes_on) {
                     LiftOutcome::Done => (true, back),
                     LiftOutcome::Stopped => (false, back),
                     LiftOutcome::OutOfReach => {

@@ -10,7 +10,7 @@ use plant::RobotInstance;
 use tactile_perception::PhotometricCalibration;
 
 use crate::arm_load::estimate_force;
-use crate::ball::{CalibrationBall, PadPress, PressApproach, plan_approach, plan_slide};
+use crate::ball::{CalibrationBall, PadPress, PressApproach, plan_approach, plan_detour, plan_slide};
 use crate::ball_clearance::BallClearance;
 use crate::excitation_setup::ExcitationSetup;
 use crate::kinematic_calibration::{BallTouch, KinematicCalibration, calibrate};
@@ -58,7 +58,7 @@ impl<'a> PressAim<'a> {
     /// Plans the path from posture `from` to a press. Inverse kinematics starts from the ready posture, so that the
     /// joints do not wind up from press to press.
     pub fn plan_press(&self, press: &PadPress, from: &Joints) -> Option<PressApproach> {
-        let clearance = BallClearance::new(self.robot_model(), self.ball.radius, &self.calibration.ball);
+        let clearance = self.clearance();
         let plan = |early| plan_approach(&clearance, self.ball, press, early, (from, &self.ready));
         let near = plan(APPROACH_MARGIN_BOUNDS[0])?;
         let unsure = self.calibration.normal_sigma(
@@ -68,6 +68,18 @@ impl<'a> PressAim<'a> {
             near.press_postures.last().unwrap_or(&self.ready),
         );
         plan((APPROACH_MARGIN_SIGMAS * unsure).clamp(APPROACH_MARGIN_BOUNDS[0], APPROACH_MARGIN_BOUNDS[1]))
+    }
+
+    /// Plans waypoints from posture `from` through `postures` in turn, clear of the ball: a list for each. `None` if one
+    /// is blocked.
+    pub fn plan_paths(&self, from: &Joints, postures: &[Joints]) -> Option<Vec<Vec<Joints>>> {
+        let clearance = self.clearance();
+        let starts = std::iter::once(from).chain(postures);
+        starts.zip(postures).map(|(from, to)| plan_detour(&clearance, [from, to])).collect()
+    }
+
+    fn clearance(&self) -> BallClearance<'_> {
+        BallClearance::new(self.robot_model(), self.ball.radius, &self.calibration.ball)
     }
 
     /// Plans the slide of a press's pad over the ball from the posture `at`, if it slides.

@@ -1,5 +1,6 @@
 //! Payload calibration: standing with an empty hand, and with the payload in it.
 
+use control::inverse_kinematics::Joints;
 use control::motion::CLOSING_TIME;
 use control::motion::tension::{closing_tension, friction_compensated, ramp_tension};
 use dexterous_grasping::Grasp;
@@ -9,6 +10,7 @@ use hand_model::{ArmVector, DigitVector, RobotModel};
 use super::{ExcitationSetup, ScriptPlayer};
 use crate::arm_load::{bears_load, force_on_palm};
 use crate::payload::{Payload, PayloadStep, PickUpPath};
+use crate::pressing::PressAim;
 
 /// Current limit of the opposition servo while it holds, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
@@ -23,6 +25,12 @@ const MAX_GRASP_TRIES: usize = 3;
 const MAX_PUSH_FORCE: f64 = 30.0;
 /// Deviation of the encoders from a posture beyond which the arm counts as obstructed, rad.
 const POSTURE_TOLERANCE: f64 = 0.008;
+
+/// Posture in which the arm stands, and the waypoints to it.
+struct Stand {
+    waypoints: Vec<Joints>,
+    posture: Joints,
+}
 
 /// Outcome of payload calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,41 +50,61 @@ fn is_at_posture(shown: &ArmState, at: &[f64]) -> bool {
 }
 
 impl<R: RobotBackend> ScriptPlayer<'_, R> {
-    /// Performs one part of payload calibration, according to the robot model `own`.
+    /// Performs one part of payload calibration, according to the robot model of `aim` and clear of its ball, if there
+    /// are presses.
     pub(super) fn calibrate_payload(
         &mut self,
         means: &ExcitationSetup,
-        own: &RobotModel,
+        aim: Option<&PressAim>,
         (weight, part): (&Payload, PayloadStep),
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> LiftOutcome {
+        let mut postures: Vec<Joints> = match part {
+            PayloadStep::Empty(posture) => vec![weight.posture_joints(posture, &means.ready)],
+            PayloadStep::Lifted => (0..weight.posture.len()).map(|n| weight.posture_joints(n, &means.ready)).collect(),
+        };
+        if part == PayloadStep::Lifted {
+            // The object is put down from the first posture.
+            postures.push(postures[0]);
+        }
+        let paths = match aim {
+            Some(aim) => aim.plan_paths(&self.arm, &postures),
+            None => Some(vec![Vec::new(); postures.len()]),
+        };
+        let Some(paths) = paths else { return LiftOutcome::OutOfReach };
+        let stands: Vec<Stand> =
+            paths.into_iter().zip(postures).map(|(waypoints, posture)| Stand { waypoints, posture }).collect();
         match part {
-            PayloadStep::Empty(posture) => {
-                let at = weight.posture_joints(posture, &means.ready);
-                self.stand_at(&at, weight.hold, goes_on).map_or(LiftOutcome::Stopped, |shown| {
-                    if is_at_posture(&shown, &at) { LiftOutcome::Done } else { LiftOutcome::OutOfReach }
+            PayloadStep::Empty(_) => {
+                self.stand_at(&stands[0], weight.hold, goes_on).map_or(LiftOutcome::Stopped, |shown| {
+                    if is_at_posture(&shown, &stands[0].posture) { LiftOutcome::Done } else { LiftOutcome::OutOfReach }
                 })
             }
-            PayloadStep::Lifted => self.lift(means, own, weight, goes_on),
+            PayloadStep::Lifted => {
+                let own = aim.map_or(means.robot, PressAim::robot_model);
+                self.lift(means, own, (weight, &stands), goes_on)
+            }
         }
     }
 
+    /// Lifts the object and holds it in all of `stands` but the last, which is the first one again.
     fn lift(
         &mut self,
         means: &ExcitationSetup,
         own: &RobotModel,
-        weight: &Payload,
+        (weight, stands): (&Payload, &[Stand]),
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> LiftOutcome {
-        let Some(object) = weight.model() else { return LiftOutcome::OutOfReach };
-        let stands: Vec<ArmVector> =
-            (0..weight.posture.len()).map(|n| weight.posture_joints(n, &means.ready)).collect();
-        let Some(clear) = self.stand_at(&stands[0], weight.hold, goes_on) else { return LiftOutcome::Stopped };
-        if !is_at_posture(&clear, &stands[0]) {
+        let (Some(object), [first, others @ .., back]) = (weight.model(), stands) else {
+            return LiftOutcome::OutOfReach;
+        };
+        let Some(clear) = self.stand_at(first, weight.hold, goes_on) else { return LiftOutcome::Stopped };
+        if !is_at_posture(&clear, &first.posture) {
             return LiftOutcome::OutOfReach;
         }
+        let loaded_stand = Stand { waypoints: Vec::new(), posture: first.posture };
         let mut ended = LiftOutcome::OutOfReach;
-        for way in weight.plan_pick_ups(own, &object, means.grasps, &stands[0]).take(MAX_GRASP_TRIES) {
+        for way in weight.plan_pick_ups(own, &object, means.grasps, &first.posture).take(MAX_GRASP_TRIES) {
             match self.pick_up(means, own, &way, goes_on) {
                 LiftOutcome::Done => {}
                 LiftOutcome::NotLifted => {
@@ -85,10 +113,12 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
                 }
                 other => return other,
             }
-            let Some(loaded) = self.stand_at(&stands[0], weight.hold, goes_on) else { return LiftOutcome::Stopped };
+            let Some(loaded) = self.stand_at(&loaded_stand, weight.hold, goes_on) else {
+                return LiftOutcome::Stopped;
+            };
             if bears_load(own, [&clear, &loaded], weight.mass) {
-                let held = stands[1..].iter().all(|at| self.stand_at(at, weight.hold, goes_on).is_some());
-                return if held && self.put_down(&way, &stands[0], goes_on) {
+                let held = others.iter().all(|stand| self.stand_at(stand, weight.hold, goes_on).is_some());
+                return if held && self.put_down(&way, back, goes_on) {
                     LiftOutcome::Done
                 } else {
                     LiftOutcome::Stopped
@@ -103,10 +133,19 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         ended
     }
 
+    fn move_to_stand(&mut self, stand: &Stand, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        stand.waypoints.iter().chain([&stand.posture]).all(|at| self.move_to(at, goes_on))
+    }
+
     /// Moves to a posture and stands there for `time` (s). Returns the mean state of the arm in the second half of that
     /// time.
-    fn stand_at(&mut self, at: &[f64], time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
-        if !self.move_to(at, goes_on) || !self.hold_hand(0.5 * time, goes_on) {
+    fn stand_at(
+        &mut self,
+        stand: &Stand,
+        time: f64,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Option<ArmState> {
+        if !self.move_to_stand(stand, goes_on) || !self.hold_hand(0.5 * time, goes_on) {
             return None;
         }
         let mut sum = ArmState::at_rest(self.arm_state.position.iter().map(|_| 0.0).collect());
@@ -187,11 +226,11 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
     }
 
     /// Puts the object down where it was picked up, and returns to `stand`.
-    fn put_down(&mut self, way: &PickUpPath, stand: &[f64], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+    fn put_down(&mut self, way: &PickUpPath, stand: &Stand, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let slow = SPEED_SHARE * self.script.arm_speed;
         let Some((above, down)) = way.lift.split_last() else { return false };
         let down = down.iter().rev().chain(way.raise.iter().rev()).chain(way.approach.last());
-        if !self.move_to(stand, goes_on) || !self.move_to(above, goes_on) {
+        if !self.move_to_stand(stand, goes_on) || !self.move_to(above, goes_on) {
             return false;
         }
         if !down.into_iter().all(|at| self.move_at_speed(at, slow, goes_on)) {
@@ -200,6 +239,6 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         self.grip = None;
         self.hold_hand(RELEASE_TIME, goes_on)
             && way.approach.iter().rev().all(|at| self.move_at_speed(at, slow, goes_on))
-            && self.move_to(stand, goes_on)
+            && self.move_to(&stand.posture, goes_on)
     }
 }
