@@ -3,7 +3,7 @@
     python choose_grasps.py --out pick_one.json
 
 Every candidate is tried in some episodes, the better half in twice as many, and so on (successive halving). An object without grasps in the repertoire is
-tried with those of all others. Errors and effects are the benchmark's. It needs numpy and gymnasium.
+tried with two of every other one, or with all of those that `--like` names. Errors and effects are the benchmark's. It needs numpy and gymnasium.
 """
 
 import argparse
@@ -38,6 +38,7 @@ def held(job):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--objects", help="names with commas between; all if left out")
+    parser.add_argument("--like", help="objects whose grasps are tried as well, names with commas between")
     parser.add_argument("--episodes", type=int, default=4, help="of the first round")
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--most", type=int, default=1_000_000, help="candidates of an object at most")
@@ -47,9 +48,12 @@ def main():
     args = parser.parse_args()
     known, begun = ftac.grasps.repertoire(), time.monotonic()
     names = ftac.objects() if args.objects is None else args.objects.split(",")
-    left = {}
+    left, like = {}, args.like.split(",") if args.like else []
+    for name in like:
+        if name not in known:
+            parser.error(f"--like: found {name}, expected an object with grasps: {', '.join(known)}")
     for name in names:
-        own = known.get(name) or [grasp for grasps in known.values() for grasp in grasps[:2]]
+        own = [grasp for of in (name, *like) for grasp in known.get(of, [])] or [grasp for grasps in known.values() for grasp in grasps[:2]]
         left[name] = {(grasp.object, grasp.id): [0, 0] for grasp in own[: args.most]}
     with ProcessPoolExecutor(args.jobs) as workers:
         for number in range(args.rounds):
