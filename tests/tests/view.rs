@@ -64,6 +64,14 @@ fn viewer_that(folder: &TempDir, body: &str) -> PathBuf {
 const NO_DISPLAY_MESSAGE: &str =
     "echo 'INFO starting' >&2; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set.' >&2; exit 1";
 
+/// A path that does not exist is named, whether or not there is a viewer.
+#[test]
+fn a_path_that_is_not_there_is_named() {
+    let output = ftac(&["view", "nowhere"]).env("RERUN_BIN", "").env("PATH", "").output().expect("runs");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("nowhere"), "{}", stderr(&output));
+}
+
 #[cfg(unix)]
 #[test]
 fn a_viewer_without_a_display_is_no_success() {

@@ -13,6 +13,9 @@ use crate::terminal::{Outcome, Terminal};
 /// Opens a recording, a session, or a folder's recordings in the Rerun viewer. If a folder has no recordings, its
 /// sessions are opened.
 pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
+    if !path.exists() {
+        return Err(TelemetryError::NoRecording(path.to_owned()).into());
+    }
     let program = viewer::find_viewer().ok_or(TelemetryError::NoViewer)?;
     // Recordings and sessions of a benchmark lie in subfolders of its results.
     let inside = |name: &str| Some(path.join(name)).filter(|folder| folder.is_dir()).unwrap_or_else(|| path.to_owned());
