@@ -45,13 +45,20 @@ pub struct CameraRender {
 impl CameraRender {
     /// Describes the written files in a line.
     pub fn text(&self) -> String {
-        format!("{}, camera {}: {}", self.image.display(), self.camera, describe_contact(self.contact_pixels, self.deepest_mm))
+        format!(
+            "{}, camera {}: {}",
+            self.image.display(),
+            self.camera,
+            describe_contact(self.contact_pixels, self.deepest_mm)
+        )
     }
 }
 
 /// Describes a contact (pixels, mm) and the files beside its image.
 fn describe_contact(pixels: usize, deepest_mm: f64) -> String {
-    format!("{pixels} pixels in contact, {deepest_mm:.2} mm deep at most; height map and normals are beside it as PNG, EXR and NPY\n")
+    format!(
+        "{pixels} pixels in contact, {deepest_mm:.2} mm deep at most; height map and normals are beside it as PNG, EXR and NPY\n"
+    )
 }
 
 /// Pose of a mesh over a pad.

@@ -139,12 +139,7 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
 
     /// Moves to a posture and stands there for `time` (s). Returns the mean state of the arm in the second half of that
     /// time.
-    fn stand_at(
-        &mut self,
-        stand: &Stand,
-        time: f64,
-        goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Option<ArmState> {
+    fn stand_at(&mut self, stand: &Stand, time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> Option<ArmState> {
         if !self.move_to_stand(stand, goes_on) || !self.hold_hand(0.5 * time, goes_on) {
             return None;
         }
