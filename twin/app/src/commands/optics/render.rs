@@ -136,7 +136,7 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     let rows = view.write(&pressed, terminal.seed, &args.out)?;
     if !terminal.json && !terminal.quiet {
         let time: f64 = rows.iter().map(|row| row.render_ms).sum();
-        eprintln!("{} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
+        eprintln!("{:.2} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
     }
     let text: String = rows.iter().map(CameraRender::text).collect();
     let rendered =
@@ -159,7 +159,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
     let sensor = CalibratedSensor::read(path)?;
     let found = real_sensor::render(&sensor, pressed, depth, thickness, &args.out)?;
     if !terminal.json && !terminal.quiet {
-        eprintln!("{} mm deep, rendered in {:.1} ms", found.depth_mm, found.render_ms);
+        eprintln!("{:.2} mm deep, rendered in {:.1} ms", found.depth_mm, found.render_ms);
     }
     terminal.print(&found, &found.text())?;
     let short = || format!("the gel is pressed flat: it yields {} of {} mm", found.depth_mm, 1e3 * depth);
