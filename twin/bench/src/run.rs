@@ -273,11 +273,9 @@ pub fn run(
     })?;
     // A resumed run counts the time of work, without pauses.
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
-    let wall_s = match results::earlier_wall_time(folder) {
-        // Nothing was left to do: the results are only written anew.
-        Some(earlier) if open.is_empty() => earlier,
-        _ => begun.elapsed().as_secs_f64().max(worked),
-    };
+    // If nothing was left to do, the results are only written anew.
+    let earlier = open.is_empty().then(|| results::earlier_wall_time(folder)).flatten();
+    let wall_s = earlier.unwrap_or_else(|| begun.elapsed().as_secs_f64().max(worked));
     // The earlier computing time of a resumed run is unknown.
     let spent = (resumed == 0).then(|| bench.profile.seconds());
     if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {

@@ -59,14 +59,12 @@ impl<R: RobotBackend> ScriptPlayer<'_, R> {
         (weight, part): (&Payload, PayloadStep),
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> LiftOutcome {
-        let mut postures: Vec<Joints> = match part {
-            PayloadStep::Empty(posture) => vec![weight.posture_joints(posture, &means.ready)],
-            PayloadStep::Lifted => (0..weight.posture.len()).map(|n| weight.posture_joints(n, &means.ready)).collect(),
-        };
-        if part == PayloadStep::Lifted {
+        let numbers: Vec<usize> = match part {
+            PayloadStep::Empty(posture) => vec![posture],
             // The object is put down from the first posture.
-            postures.push(postures[0]);
-        }
+            PayloadStep::Lifted => (0..weight.posture.len()).chain([0]).collect(),
+        };
+        let postures: Vec<Joints> = numbers.into_iter().map(|n| weight.posture_joints(n, &means.ready)).collect();
         let paths = match aim {
             Some(aim) => aim.plan_paths(&self.arm, &postures),
             None => Some(vec![Vec::new(); postures.len()]),
