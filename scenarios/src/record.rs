@@ -202,6 +202,11 @@ impl TrialRecord {
             .filter(|name| !name.is_empty())
             .collect()
     }
+
+    /// Returns the decisions and retries of which [`Self::reason`] consists, in their order.
+    pub fn decisions(&self) -> impl Iterator<Item = &str> {
+        self.reason.split("; ").filter(|decision| !decision.is_empty())
+    }
 }
 
 /// Trial of the policy `touch` under an ablation: a row of `ablations.csv`.

@@ -242,10 +242,10 @@ fn replay_trial(
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
         println!("{} ticks, {} commands identical bit by bit", progress.ticks, progress.commands);
         match (&outcome, same) {
-            (Some(record), Some(true)) if !record.reason.is_empty() => {
-                println!("the same decisions: {}", record.reason)
+            (Some(record), Some(true)) => {
+                println!("the same decisions");
+                record.decisions().for_each(|decision| println!("  {decision}"));
             }
-            (Some(_), Some(true)) => println!("the same decisions"),
             (None, _) if failed.is_some() => {
                 println!("it ends in the same failed detection: {}", failed.as_deref().unwrap_or_default())
             }

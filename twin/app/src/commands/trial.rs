@@ -246,7 +246,6 @@ fn print_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Detect
         record.success,
         record.contact
     );
-    // A decision, or a retry, in a line.
-    record.reason.split("; ").filter(|note| !note.is_empty()).for_each(|note| text += &format!("  {note}\n"));
+    record.decisions().for_each(|decision| text += &format!("  {decision}\n"));
     terminal.print(&TrialOutput { record, faults: named }, &text)
 }
