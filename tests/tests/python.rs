@@ -4,10 +4,12 @@
 //! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, matplotlib, pyarrow and av. Without them it
 //! prints a note and passes, unless `FTAC_PYTHON=required` is set.
 
+use std::ffi::OsString;
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::Mutex;
 
 use e2e::{forget_package, root, stderr, target_dir};
 use tempfile::tempdir;
@@ -124,15 +126,43 @@ fn the_wheel_installs_and_its_examples_run() {
     assert!(own.len() >= 4, "the page has {} examples", own.len());
     let of_book: Vec<String> = guide::PYTHON.iter().flat_map(|name| examples(&guide::page(name))).collect();
     assert!(of_book.len() >= guide::PYTHON.len(), "the book has {} examples", of_book.len());
+    let tests = root().join("twin/python/tests");
+    let files = std::fs::read_dir(&tests).expect("a folder").map(|entry| entry.expect("an entry").file_name());
+    let mut jobs: Vec<Vec<OsString>> = files
+        .filter(|name| name.to_string_lossy().starts_with("test_"))
+        .map(|name| {
+            let discover = ["-m", "unittest", "discover", "-s"].map(OsString::from);
+            [&discover[..], &[tests.clone().into(), "-p".into(), name]].concat()
+        })
+        .collect();
     for (n, example) in own.iter().chain(&of_book).enumerate() {
         let script = folder.path().join(format!("example_{n}.py"));
         std::fs::write(&script, example).expect("written");
-        run(Command::new(&python).arg(&script).current_dir(folder.path())).expect("an example runs");
+        jobs.push(vec![script.into()]);
     }
-    let tests = root().join("twin/python/tests");
-    let output =
-        run(Command::new(&python).args(["-m", "unittest", "discover", "-s"]).arg(&tests).current_dir(folder.path()))
-            .expect("the package's tests pass");
-    let told = stderr(&output);
-    assert!(told.contains("OK") && !told.contains("Ran 0 tests"), "{told}");
+    let outputs = run_side_by_side(&python, folder.path(), &jobs);
+    for output in outputs.iter().filter(|(job, _)| job.len() > 1).map(|(_, output)| stderr(output)) {
+        assert!(output.contains("OK") && !output.contains("Ran 0 tests"), "{output}");
+    }
+}
+
+/// Runs Python in `folder` once with each list of arguments, two at a time.
+///
+/// # Panics
+/// If one fails.
+fn run_side_by_side<'a>(python: &Path, folder: &Path, jobs: &'a [Vec<OsString>]) -> Vec<(&'a [OsString], Output)> {
+    let (left, outputs) = (Mutex::new(jobs.iter()), Mutex::new(Vec::new()));
+    let work = || {
+        loop {
+            let Some(job) = left.lock().expect("no panic holds it").next() else { break };
+            let output =
+                run(Command::new(python).args(job).current_dir(folder)).unwrap_or_else(|error| panic!("{error}"));
+            outputs.lock().expect("no panic holds it").push((job.as_slice(), output));
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(work);
+        work();
+    });
+    outputs.into_inner().expect("no panic holds it")
 }
