@@ -24,7 +24,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
-from imitate import interval, known_objects  # noqa: E402
+from imitate import PUSH_STEPS, interval, known_objects  # noqa: E402
 from lerobot.configs.types import FeatureType, NormalizationMode  # noqa: E402
 from lerobot.datasets.factory import resolve_delta_timestamps  # noqa: E402
 from lerobot.datasets.lerobot_dataset import LeRobotDataset, LeRobotDatasetMetadata  # noqa: E402
@@ -66,6 +66,22 @@ class Trained(PolicyAdapter):
         tensors = {key: torch.from_numpy(value) if isinstance(value, np.ndarray) else value for key, value in batch.items()}
         with torch.inference_mode():
             return self.after(self.model.select_action(self.before(tensors)))
+
+
+class Pushed:
+    """The script, pushed at random: the data then have states into which a policy's errors lead, and what the script does there. As the pushes have a
+    mean of zero, what is learned has them no longer."""
+
+    def __init__(self, script, push, random):
+        self.script, self.push, self.random, self.steps, self.pushed = script, push, random, 0, np.zeros(6)
+
+    def act(self, observation):
+        if self.steps % PUSH_STEPS == 0:
+            self.pushed = self.push * self.random.standard_normal(6)
+        self.steps += 1
+        action = self.script.act(observation)
+        action[:6] = np.clip(action[:6] + self.pushed, -1.0, 1.0)
+        return action
 
 
 def make(objects, images):
@@ -164,6 +180,7 @@ def main():
     parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
     parser.add_argument("--dataset", type=Path, help="folder of a data set of the same observations; recorded if left out")
     parser.add_argument("--episodes", type=int, default=660, help="to record")
+    parser.add_argument("--push", type=float, default=0.1, help="standard deviation of pushes in these episodes, as a share of the greatest velocity")
     parser.add_argument("--images", type=int, help="side of the tactile images, pixels; none if left out")
     parser.add_argument("--updates", type=int, default=20000, help="of the weights")
     parser.add_argument("--batch", type=int, default=64, help="samples of an update")
@@ -181,7 +198,9 @@ def main():
     objects = known_objects(args.objects)
     dataset = args.dataset or args.out / "dataset"
     if args.dataset is None:
-        wrote = record(make(objects, args.images), lambda env: Script(env.unwrapped.features).act, args.episodes, dataset)
+        random = np.random.default_rng(args.seed)
+        pushed = lambda env: Pushed(Script(env.unwrapped.features), args.push, random).act  # noqa: E731
+        wrote = record(make(objects, args.images), pushed, args.episodes, dataset)
         print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames")
     print(f"training on {args.device}")
     curve = train(args, dataset)
