@@ -1,10 +1,11 @@
 """Reinforcement learning (PPO) of ``ftac/PickOne-v1`` over many objects, with and without tactile images, with a critic that knows the truth.
 
-    python reinforce.py --start imitation/plain_0.npz --iterations 30 --episodes 264 --out reinforced
+    python reinforce.py --start imitation/plain_*.npz --out reinforced
 
-Worker processes run whole episodes with a copy of the policy; the update runs in this process. The policy begins as a network of `imitate.py`, or from nothing without
-``--start``. The critic also sees ``privileged``: it is not needed when the policy is used. ``curve.csv`` has the successes and the mean return of each iteration;
-``policy.npz`` can be used as that of `imitate.Imitation`. It needs numpy and gymnasium.
+improves networks of `imitate.py`, one after another; without ``--start`` one network begins from nothing. Worker processes run whole episodes with a copy of the policy;
+the update runs in this process. The critic also sees ``privileged``: it is not needed when the policy is used. ``curve.csv`` has the successes and the mean return of each
+iteration, in which the policy explores, ``results.csv`` the tests before and after, in which it does not. A network can be used as that of `imitate.Imitation`.
+It needs numpy and gymnasium.
 """
 
 import argparse
@@ -76,18 +77,49 @@ def update(policy, inputs, actions, advantage, sigma, random, rate, passes=4, ba
             policy.adam(policy.gradients(layers, slope.astype(np.float32)), rate)
 
 
+def untrained(objects, tactile, hidden, random):
+    """A network that knows the scale of the inputs, from an episode of the script."""
+    rows = imitate.episode((objects[:1], tactile, imitate.Task(), (0, 0), None, None))[0]
+    policy = Network(rows.shape[1], 12, hidden, random, pixels=imitate.PIXELS if tactile else 0)
+    policy.standardize(rows)
+    return policy
+
+
+def improve(args, workers, policy, tactile, seed, objects, tell):
+    """Iterations of PPO, each told by its number, steps, successes and mean return."""
+    random, critic, begun = np.random.default_rng(seed), None, time.monotonic()
+    for iteration in range(args.iterations):
+        if time.monotonic() - begun > 60.0 * args.minutes:
+            break
+        first = (seed * args.iterations + iteration) * args.episodes
+        jobs = [([objects[n % len(objects)]], tactile, first + n, policy, args.sigma) for n in range(args.episodes)]
+        runs = list(workers.map(episode, jobs, chunksize=4))
+        inputs, seen, actions = (np.concatenate([run[n] for run in runs]) for n in range(3))
+        if critic is None:
+            critic = Network(seen.shape[1], 1, args.hidden, random)
+            critic.standardize(seen)
+        values = np.split(critic(seen)[:, 0], np.cumsum([len(run[3]) for run in runs])[:-1])
+        gains = np.concatenate([advantages(run[3], value) for run, value in zip(runs, values)])
+        targets = (gains + np.concatenate(values)).astype(np.float32)[:, None]
+        critic.fit(seen, targets, 4, random, batch=1024)
+        # The critic of the first iteration knows nothing yet.
+        if iteration > 0:
+            update(policy, inputs, actions, (gains - gains.mean()) / (gains.std() + 1e-6), args.sigma, random, args.rate)
+        tell(iteration, len(inputs), sum(run[4] for run in runs), float(np.mean([run[3].sum() for run in runs])))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--start", type=Path, help="a network of imitate.py; from nothing if left out")
+    parser.add_argument("--start", type=Path, nargs="+", help="networks of imitate.py; one from nothing if left out")
     parser.add_argument("--tactile", action="store_true", help="with images, where there is no --start")
     parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
-    parser.add_argument("--iterations", type=int, default=30)
-    parser.add_argument("--episodes", type=int, default=264, help="of an iteration")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="of training at most")
-    parser.add_argument("--sigma", type=float, default=0.1, help="of the exploration, as a share of the largest action")
+    parser.add_argument("--iterations", type=int, default=8)
+    parser.add_argument("--episodes", type=int, default=396, help="of an iteration")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="of training at most, for each network")
+    parser.add_argument("--sigma", type=float, default=0.06, help="of the exploration, as a share of the largest action")
     parser.add_argument("--rate", type=float, default=1e-4)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--tests", type=int, default=330)
+    parser.add_argument("--seed", type=int, default=0, help="of the first network; the next ones have the following seeds")
+    parser.add_argument("--tests", type=int, default=330, help="episodes in which each network is tested")
     parser.add_argument("--first-seed", type=int, default=imitate.HELD_OUT, help="of the test episodes")
     parser.add_argument("--hidden", type=int, default=256)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
@@ -96,51 +128,35 @@ def main():
     if args.out.exists():
         parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
-    random, objects, begun = np.random.default_rng(args.seed), imitate.known_objects(args.objects), time.monotonic()
-    tactile, policy, critic = args.tactile, None, None
-    if args.start:
-        data = np.load(args.start)
-        policy, tactile = Network.load(data), bool(data["tactile"])
-    with open(args.out / "curve.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
-        table = csv.writer(file)
-        table.writerow(["iteration", "episodes", "steps", "successes", "return"])
+    objects = imitate.known_objects(args.objects)
+    with open(args.out / "curve.csv", "w", newline="") as curve, open(args.out / "results.csv", "w", newline="") as results, ProcessPoolExecutor(args.jobs) as workers:
+        curves, tests = csv.writer(curve), csv.writer(results)
+        curves.writerow(["network", "iteration", "steps", "successes", "return"])
+        tests.writerow(["network", "when", "successes", "episodes", "outcomes"])
+        for number, file in enumerate(args.start or [None]):
+            seed, name, tactile = args.seed + number, "policy", args.tactile
+            if file:
+                data = np.load(file)
+                name, policy, tactile = file.stem, Network.load(data), bool(data["tactile"])
+            else:
+                policy = untrained(objects, tactile, args.hidden, np.random.default_rng(seed))
 
-        def test(name):
-            jobs = [([objects[n % len(objects)]], tactile, args.first_seed + n, policy, 0.0) for n in range(args.tests)]
-            won = [run[-1] for run in workers.map(episode, jobs, chunksize=4)]
-            print(f"{name}: {imitate.interval(sum(won), len(won))}", flush=True)
+            def test(when):
+                jobs = [([objects[n % len(objects)]], tactile, args.first_seed + n, policy, 0.0) for n in range(args.tests)]
+                won = [run[-1] for run in workers.map(episode, jobs, chunksize=4)]
+                tests.writerow([name, when, sum(won), len(won), "".join("01"[one] for one in won)])
+                results.flush()
+                print(f"{name}, {when}: {imitate.interval(sum(won), len(won))}", flush=True)
 
-        if policy is None:
-            rows = workers.submit(imitate.episode, ([objects[0]], tactile, imitate.Task(), (0, 0), None, None)).result()[0]
-            policy = Network(rows.shape[1], 12, args.hidden, random, pixels=imitate.PIXELS if tactile else 0)
-            policy.standardize(rows)
-        test("before")
-        for iteration in range(args.iterations):
-            if time.monotonic() - begun > 60.0 * args.minutes:
-                break
-            first = (args.seed * args.iterations + iteration) * args.episodes
-            jobs = [
-                ([objects[n % len(objects)]], tactile, first + n, policy, args.sigma) for n in range(args.episodes)
-            ]
-            runs = list(workers.map(episode, jobs, chunksize=4))
-            inputs, seen, actions = (np.concatenate([run[n] for run in runs]) for n in range(3))
-            if critic is None:
-                critic = Network(seen.shape[1], 1, args.hidden, random)
-                critic.standardize(seen)
-            values = np.split(critic(seen)[:, 0], np.cumsum([len(run[3]) for run in runs])[:-1])
-            gains = np.concatenate([advantages(run[3], value) for run, value in zip(runs, values)])
-            targets = (gains + np.concatenate(values)).astype(np.float32)[:, None]
-            critic.fit(seen, targets, 4, random, batch=1024)
-            # The critic of the first iteration knows nothing yet.
-            if iteration > 0:
-                update(policy, inputs, actions, (gains - gains.mean()) / (gains.std() + 1e-6), args.sigma, random, args.rate)
-            won = sum(run[4] for run in runs)
-            mean = float(np.mean([run[3].sum() for run in runs]))
-            table.writerow([iteration, (iteration + 1) * len(runs), len(inputs), won, f"{mean:.3f}"])
-            file.flush()
-            print(f"{iteration + 1}: {won} of {len(runs)} succeed, return {mean:.3f}, {time.monotonic() - begun:.0f} s", flush=True)
-        policy.save(args.out / "policy.npz", tactile=tactile, before=imitate.BEFORE)
-        test("after")
+            def tell(iteration, steps, won, mean):
+                curves.writerow([name, iteration, steps, won, f"{mean:.3f}"])
+                curve.flush()
+                print(f"  {iteration + 1}: {won} of {args.episodes} succeed while it explores, return {mean:.3f}", flush=True)
+
+            test("before")
+            improve(args, workers, policy, tactile, seed, objects, tell)
+            policy.save(args.out / f"{name}.npz", tactile=tactile, before=imitate.BEFORE)
+            test("after")
 
 
 if __name__ == "__main__":
