@@ -47,13 +47,17 @@ CHUNK = 20
 POLICIES = {"act": ACTPolicy, "diffusion": DiffusionPolicy}
 
 
+def kind_of(folder):
+    """``act`` or ``diffusion``: the policy in the folder of an earlier run."""
+    return json.loads((folder / "config.json").read_text())["type"]
+
+
 class Trained(PolicyAdapter):
     """A trained policy of the folder in which this program left it."""
 
     def __init__(self, folder):
         folder = Path(folder)
-        kind = json.loads((folder / "config.json").read_text())["type"]
-        self.model = POLICIES[kind].from_pretrained(folder).eval()
+        self.model = POLICIES[kind_of(folder)].from_pretrained(folder).eval()
         device = {"device_processor": {"device": str(self.model.config.device)}}
         self.before, self.after = make_pre_post_processors(self.model.config, str(folder), preprocessor_overrides=device)
         super().__init__(self.choose, folder / "ftac.json")
@@ -178,6 +182,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--policy", choices=list(POLICIES), default="act")
     parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
+    parser.add_argument("--trained", type=Path, help="folder of an earlier run: only tests it")
     parser.add_argument("--dataset", type=Path, help="folder of a data set of the same observations; recorded if left out")
     parser.add_argument("--episodes", type=int, default=660, help="to record")
     parser.add_argument("--push", type=float, default=0.1, help="standard deviation of pushes in these episodes, as a share of the greatest velocity")
@@ -195,25 +200,27 @@ def main():
     if args.out.exists():
         parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
-    objects = known_objects(args.objects)
-    dataset = args.dataset or args.out / "dataset"
-    if args.dataset is None:
-        random = np.random.default_rng(args.seed)
-        pushed = lambda env: Pushed(Script(env.unwrapped.features), args.push, random).act  # noqa: E731
-        wrote = record(make(objects, args.images), pushed, args.episodes, dataset)
-        print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames")
-    print(f"training on {args.device}")
-    curve = train(args, dataset)
-    with open(args.out / "curve.csv", "w", newline="") as file:
-        csv.writer(file).writerows([("update", "loss"), *curve])
+    objects, folder = known_objects(args.objects), args.trained
+    if folder is None:
+        folder, dataset = args.out, args.dataset or args.out / "dataset"
+        if args.dataset is None:
+            random = np.random.default_rng(args.seed)
+            pushed = lambda env: Pushed(Script(env.unwrapped.features), args.push, random).act  # noqa: E731
+            wrote = record(make(objects, args.images), pushed, args.episodes, dataset)
+            print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames")
+        print(f"training on {args.device}")
+        curve = train(args, dataset)
+        with open(args.out / "curve.csv", "w", newline="") as file:
+            csv.writer(file).writerows([("update", "loss"), *curve])
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
-        table.writerow(["policy", "successes", "episodes"])
-        for name, folder in (("script", None), (args.policy, str(args.out))):
-            jobs = [(objects[n % len(objects)], args.first_seed + n, folder, args.images) for n in range(args.tests)]
-            won = sum(workers.map(episode, jobs, chunksize=2))
-            table.writerow([name, won, args.tests])
-            print(f"{name}: {interval(won, args.tests)}", flush=True)
+        table.writerow(["policy", "successes", "episodes", "outcomes"])
+        for name, policy in (("script", None), (kind_of(folder), str(folder))):
+            jobs = [(objects[n % len(objects)], args.first_seed + n, policy, args.images) for n in range(args.tests)]
+            won = list(workers.map(episode, jobs, chunksize=2))
+            table.writerow([name, sum(won), len(won), "".join("01"[one] for one in won)])
+            file.flush()
+            print(f"{name}: {interval(sum(won), len(won))}", flush=True)
 
 
 if __name__ == "__main__":
