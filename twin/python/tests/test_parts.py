@@ -1,8 +1,11 @@
 """The parts that can be used alone: shapes, units, and what is refused."""
 
+import os
 import subprocess
 import sys
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 
@@ -32,6 +35,19 @@ class Package(unittest.TestCase):
             done = subprocess.run([sys.executable, "-c", hidden + asked], capture_output=True, text=True)
             self.assertEqual(done.returncode, 1 if words else 0, done.stderr)
             self.assertIn(words, done.stderr)
+
+    def test_a_gymnasium_that_cannot_be_imported_costs_the_environments_only(self):
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "gymnasium.py").write_text("raise AttributeError('numpy has no bool8')")
+            path = {**os.environ, "PYTHONPATH": os.pathsep.join([folder, *sys.path[1:]])}
+            why = "the installed one cannot be imported: AttributeError: numpy has no bool8"
+            for asked, words in [
+                ("import ftac; ftac.hand.JOINTS", f"no environments, because of gymnasium: {why}"),
+                ("import ftac; ftac.envs", f"ImportError: ftac.envs needs gymnasium: {why}"),
+            ]:
+                done = subprocess.run([sys.executable, "-c", asked], env=path, capture_output=True, text=True)
+                self.assertEqual(done.returncode, int("ftac.envs" in asked), done.stderr)
+                self.assertIn(words, done.stderr)
 
 
 class Hand(unittest.TestCase):

@@ -27,6 +27,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import importlib.util
+import warnings
 from typing import Any
 
 from ftac import bench, features, grasps, hand, lerobot, optics, randomization, robot, scripted, touch
@@ -50,11 +51,19 @@ __all__ = [
     "touch",
 ]
 
+_GYM_MISSING = "pip install 'ftac[gym]'"
 if importlib.util.find_spec("gymnasium") is not None:
-    from ftac import envs, sorting, vector
+    try:
+        import gymnasium as _  # noqa: F401
+    except Exception as error:
+        # Built for another numpy, for example. Everything else of the package works without it.
+        _GYM_MISSING = f"the installed one cannot be imported: {type(error).__name__}: {error}"
+        warnings.warn(f"ftac: no environments, because of gymnasium: {_GYM_MISSING}", stacklevel=2)
+    else:
+        from ftac import envs, sorting, vector
 
-    envs.register()
-    __all__ += ["envs", "sorting", "vector"]
+        envs.register()
+        __all__ += ["envs", "sorting", "vector"]
 
 
 def __getattr__(name: str) -> Any:
@@ -62,5 +71,5 @@ def __getattr__(name: str) -> Any:
         # Loaded when it is used, because matplotlib is optional and takes time to load.
         return importlib.import_module("ftac.plot")
     if name in ("envs", "sorting", "vector"):
-        raise ImportError(f"ftac.{name} needs gymnasium: pip install 'ftac[gym]'")
+        raise ImportError(f"ftac.{name} needs gymnasium: {_GYM_MISSING}")
     raise AttributeError(f"module 'ftac' has no attribute {name!r}")
