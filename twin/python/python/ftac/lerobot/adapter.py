@@ -13,10 +13,13 @@ from ftac.features import Row, Spec
 from ftac.lerobot.episodes import words
 from ftac.lerobot.layout import Layout
 
+PER_OBJECT = ("objects", "shape", "identity", "grasp")
+"""Observations with a row for each object."""
+
 
 class PolicyAdapter:
     """Makes a policy that was trained on a data set act: in an environment of `ftac.envs`, and as a policy of the benchmark (`ftac.bench`, ``ftac bench
-    --policy``), on simulated, emulated and real robots.
+    --policy``), on simulated, emulated and real robots. In a trial with more objects than the data have, it gets the first ones.
 
     Parameters
     ----------
@@ -53,7 +56,9 @@ class PolicyAdapter:
 
     def act(self, observation: Mapping[str, Any]) -> Row:
         """The action of the policy, clipped to -1 to 1. ``ValueError`` if it has another number of values, or one that is no number."""
-        answer = self.policy(self.layout.batch(observation, self._words))
+        count = self.layout.objects
+        known = {name: value[:count] if name in PER_OBJECT else value for name, value in observation.items()}
+        answer = self.policy(self.layout.batch(known, self._words))
         if hasattr(answer, "detach"):
             answer = answer.detach().cpu().numpy()
         action = np.asarray(answer, dtype=np.float32)
