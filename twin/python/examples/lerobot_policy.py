@@ -1,10 +1,10 @@
 """A policy of LeRobot that learns the scripted pick-up from a data set: ACT, or a diffusion policy.
 
-    python lerobot_policy.py --policy act --episodes 660 --updates 20000 --tests 330 --out act
+    python lerobot_policy.py --policy act --episodes 660 --updates 12000 --seeds 5 --tests 198 --out act
 
-Records episodes of ``ftac/PickOne-v1`` in which the script succeeds, unless ``--dataset`` names some; trains on them; and tests the policy in the
-environment, beside the script. ``--images 64`` adds the tactile images, a video and an encoder for each pad, which is for a GPU. The trained policy is a
-policy of the benchmark too: class `Trained` in this file, ``ftac bench --policy lerobot_policy.py:Trained --policy-arg folder=act``.
+Records episodes of ``ftac/PickOne-v1`` in which the script succeeds though it is pushed, unless ``--dataset`` names some; trains policies on them; and tests each in
+the environment, beside the script. ``--images 64`` adds the tactile images, a video and an encoder for each pad, which is for a GPU. A trained policy is a
+policy of the benchmark too: class `Trained` in this file, ``ftac bench --policy lerobot_policy.py:Trained --policy-arg folder=act/act_0``.
 
 It needs torch and LeRobot 0.4: ``pip install 'ftac[lerobot]' lerobot``.
 """
@@ -18,6 +18,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
@@ -47,26 +48,22 @@ CHUNK = 20
 POLICIES = {"act": ACTPolicy, "diffusion": DiffusionPolicy}
 
 
-def kind_of(folder):
-    """``act`` or ``diffusion``: the policy in the folder of an earlier run."""
-    return json.loads((folder / "config.json").read_text())["type"]
-
-
 class Trained(PolicyAdapter):
     """A trained policy of the folder in which this program left it."""
 
     def __init__(self, folder):
         folder = Path(folder)
-        self.model = POLICIES[kind_of(folder)].from_pretrained(folder).eval()
+        kind = json.loads((folder / "config.json").read_text())["type"]
+        self.model = POLICIES[kind].from_pretrained(folder).eval()
         device = {"device_processor": {"device": str(self.model.config.device)}}
         self.before, self.after = make_pre_post_processors(self.model.config, str(folder), preprocessor_overrides=device)
-        super().__init__(self.choose, folder / "ftac.json")
+        super().__init__(self.predict, folder / "ftac.json")
 
     def reset(self, info):
         super().reset(info)
         self.model.reset()
 
-    def choose(self, batch):
+    def predict(self, batch):
         tensors = {key: torch.from_numpy(value) if isinstance(value, np.ndarray) else value for key, value in batch.items()}
         with torch.inference_mode():
             return self.after(self.model.select_action(self.before(tensors)))
@@ -89,7 +86,9 @@ class Pushed:
 
 
 def make(objects, images):
-    return gymnasium.make("ftac/PickOne-v1", objects=objects, grasp=True, images=images, tactile="change", max_episode_steps=STEPS)
+    """The hand is moved by tensions, not by their changes: these are zero but for some steps, and ACT, which fits the median, would never close the hand."""
+    options = {"hand": "tensions", "grasp": True, "images": images, "tactile": "change"}
+    return gymnasium.make("ftac/PickOne-v1", objects=objects, **options, max_episode_steps=STEPS)
 
 
 def configuration(kind, inputs, outputs, device):
@@ -109,36 +108,52 @@ def configuration(kind, inputs, outputs, device):
     return DiffusionConfig(normalization_mapping=scales, optimizer_lr=3e-4, crop_shape=None, **size, **shared)
 
 
-def batches(data, args):
-    """Batches in random order, without end. Without images, all samples are read once and stay in memory."""
-    if args.images:
-        loader = torch.utils.data.DataLoader(data, batch_size=args.batch, shuffle=True, drop_last=True, num_workers=args.loaders)
-        while True:
-            yield from loader
-    # The task's words are no tensor.
-    samples = [{key: value for key, value in data[n].items() if isinstance(value, torch.Tensor)} for n in range(len(data))]
-    together = torch.utils.data.default_collate(samples)
-    print(f"{len(samples)} samples read", flush=True)
-    while True:
-        chosen = torch.randint(len(samples), (args.batch,))
-        yield {key: value[chosen] for key, value in together.items()}
+class Source(NamedTuple):
+    """A data set, what it says of itself, the configuration of a policy that learns from it, and without images all samples."""
+
+    samples: LeRobotDataset
+    meta: LeRobotDatasetMetadata
+    config: ACTConfig | DiffusionConfig
+    together: dict[str, torch.Tensor] | None
 
 
-def train(args, dataset):
-    """Trains a policy on the data set; returns the curve of its loss."""
-    torch.manual_seed(args.seed)
+def opened(dataset, args):
+    """The data set in a folder. Without images, all samples are read once and stay in memory."""
     meta = LeRobotDatasetMetadata(dataset.name, root=dataset)
     found = dataset_to_policy_features(meta.features)
     outputs = {key: feature for key, feature in found.items() if feature.type is FeatureType.ACTION}
     inputs = {key: feature for key, feature in found.items() if key not in outputs}
     config = configuration(args.policy, inputs, outputs, args.device)
-    model = POLICIES[args.policy](config).train()
-    before, after = make_pre_post_processors(config, dataset_stats=meta.stats)
-    data = LeRobotDataset(dataset.name, root=dataset, delta_timestamps=resolve_delta_timestamps(config, meta), video_backend="pyav")
-    optimizer = torch.optim.AdamW(model.get_optim_params(), lr=config.optimizer_lr, weight_decay=1e-4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, [group.get("lr", config.optimizer_lr) for group in optimizer.param_groups], args.updates)
-    curve, losses, begun = [], [], time.monotonic()
-    for batch in islice(batches(data, args), args.updates):
+    samples = LeRobotDataset(dataset.name, root=dataset, delta_timestamps=resolve_delta_timestamps(config, meta), video_backend="pyav")
+    if args.images:
+        return Source(samples, meta, config, None)
+    print(f"reading {len(samples)} samples into memory", flush=True)
+    # The task's words are no tensor.
+    tensors = [{key: value for key, value in samples[n].items() if isinstance(value, torch.Tensor)} for n in range(len(samples))]
+    return Source(samples, meta, config, torch.utils.data.default_collate(tensors))
+
+
+def batches(source, args):
+    """Batches in random order, without end."""
+    if source.together is None:
+        loader = torch.utils.data.DataLoader(source.samples, batch_size=args.batch, shuffle=True, drop_last=True, num_workers=args.loaders)
+        while True:
+            yield from loader
+    while True:
+        chosen = torch.randint(len(source.samples), (args.batch,))
+        yield {key: value[chosen] for key, value in source.together.items()}
+
+
+def train(source, seed, folder, args):
+    """Trains a policy, which is saved in the folder; yields the curve of its loss."""
+    torch.manual_seed(seed)
+    model = POLICIES[args.policy](source.config).train()
+    before, after = make_pre_post_processors(source.config, dataset_stats=source.meta.stats)
+    rate = source.config.optimizer_lr
+    optimizer = torch.optim.AdamW(model.get_optim_params(), lr=rate, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, [group.get("lr", rate) for group in optimizer.param_groups], args.updates)
+    losses, begun = [], time.monotonic()
+    for batch in islice(batches(source, args), args.updates):
         loss, _ = model(before(batch))
         optimizer.zero_grad()
         loss.backward()
@@ -147,13 +162,12 @@ def train(args, dataset):
         schedule.step()
         losses.append(loss.item())
         if len(losses) % max(1, args.updates // 20) == 0:
-            recent = losses[-max(1, args.updates // 20) :]
-            curve.append((len(losses), float(np.mean(recent))))
-            print(f"  update {curve[-1][0]} of {args.updates}: loss {curve[-1][1]:.4f}, {time.monotonic() - begun:.0f} s", flush=True)
+            recent = float(np.mean(losses[-max(1, args.updates // 20) :]))
+            yield len(losses), recent
+            print(f"  update {len(losses)} of {args.updates}: loss {recent:.4f}, {time.monotonic() - begun:.0f} s", flush=True)
     for part in (model, before, after):
-        part.save_pretrained(args.out)
-    (args.out / "ftac.json").write_text((dataset / "meta/ftac.json").read_text())
-    return curve
+        part.save_pretrained(folder)
+    (folder / "ftac.json").write_text((source.samples.root / "meta/ftac.json").read_text())
 
 
 @cache
@@ -182,17 +196,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--policy", choices=list(POLICIES), default="act")
     parser.add_argument("--objects", help="names with commas between; all that the repertoire has if left out")
-    parser.add_argument("--trained", type=Path, help="folder of an earlier run: only tests it")
+    parser.add_argument("--trained", type=Path, nargs="+", help="folders of trained policies: only tests them")
     parser.add_argument("--dataset", type=Path, help="folder of a data set of the same observations; recorded if left out")
     parser.add_argument("--episodes", type=int, default=660, help="to record")
     parser.add_argument("--push", type=float, default=0.1, help="standard deviation of pushes in these episodes, as a share of the greatest velocity")
     parser.add_argument("--images", type=int, help="side of the tactile images, pixels; none if left out")
-    parser.add_argument("--updates", type=int, default=20000, help="of the weights")
+    parser.add_argument("--updates", type=int, default=12000, help="of the weights of each policy")
     parser.add_argument("--batch", type=int, default=64, help="samples of an update")
     parser.add_argument("--loaders", type=int, default=0, help="processes that read the images")
-    parser.add_argument("--seed", type=int, default=0, help="of the training")
+    parser.add_argument("--seeds", type=int, default=1, help="policies to train, each with a seed of its own")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu", help="of torch; that which is there if left out")
-    parser.add_argument("--tests", type=int, default=330, help="episodes in which the policy is tested")
+    parser.add_argument("--tests", type=int, default=330, help="episodes in which each policy is tested")
     parser.add_argument("--first-seed", type=int, default=HELD_OUT, help="of the test episodes")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes of the tests")
     parser.add_argument("--out", type=Path, default=Path("lerobot_policy"))
@@ -200,23 +214,28 @@ def main():
     if args.out.exists():
         parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
-    objects, folder = known_objects(args.objects), args.trained
-    if folder is None:
-        folder, dataset = args.out, args.dataset or args.out / "dataset"
+    objects, folders = known_objects(args.objects), args.trained
+    if folders is None:
+        dataset, folders = args.dataset or args.out / "dataset", [args.out / f"{args.policy}_{seed}" for seed in range(args.seeds)]
         if args.dataset is None:
-            random = np.random.default_rng(args.seed)
+            random = np.random.default_rng(0)
             pushed = lambda env: Pushed(Script(env.unwrapped.features), args.push, random).act  # noqa: E731
             wrote = record(make(objects, args.images), pushed, args.episodes, dataset)
             print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames")
-        print(f"training on {args.device}")
-        curve = train(args, dataset)
+        source = opened(dataset, args)
         with open(args.out / "curve.csv", "w", newline="") as file:
-            csv.writer(file).writerows([("update", "loss"), *curve])
+            table = csv.writer(file)
+            table.writerow(["policy", "update", "loss"])
+            for seed, folder in enumerate(folders):
+                print(f"training {folder.name} on {args.device}", flush=True)
+                for update, loss in train(source, seed, folder, args):
+                    table.writerow([folder.name, update, f"{loss:.5f}"])
+                    file.flush()
     with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
         table = csv.writer(file)
         table.writerow(["policy", "successes", "episodes", "outcomes"])
-        for name, policy in (("script", None), (kind_of(folder), str(folder))):
-            jobs = [(objects[n % len(objects)], args.first_seed + n, policy, args.images) for n in range(args.tests)]
+        for name, folder in [("script", None), *((folder.name, str(folder)) for folder in folders)]:
+            jobs = [(objects[n % len(objects)], args.first_seed + n, folder, args.images) for n in range(args.tests)]
             won = list(workers.map(episode, jobs, chunksize=2))
             table.writerow([name, sum(won), len(won), "".join("01"[one] for one in won)])
             file.flush()
