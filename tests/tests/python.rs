@@ -4,6 +4,7 @@
 //! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, matplotlib, pyarrow and av. Without them it
 //! prints a note and passes, unless `FTAC_PYTHON=required` is set.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
@@ -129,40 +130,42 @@ fn the_wheel_installs_and_its_examples_run() {
     let tests = root().join("twin/python/tests");
     let files = std::fs::read_dir(&tests).expect("a folder").map(|entry| entry.expect("an entry").file_name());
     let mut jobs: Vec<Vec<OsString>> = files
-        .filter(|name| name.to_string_lossy().starts_with("test_"))
+        .filter(|name| name.to_string_lossy().starts_with("test"))
         .map(|name| {
-            let discover = ["-m", "unittest", "discover", "-s"].map(OsString::from);
-            [&discover[..], &[tests.clone().into(), "-p".into(), name]].concat()
+            ["-m".into(), "unittest".into(), "discover".into(), "-s".into(), tests.clone().into(), "-p".into(), name]
+                .into()
         })
         .collect();
+    let test_files = jobs.len();
+    assert!(test_files > 0, "no tests in {}", tests.display());
     for (n, example) in own.iter().chain(&of_book).enumerate() {
         let script = folder.path().join(format!("example_{n}.py"));
         std::fs::write(&script, example).expect("written");
         jobs.push(vec![script.into()]);
     }
     let outputs = run_side_by_side(&python, folder.path(), &jobs);
-    for output in outputs.iter().filter(|(job, _)| job.len() > 1).map(|(_, output)| stderr(output)) {
-        assert!(output.contains("OK") && !output.contains("Ran 0 tests"), "{output}");
+    for told in outputs[..test_files].iter().map(stderr) {
+        assert!(told.contains("OK") && !told.contains("Ran 0 tests"), "{told}");
     }
 }
 
-/// Runs Python in `folder` once with each list of arguments, two at a time.
+/// Runs Python in `folder` once with each list of arguments, two at a time. Returns the outputs in the same order.
 ///
 /// # Panics
 /// If one fails.
-fn run_side_by_side<'a>(python: &Path, folder: &Path, jobs: &'a [Vec<OsString>]) -> Vec<(&'a [OsString], Output)> {
-    let (left, outputs) = (Mutex::new(jobs.iter()), Mutex::new(Vec::new()));
+fn run_side_by_side(python: &Path, folder: &Path, jobs: &[Vec<OsString>]) -> Vec<Output> {
+    let (left, outputs) = (Mutex::new(jobs.iter().enumerate()), Mutex::new(BTreeMap::new()));
     let work = || {
         loop {
-            let Some(job) = left.lock().expect("no panic holds it").next() else { break };
+            let Some((n, job)) = left.lock().expect("no panic holds it").next() else { break };
             let output =
                 run(Command::new(python).args(job).current_dir(folder)).unwrap_or_else(|error| panic!("{error}"));
-            outputs.lock().expect("no panic holds it").push((job.as_slice(), output));
+            outputs.lock().expect("no panic holds it").insert(n, output);
         }
     };
     std::thread::scope(|scope| {
         scope.spawn(work);
         work();
     });
-    outputs.into_inner().expect("no panic holds it")
+    outputs.into_inner().expect("no panic holds it").into_values().collect()
 }
