@@ -11,10 +11,7 @@ import numpy as np
 from ftac import features
 from ftac.features import Row, Spec
 from ftac.lerobot.episodes import words
-from ftac.lerobot.layout import Layout
-
-PER_OBJECT = ("objects", "shape", "identity", "grasp")
-"""Observations with a row for each object."""
+from ftac.lerobot.layout import PER_OBJECT, Layout
 
 
 class PolicyAdapter:

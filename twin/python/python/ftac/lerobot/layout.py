@@ -32,7 +32,9 @@ from ftac.features import Observation, Row, Spec
 
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
 IMAGES = "observation.images."
-PARTS = {STATE: ("servos", "arm", "palm", "command", "time"), ENVIRONMENT: ("objects", "shape", "identity", "grasp", "goal")}
+PER_OBJECT = ("objects", "shape", "identity", "grasp")
+"""Keys of `ftac.features` with a row for each object."""
+PARTS = {STATE: ("servos", "arm", "palm", "command", "time"), ENVIRONMENT: (*PER_OBJECT, "goal")}
 """Keys of `ftac.features` of which the keys of a data set consist."""
 APART = ("privileged", "achieved_goal")
 """Keys that are the same in a data set and are not for policies."""
