@@ -25,7 +25,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
-from imitate import PUSH_STEPS, interval, known_objects  # noqa: E402
+from imitate import PUSH, PUSH_STEPS, interval, known_objects  # noqa: E402
 from lerobot.configs.types import FeatureType, NormalizationMode  # noqa: E402
 from lerobot.datasets.factory import resolve_delta_timestamps  # noqa: E402
 from lerobot.datasets.lerobot_dataset import LeRobotDataset, LeRobotDatasetMetadata  # noqa: E402
@@ -199,7 +199,7 @@ def main():
     parser.add_argument("--trained", type=Path, nargs="+", help="folders of trained policies: only tests them")
     parser.add_argument("--dataset", type=Path, help="folder of a data set of the same observations; recorded if left out")
     parser.add_argument("--episodes", type=int, default=660, help="to record")
-    parser.add_argument("--push", type=float, default=0.1, help="standard deviation of pushes in these episodes, as a share of the greatest velocity")
+    parser.add_argument("--push", type=float, default=PUSH, help="standard deviation of pushes in these episodes, as a share of the greatest velocity")
     parser.add_argument("--images", type=int, help="side of the tactile images, pixels; none if left out")
     parser.add_argument("--updates", type=int, default=12000, help="of the weights of each policy")
     parser.add_argument("--batch", type=int, default=64, help="samples of an update")
@@ -219,7 +219,10 @@ def main():
         dataset, folders = args.dataset or args.out / "dataset", [args.out / f"{args.policy}_{seed}" for seed in range(args.seeds)]
         if args.dataset is None:
             random = np.random.default_rng(0)
-            pushed = lambda env: Pushed(Script(env.unwrapped.features), args.push, random).act  # noqa: E731
+
+            def pushed(env):
+                return Pushed(Script(env.unwrapped.features), args.push, random).act
+
             wrote = record(make(objects, args.images), pushed, args.episodes, dataset)
             print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames")
         source = opened(dataset, args)

@@ -85,8 +85,8 @@ def untrained(objects, tactile, hidden, random):
     return policy
 
 
-def improve(args, workers, policy, tactile, seed, objects, tell):
-    """Iterations of PPO, each told by its number, steps, successes and mean return."""
+def improve(args, workers, policy, tactile, seed, objects):
+    """Iterations of PPO; yields the steps, the successes and the mean return of each."""
     random, critic, begun = np.random.default_rng(seed), None, time.monotonic()
     for iteration in range(args.iterations):
         if time.monotonic() - begun > 60.0 * args.minutes:
@@ -105,7 +105,7 @@ def improve(args, workers, policy, tactile, seed, objects, tell):
         # The critic of the first iteration knows nothing yet.
         if iteration > 0:
             update(policy, inputs, actions, (gains - gains.mean()) / (gains.std() + 1e-6), args.sigma, random, args.rate)
-        tell(iteration, len(inputs), sum(run[4] for run in runs), float(np.mean([run[3].sum() for run in runs])))
+        yield len(inputs), sum(run[4] for run in runs), float(np.mean([run[3].sum() for run in runs]))
 
 
 def main():
@@ -148,13 +148,11 @@ def main():
                 results.flush()
                 print(f"{name}, {when}: {imitate.interval(sum(won), len(won))}", flush=True)
 
-            def tell(iteration, steps, won, mean):
+            test("before")
+            for iteration, (steps, won, mean) in enumerate(improve(args, workers, policy, tactile, seed, objects)):
                 curves.writerow([name, iteration, steps, won, f"{mean:.3f}"])
                 curve.flush()
                 print(f"  {iteration + 1}: {won} of {args.episodes} succeed while it explores, return {mean:.3f}", flush=True)
-
-            test("before")
-            improve(args, workers, policy, tactile, seed, objects, tell)
             policy.save(args.out / f"{name}.npz", tactile=tactile, before=imitate.BEFORE)
             test("after")
 
