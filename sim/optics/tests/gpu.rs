@@ -97,6 +97,15 @@ fn both_backends_make_the_same_images() {
     // Idle images alone, and none at all.
     assert_eq!(gpu.render(&jobs[jobs.len() - 1..]).unwrap(), a[a.len() - 1..]);
     assert!(gpu.render(&[]).unwrap().is_empty());
+    // More than one batch, and calls from several threads.
+    let many = jobs[..8].repeat(40);
+    std::thread::scope(|scope| {
+        let calls =
+            [&jobs[..8], &many[..], &jobs[..3]].map(|jobs| (jobs.len(), scope.spawn(|| gpu.render(jobs).unwrap())));
+        for (count, call) in calls {
+            assert!(call.join().unwrap().iter().eq(b[..8].iter().cycle().take(count)));
+        }
+    });
     // Without shadows the images differ: the shadows above were not empty.
     let bare = gpu.without_shadows().render(&jobs[..8]).unwrap();
     assert!(bare.iter().zip(&b).any(|(bare, b)| bare != b));

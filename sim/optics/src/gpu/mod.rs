@@ -1,16 +1,17 @@
 //! The GPU backend: image formation as compute shaders, for all pads of many hands at once.
 //!
 //! Each stage (smoothing along columns and rows for every kernel, cast shadows, exposure) is one dispatch over all images
-//! of a batch; a batch has as many images as the GPU's buffers hold. Maps are only as large as the contact and its
-//! shadows require. Data that does not depend on the contact (lamps, response tables, backgrounds, noise) is uploaded
-//! once.
+//! of a batch. Maps are only as large as the contact and its shadows require. Data that does not depend on the contact
+//! (lamps, response tables, backgrounds, noise) is uploaded once. Each batch in flight has buffers of its own, so that
+//! one is packed or copied back while the GPU renders another, of the same call or of another thread's.
 
 mod device;
 mod layout;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hand_model::robot::TactileImage;
+use rayon::prelude::*;
 use wgpu::{Buffer, BufferUsages, ComputePass, ComputePipeline};
 
 use crate::error::OpticsError;
@@ -24,20 +25,22 @@ use crate::sensor::Sensor;
 const IMAGE_BYTES: usize = 3 * PIXEL_COUNT;
 /// Number of lines per workgroup of the smoothing.
 const LINES_PER_WORKGROUP: usize = 8;
+/// Number of images of a batch.
+const BATCH_IMAGES: usize = 256;
 /// Largest buffer of a batch, bytes.
 const MAX_BATCH_BYTES: u64 = 512 << 20;
 
 /// Renderer of tactile images on a GPU, through wgpu.
 #[derive(Debug)]
 pub struct GpuRenderer {
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
     sensors: Arc<Vec<Sensor>>,
     /// Index of each sensor's first parameter.
     starts: Vec<usize>,
     constants: Buffer,
     shadows: bool,
-    /// Buffers kept between calls, and grown when a batch needs more.
-    buffers: Mutex<Option<Buffers>>,
+    /// Buffers that no batch uses at present.
+    idle_buffers: Mutex<Vec<Buffers>>,
 }
 
 /// Buffers of a batch.
@@ -64,7 +67,10 @@ impl GpuRenderer {
 
     fn open(sensors: Arc<Vec<Sensor>>, software: bool) -> Result<Self, OpticsError> {
         let kernels = sensors.iter().map(|sensor| sensor.model().elastomer.kernels.len()).max().unwrap_or(0);
-        let gpu = Gpu::open(software, kernels)?;
+        Self::on(Arc::new(Gpu::open(software, kernels)?), sensors)
+    }
+
+    fn on(gpu: Arc<Gpu>, sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
         let (numbers, starts) = layout::pack_sensors(&sensors);
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let size = 4 * numbers.len().max(1) as u64;
@@ -84,7 +90,7 @@ impl GpuRenderer {
             mapped_at_creation: false,
         });
         gpu.queue.write_buffer(&constants, 0, bytemuck::cast_slice(&numbers));
-        Ok(Self { gpu, sensors, starts, constants, shadows: true, buffers: Mutex::new(None) })
+        Ok(Self { gpu, sensors, starts, constants, shadows: true, idle_buffers: Mutex::default() })
     }
 
     /// Returns the same renderer without cast shadows.
@@ -92,11 +98,11 @@ impl GpuRenderer {
         Self { shadows: false, ..self }
     }
 
-    fn render_batch(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
+    fn render_batch(&self, batch: &Batch) -> Result<Vec<TactileImage>, OpticsError> {
         let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffers = self.ensure_buffers(batch, buffers);
+        let buffers = self.buffers_for(batch);
         if let Some(error) = pollster::block_on(memory.pop()) {
             return Err(fault(error.to_string()));
         }
@@ -146,13 +152,14 @@ impl GpuRenderer {
         }
         let size = (batch.count * IMAGE_BYTES) as u64;
         encoder.copy_buffer_to_buffer(&buffers.bytes, 0, &buffers.read, 0, size);
-        queue.submit([encoder.finish()]);
+        let submission = queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
         buffers.read.map_async(wgpu::MapMode::Read, 0..size, move |result| {
             // The receiver outlives the wait below.
             let _ = sender.send(result);
         });
-        device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| fault(error.to_string()))?;
+        let done = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        device.poll(done).map_err(|error| fault(error.to_string()))?;
         if let Some(error) = pollster::block_on(scope.pop()) {
             return Err(fault(error.to_string()));
         }
@@ -162,11 +169,17 @@ impl GpuRenderer {
             view.chunks_exact(IMAGE_BYTES).map(|rgb| TactileImage { rgb: rgb.to_vec() }).collect()
         };
         buffers.read.unmap();
+        self.idle().push(buffers);
         Ok(images)
     }
 
-    /// Returns buffers large enough for a batch: the previous ones if they suffice.
-    fn ensure_buffers<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
+    /// Locks the buffers that no batch uses. The list is valid even if another thread panicked while holding the lock.
+    fn idle(&self) -> MutexGuard<'_, Vec<Buffers>> {
+        self.idle_buffers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns buffers large enough for a batch: idle ones if they suffice.
+    fn buffers_for(&self, batch: &Batch) -> Buffers {
         let needs = [
             4 * JOB_WORDS * batch.count,
             4 * batch.object_depths.len(),
@@ -174,16 +187,15 @@ impl GpuRenderer {
             IMAGE_BYTES * batch.count,
         ];
         let [jobs, own, share, bytes] = needs.map(|bytes| bytes.max(16) as u64);
-        let small = |buffers: &Buffers| {
-            buffers.jobs.size() < jobs
-                || buffers.object_depths.size() < own
-                || buffers.share.size() < share
-                || buffers.bytes.size() < bytes
+        let large = |buffers: &Buffers| {
+            buffers.jobs.size() >= jobs
+                && buffers.object_depths.size() >= own
+                && buffers.share.size() >= share
+                && buffers.bytes.size() >= bytes
         };
-        if old.as_ref().is_some_and(small) {
-            *old = None;
-        }
-        old.get_or_insert_with(|| {
+        // The last one is too small at times: it is dropped, so that the list does not fill with small ones.
+        let idle = self.idle().pop();
+        idle.filter(large).unwrap_or_else(|| {
             let make = |label: &str, size: u64, usage: BufferUsages| {
                 self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some(label),
@@ -217,13 +229,19 @@ impl Renderer for GpuRenderer {
     fn render(&self, jobs: &[RenderJob<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
         let limits = self.gpu.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MAX_BATCH_BYTES) as usize;
-        // The buffers are valid even if another thread panicked while holding the lock.
-        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut images = Vec::with_capacity(jobs.len());
-        while images.len() < jobs.len() {
-            let batch = Batch::pack(&jobs[images.len()..], &self.sensors, &self.starts, self.shadows, limit)?;
-            images.extend(self.render_batch(&batch, &mut buffers)?);
+        let batches = |jobs: &[RenderJob<'_>]| -> Result<Vec<TactileImage>, OpticsError> {
+            let mut images = Vec::with_capacity(jobs.len());
+            while images.len() < jobs.len() {
+                let batch = Batch::pack(&jobs[images.len()..], &self.sensors, &self.starts, self.shadows, limit)?;
+                images.extend(self.render_batch(&batch)?);
+            }
+            Ok(images)
+        };
+        if jobs.len() <= BATCH_IMAGES {
+            // On the caller's thread: a thread of the pool would only wait for the GPU.
+            return batches(jobs);
         }
-        Ok(images)
+        let images: Result<Vec<_>, _> = jobs.par_chunks(BATCH_IMAGES).map(batches).collect();
+        Ok(images?.into_iter().flatten().collect())
     }
 }
