@@ -38,7 +38,7 @@ mod _native {
     #[pymodule_export]
     use crate::program::run;
     #[pymodule_export]
-    use crate::scene::{Episode, Scene, restored_episode, restored_scene, step_all};
+    use crate::scene::{Episode, Scene, restored_episode, restored_scene, step_all, tactile_of_all};
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]

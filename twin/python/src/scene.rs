@@ -15,7 +15,8 @@ use hand_model::robot::{RobotCommand, ServoGoal, TactileFrame};
 use learning_environment::{
     EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, Progress, SceneObject, SceneOptions,
 };
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4};
+use numpy::ndarray::Array5;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArray5};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -93,8 +94,13 @@ fn sized(name: &str, values: &Numbers, expected: usize) -> PyResult<Vec<f64>> {
     Ok(values.to_vec())
 }
 
-/// Returns the observation: the measurements of the robot.
-fn observation<'py>(py: Python<'py>, scene: &learning_environment::TactileScene) -> PyResult<Bound<'py, PyDict>> {
+/// Returns the observation: the measurements of the robot, with the tactile images if there are any and `pictures` is
+/// true.
+fn observation<'py>(
+    py: Python<'py>,
+    scene: &learning_environment::TactileScene,
+    pictures: bool,
+) -> PyResult<Bound<'py, PyDict>> {
     let measured = PyDict::new(py);
     measured.set_item("time", scene.time())?;
     let servos = scene.servos().iter().map(|servo| [servo.position, servo.velocity, servo.current]);
@@ -103,7 +109,7 @@ fn observation<'py>(py: Python<'py>, scene: &learning_environment::TactileScene)
     let joints = (0..arm.position.len()).map(|n| [arm.position[n], arm.velocity[n], arm.torque[n]]);
     measured.set_item("arm", array_of_rows(py, joints))?;
     measured.set_item("palm", PyArray1::from_slice(py, &pose_row(&scene.palm())))?;
-    if let Some(images) = scene.images() {
+    if let Some(images) = scene.images().filter(|_| pictures) {
         measured.set_item("tactile", pad_image_array(py, images)?)?;
         measured.set_item("tactile_time", times(images).into_pyarray(py))?;
     }
@@ -221,7 +227,7 @@ impl Scene {
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        observation(py, &lock_stepped(&self.0)?.scene)
+        observation(py, &lock_stepped(&self.0)?.scene, true)
     }
 
     /// Returns the images of the untouched pads, as `tactile` of an observation.
@@ -345,10 +351,11 @@ impl Episode {
         py.detach(|| step_and_judge(stepped, action)).map_err(value_error)
     }
 
-    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// Returns the observation, with the tactile images if `pictures` is true.
+    fn observe<'py>(&self, py: Python<'py>, pictures: bool) -> PyResult<Bound<'py, PyDict>> {
         let stepped = lock_stepped(&self.0)?;
         let episode = &stepped.scene;
-        let measured = observation(py, &episode.scene)?;
+        let measured = observation(py, &episode.scene, pictures)?;
         measured.set_item(
             "detected",
             array_of_rows(py, episode.detections().iter().map(|object| pose_row(&object.pose()))),
@@ -479,4 +486,50 @@ pub fn step_all(
         |item: Mutex<(_, _, Option<JudgementTuple>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
     let missing = || PyRuntimeError::new_err("a step failed half-way: make new environments");
     work.into_iter().map(|item| judgement(item).ok_or_else(missing)).collect()
+}
+
+/// Returns the newest tactile images of a batch of episodes of one size, episodes x pads x rows x columns x RGB, copied on
+/// `jobs` threads; with `change`, half of their differences from the untouched pads, and 128 where nothing has changed.
+#[pyfunction]
+pub fn tactile_of_all<'py>(
+    py: Python<'py>,
+    episodes: Vec<Py<Episode>>,
+    change: bool,
+    jobs: usize,
+) -> PyResult<Bound<'py, PyArray5<u8>>> {
+    let guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
+    let none = || value_error("tactile: found an episode without images, expected one with images");
+    let mut sources = Vec::with_capacity(guards.len());
+    for guard in &guards {
+        let scene = &guard.scene.scene;
+        sources.push((scene.images().ok_or_else(none)?, scene.untouched().ok_or_else(none)?));
+    }
+    let (side, pads) = sources.first().map_or((0, 0), |(images, _)| (images.side(), images.times().len()));
+    let size = pads * side * side * 3;
+    if let Some((images, _)) = sources.iter().find(|(images, _)| images.rgb().len() != size) {
+        return Err(value_error(format!(
+            "tactile: found {} bytes, expected {size} as in the first",
+            images.rgb().len()
+        )));
+    }
+    let mut all = vec![0; sources.len() * size];
+    let work: Vec<Mutex<_>> = all.chunks_exact_mut(size.max(1)).zip(sources).map(Mutex::new).collect();
+    let done = py.detach(|| {
+        workers::for_each(jobs, &work, |_, item| {
+            let mut item = item.lock().map_err(|_| anyhow::anyhow!("a copy failed half-way"))?;
+            let (to, (images, untouched)) = &mut *item;
+            if change {
+                let pairs = images.rgb().iter().zip(untouched.rgb());
+                // Rounded down, which leaves 1 to 255.
+                let half = |(now, before): (&u8, &u8)| (128 + ((i16::from(*now) - i16::from(*before)) >> 1)) as u8;
+                to.iter_mut().zip(pairs).for_each(|(to, pair)| *to = half(pair));
+            } else {
+                to.copy_from_slice(images.rgb());
+            }
+            Ok(())
+        })
+    });
+    done.map_err(|error| failure(&error))?;
+    drop(work);
+    Ok(Array5::from_shape_vec((guards.len(), pads, side, side, 3), all).map_err(value_error)?.into_pyarray(py))
 }

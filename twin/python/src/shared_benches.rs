@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use anyhow::Context as _;
 use bench::builtin::{make_graspless_bench, set_plant_instance};
 use bench::trial::Bench;
 use ftac_platform::data::read_text;
@@ -13,14 +14,16 @@ use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
 use scenarios::scenario::BENCHMARK_TOML;
+use sim::tactile::TactileBoard;
+use tactile_optics::GpuRenderer;
 use toml::{Table, Value};
 use world::objects::ObjectSet;
 
 use crate::arrays::{failure, value_error};
 
-/// Setup of a scene or episode: true for the benchmark's effects and errors, the texts of the robot ([`robot`]), and the
-/// text of a scenario ([`scenario`]).
-pub type Setup = (bool, Option<String>, Option<String>);
+/// Setup of a scene or episode: true for the benchmark's effects and errors, the texts of the robot ([`robot`]), the text
+/// of a scenario ([`scenario`]), and true for tactile images from a GPU.
+pub type Setup = (bool, Option<String>, Option<String>, bool);
 
 static SHARED_BENCHES: Mutex<Vec<(Setup, Arc<Bench>)>> = Mutex::new(Vec::new());
 
@@ -47,9 +50,9 @@ pub fn benchmark_scenario() -> PyResult<String> {
 }
 
 /// Returns the bench of a setup. Without a scenario it has that of the benchmark; without effects and errors there are
-/// none (compliance, friction).
+/// none (compliance, friction). Returns an error if images are to come from a GPU and there is none.
 pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
-    let (reality, robot, text) = setup;
+    let (reality, robot, text, gpu) = setup;
     let sources: Option<RobotSources> = robot.as_deref().map(serde_json::from_str).transpose().map_err(value_error)?;
     let model = RobotModel::from_sources(sources.as_ref()).map_err(value_error)?;
     let mut scenario = match text {
@@ -60,16 +63,21 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
         scenario.effects = Effects::default();
         scenario.noise = scenario.noise.scaled(0.0);
     }
-    let made = py.detach(|| {
+    let made = py.detach(|| -> anyhow::Result<Arc<Bench>> {
         let mut shared = SHARED_BENCHES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, bench)) = shared.iter().find(|(made, _)| made == setup) {
             return Ok(bench.clone());
         }
-        let bench = Arc::new(make_graspless_bench(&model, scenario, EPISODE_SEED)?);
+        let mut bench = make_graspless_bench(&model, scenario, EPISODE_SEED)?;
+        if *gpu {
+            let sensors = Arc::new(bench.cameras.sensors().to_vec());
+            bench.cameras = TactileBoard::with_renderer(Arc::new(GpuRenderer::new(sensors).context("renderer")?));
+        }
+        let bench = Arc::new(bench);
         shared.push((setup.clone(), bench.clone()));
         Ok(bench)
     });
-    made.map_err(|error: anyhow::Error| failure(&error))
+    made.map_err(|error| failure(&error))
 }
 
 /// Tables of a scenario that can differ between episodes.

@@ -10,11 +10,17 @@ from ftac import envs, vector
 
 class Vector(unittest.TestCase):
     def test_many_do_what_one_does(self):
-        many = gymnasium.make_vec("ftac/PickOne-v1", num_envs=3, images=16, reward="shaped")
+        for tactile in ("image", "change"):
+            with self.subTest(tactile=tactile):
+                self.many_do_what_one_does(tactile)
+
+    def many_do_what_one_does(self, tactile):
+        many = gymnasium.make_vec("ftac/PickOne-v1", num_envs=3, images=16, tactile=tactile, reward="shaped")
         observed, info = many.reset(seed=7)
         self.assertEqual((observed["tactile"].shape, len(info["objects"])), ((3, 17, 16, 16, 3), 3))
-        np.testing.assert_array_equal(info["untouched"], observed["tactile"])
-        one = envs.Pick("pick_one", images=16, reward="shaped")
+        untouched = info["untouched"] if tactile == "image" else np.full_like(info["untouched"], 128)
+        np.testing.assert_array_equal(untouched, observed["tactile"])
+        one = envs.Pick("pick_one", images=16, tactile=tactile, reward="shaped")
         alone, _ = one.reset(seed=8)
         rng = np.random.default_rng(0)
         for _ in range(5):
@@ -22,8 +28,11 @@ class Vector(unittest.TestCase):
             observed, rewards, terminated, truncated, _ = many.step(actions)
             alone, reward, *_ = one.step(actions[1])
             self.assertEqual(rewards[1], reward)
+        self.assertEqual(set(observed), set(alone))
         for name, value in alone.items():
             np.testing.assert_array_equal(observed[name][1], value)
+        # The cameras' noise: images had to be taken anew.
+        self.assertTrue((observed["tactile"] != untouched).any())
 
     def test_an_episode_that_is_over_begins_anew_in_the_next_step(self):
         many = vector.VectorPick(2, task="pick_one", max_episode_steps=3)
@@ -44,6 +53,24 @@ class Vector(unittest.TestCase):
         for env, seen in zip(many.envs, before["arm"]):
             np.testing.assert_array_equal(env._observe()["arm"], seen)
 
+    def test_a_gpu_forms_nearly_the_same_images(self):
+        for options in ({"renderer": "gpu"}, {"renderer": "gpu", "images": 64}):
+            with self.assertRaisesRegex(ValueError, "renderer: found gpu for images=.*, expected images=240"):
+                vector.VectorPick(2, task="pick_one", **options)
+        with self.assertRaisesRegex(ValueError, "renderer: found 'cuda', expected cpu or gpu"):
+            envs.Pick(renderer="cuda", images=240)
+        action = np.zeros((2, 12), dtype=np.float32)
+        seen = {}
+        for renderer in ("cpu", "gpu"):
+            many = vector.VectorPick(2, task="pick_one", images=240, renderer=renderer)
+            try:
+                many.reset(seed=1)
+            except RuntimeError as error:
+                self.assertEqual(renderer, "gpu")
+                self.assertRegex(str(error), "renderer: GPU: found .*; expected a GPU")
+                return
+            seen[renderer] = many.step(action)[0]["tactile"].astype(np.int16)
+        self.assertLess((abs(seen["gpu"] - seen["cpu"]) > 1).mean(), 0.001)
 
     def test_saved_states_are_restored(self):
         many = vector.VectorPick(2, task="pick_one", images=16)

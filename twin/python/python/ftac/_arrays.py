@@ -47,6 +47,15 @@ def side_of(images: Any) -> int | None:
     return None if images is None else whole("images", images, 8, 240)
 
 
+def on_gpu(renderer: Any, images: int | None) -> bool:
+    """Whether `renderer`, ``cpu`` or ``gpu``, is a GPU. ``ValueError`` for another one, or for images that a GPU does not form."""
+    if renderer not in ("cpu", "gpu"):
+        raise ValueError(f"renderer: found {renderer!r}, expected cpu or gpu")
+    if renderer == "gpu" and images != 240:
+        raise ValueError(f"renderer: found gpu for images={images}, expected images=240: smaller ones are formed on the CPU")
+    return bool(renderer == "gpu")
+
+
 def image(what: str, values: ArrayLike) -> NDArray[np.uint8]:
     """`values` as a contiguous uint8 picture. ``ValueError`` for another kind of number: a picture is not scaled in silence."""
     array = np.asarray(values)

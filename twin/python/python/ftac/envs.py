@@ -17,7 +17,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, features
-from ftac._arrays import robot_of, scenario_of, whole
+from ftac._arrays import on_gpu, robot_of, scenario_of, whole
 from ftac._poses import inverse, pose_matrix
 from ftac.features import Features, Observation, Spec
 from ftac.randomization import Randomization
@@ -72,6 +72,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     task: ``pick_one`` (one object alone), ``pick_second`` (the first one is in the hand already) or ``pick_two``.
     images, tactile, arm, hand, identity, grasp: choice of observations and actions, see `ftac.features.Spec`. Smaller images are formed on 64 or more
         points a side, which is quick; the log says how far they are from the mean of full ones (a grey level, and more at sharp edges).
+    renderer: what forms tactile images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding and which `reset` refuses where there is none.
     reward: ``sparse``, ``shaped`` (both in `REWARDS`), or weights of the terms by name.
     combination: number of a combination of the benchmark (see `ftac.combinations`); None draws one for every episode.
     objects: names of objects from which an episode draws its own, not for ``pick_second``; None for those of the combination.
@@ -98,6 +99,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         tactile: Literal["image", "change"] = "image",
         arm: features.ArmAction = "twist",
         hand: features.HandAction = "tension_steps",
+        renderer: Literal["cpu", "gpu"] = "cpu",
         identity: bool = False,
         grasp: bool = False,
         reward: str | Mapping[str, float] = "sparse",
@@ -124,7 +126,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
         self.camera = None if camera is None else whole("camera", camera, 32, 2048)
         self.privileged, self.render_mode = bool(privileged), render_mode
         self._robot, self._joints, self._pads = robot_of(robot_model)
-        self._setup = (self.reality, self._robot, scenario_of(scenario))
+        self._setup = (self.reality, self._robot, scenario_of(scenario), on_gpu(renderer, self.images))
+        self._pictures = True
         self._episode: _native.Episode | None = None
         self._shown: _native.Episode | None = None
         self._over = True
@@ -168,7 +171,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         choices = (self.images, combination, objects)
         self._episode = _native.Episode(self.task, choices, drawn, self._setup, (overrides, instance))
         self._shown, self._over = self._episode, False
-        names, yaws, detected = self._episode.objects(), self._episode.yaws(), self._episode.observe()["detected"]
+        names, yaws, detected = self._episode.objects(), self._episode.yaws(), self._episode.observe(False)["detected"]
         untouched = None if self.images is None else self._episode.untouched()
         known, shape = self._known(names, self._episode.object_features())
         self.features = Features(
@@ -254,7 +257,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     def _observe(self) -> Observation:
         assert self._episode is not None and self.features is not None
-        observed = self.features.observe(self._episode.observe())
+        observed = self.features.observe(self._episode.observe(self._pictures), self._pictures)
         if self.camera is not None:
             observed["scene_camera"] = self._episode.picture(self.camera)
         if self.privileged:

@@ -253,8 +253,9 @@ class Features:
         self._joints: Array = np.zeros(0) if joints is None else np.asarray(joints, dtype=np.float64).copy()
         self._begun = False
 
-    def observe(self, measured: Mapping[str, Any]) -> Observation:
-        """Observations from what the robot measures: ``time`` (s), ``servos`` (6, 3), ``arm`` (n, 3), ``palm`` (7,), and ``tactile`` with images."""
+    def observe(self, measured: Mapping[str, Any], pictures: bool = True) -> Observation:
+        """Observations from what the robot measures: ``time`` (s), ``servos`` (6, 3), ``arm`` (n, 3), ``palm`` (7,), and ``tactile`` with images,
+        which are left out without `pictures`."""
         servos, arm = np.array(measured["servos"], dtype=np.float64), np.array(measured["arm"], dtype=np.float64)
         if not self._begun:
             self._begun, self._spool_goals = True, np.clip(servos[:, 0], self._spools[:, 0], self._spools[:, 1])
@@ -278,7 +279,7 @@ class Features:
             observed["grasp"] = np.array(
                 [self._grasp(grasp, goal, from_world) for grasp, goal in zip(self.grasps, self.goals)], dtype=np.float32
             ).reshape(-1, GRASP_LENGTH)
-        if self.spec.images is not None:
+        if self.spec.images is not None and pictures:
             images = measured["tactile"]
             if self.spec.tactile == "change" and self._untouched is not None:
                 images = (128 + (images.astype(np.int16) - self._untouched) // 2).astype(np.uint8)

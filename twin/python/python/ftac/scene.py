@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers, robot_of, scenario_of, seed_of, side_of, whole
+from ftac._arrays import numbers, on_gpu, robot_of, scenario_of, seed_of, side_of, whole
 from ftac._images import Images, enlarged, images as shown, png
 from ftac._poses import pose_matrix
 
@@ -58,6 +58,8 @@ class Scene:
         File of another robot (`hand-model/data/robots` has the hand on a UR5e and on a Panda); None for the F-TAC Hand on a Gen3.
     scenario:
         Scenario file with objects of your own and effects (see the guide); None for the benchmark's.
+    renderer:
+        What forms images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding.
     """
 
     def __init__(
@@ -69,9 +71,10 @@ class Scene:
         reality: bool = True,
         robot_model: str | os.PathLike[str] | None = None,
         scenario: str | os.PathLike[str] | None = None,
+        renderer: Literal["cpu", "gpu"] = "cpu",
     ) -> None:
         places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
-        setup = (bool(reality), robot_of(robot_model)[0], scenario_of(scenario))
+        setup = (bool(reality), robot_of(robot_model)[0], scenario_of(scenario), on_gpu(renderer, images))
         self._scene = _native.Scene(places, side_of(images), seed_of(seed), setup)
         self.objects = [place[0] for place in places]
         self.limits: dict[str, Any] = self._scene.limits()

@@ -108,7 +108,7 @@ class Sort(Pick):
         script = Script(driver)
         held = [False]
         while script.stage < LIFT or script.clock < STAGE_TIMEOUT:
-            action = script.act(driver.observe(self._episode.observe()))
+            action = script.act(driver.observe(self._episode.observe(False), False))
             held, terms, _, lost = self._episode.step(driver.act(action))
             if lost:
                 return False

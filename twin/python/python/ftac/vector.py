@@ -44,6 +44,9 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1, 4096)
         self.envs = [self._ENV(**options) for _ in range(num_envs)]
+        # The images of all are copied together.
+        for env in self.envs:
+            env._pictures = False
         self.num_envs, self.jobs = num_envs, jobs or os.cpu_count() or 1
         self.render_mode = self.envs[0].render_mode
         self.single_observation_space = self.envs[0].observation_space
@@ -71,7 +74,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         for name in ("class", "detected", "untouched"):
             if name in begun[0][1]:
                 info[name] = np.stack([one[name] for _, one in begun])
-        return _stacked([observation for observation, _ in begun]), info
+        return self._together([observation for observation, _ in begun]), info
 
     def step(
         self, actions: Vector
@@ -101,7 +104,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
             observations[n], self._steps[n] = observation, 0
         self._over = terminated | truncated
         info = {"held": held, "is_success": success, "progress": progress}
-        return _stacked(observations), rewards, terminated, truncated, info
+        return self._together(observations), rewards, terminated, truncated, info
 
     def save(self) -> list[State]:
         """The present states of all environments, see `ftac.envs.Pick.save`."""
@@ -112,11 +115,20 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         if len(states) != self.num_envs:
             raise ValueError(f"states: found {len(states)}, expected {self.num_envs}")
         self._over[:] = False
-        return _stacked([env.restore(state) for env, state in zip(self.envs, states)])
+        return self._together([env.restore(state) for env, state in zip(self.envs, states)])
 
     def render(self) -> Any:
         """A picture of every environment, see `ftac.envs.Pick.render`."""
         return tuple(env.render() for env in self.envs)
+
+    def _together(self, observations: list[Observation]) -> Observation:
+        """Arrays of the observations of all environments, with their images."""
+        found = {name: np.stack([observation[name] for observation in observations]) for name in observations[0]}
+        if self.envs[0].images is not None:
+            episodes = [env._episode for env in self.envs if env._episode is not None]
+            change = self.envs[0].spec_of_features.tactile == "change"
+            found["tactile"] = _native.tactile_of_all(episodes, change, self.jobs)
+        return found
 
     def _each(self, work: Callable[[Any], Any], items: Any) -> list[Any]:
         with ThreadPoolExecutor(self.jobs) as threads:
@@ -134,7 +146,3 @@ def _objects(values: list[Any]) -> NDArray[Any]:
     array = np.empty(len(values), dtype=object)
     array[:] = values
     return array
-
-
-def _stacked(observations: list[Observation]) -> Observation:
-    return {name: np.stack([observation[name] for observation in observations]) for name in observations[0]}
