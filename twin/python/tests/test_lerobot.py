@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import json
+import shutil
 import tempfile
 import unittest
 from pathlib import Path
@@ -15,10 +16,11 @@ from ftac.features import Spec
 
 MISSING = [name for name in ("pyarrow", "av", "gymnasium") if importlib.util.find_spec(name) is None]
 if not MISSING:
+    import gymnasium
     import pyarrow.parquet as pq
 
     from ftac import bench, envs
-    from ftac.lerobot import Episode, Layout, PolicyAdapter, Writer, record, statistics, tables, video
+    from ftac.lerobot import Episode, Layout, PolicyAdapter, Taught, Writer, record, statistics, tables, video
     from ftac.lerobot.layout import ACTION, ENVIRONMENT, IMAGES, STATE
 
 SIDE = 16
@@ -34,6 +36,17 @@ def constant(env):
         return action.astype(np.float32)
 
     return act
+
+
+def short():
+    """Episodes of three steps."""
+    return gymnasium.wrappers.TimeLimit(envs.Pick(images=SIDE), 3)
+
+
+def led(env):
+    """Is led to close the hand by a part drawn for each episode, and would do something else."""
+    moves = np.full(12, np.random.default_rng(env.unwrapped.np_random_seed).uniform(0.5, 0.9), dtype=np.float32)
+    return lambda observation: Taught(moves, np.full(12, 0.5, dtype=np.float32))
 
 
 class Recording(list):
@@ -178,6 +191,8 @@ class DataSet(unittest.TestCase):
         ]:
             with self.assertRaisesRegex(error, words):
                 record(*arguments, quiet=True)
+        with self.assertRaisesRegex(ValueError, "env: found Pick for 2 jobs, expected a function that makes an environment"):
+            record(env, constant, 1, folder / "x", jobs=2, quiet=True)
         with self.assertRaisesRegex(ValueError, "video: found 'best', expected lossless or a whole number from 1 to 40"):
             record(env, constant, 1, folder / "x", video="best", quiet=True)
         never = lambda env: iter([None]).__next__ and (lambda observation: None)  # noqa: E731
@@ -190,6 +205,22 @@ class DataSet(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "broken.json: layout.spec: found 'imagse', expected some of images"):
             Layout.read(folder / "broken.json")
         (folder / "broken.json").unlink()
+
+    def test_processes_make_the_same_data_and_a_teacher_may_write(self):
+        folder = Path(self.folder.name) / "processes"
+        few = {"only_successes": False, "seed": 3, "quiet": True}
+        for jobs in (1, 2):
+            record(short, led, 3, folder / str(jobs), jobs=jobs, **few)
+        read = {path.relative_to(folder / "1"): path.read_bytes() for path in sorted((folder / "1").rglob("*")) if path.is_file()}
+        self.assertEqual({path: (folder / "2" / path).read_bytes() for path in read}, read)
+        data = [folder / "1/data/chunk-000/file-000.parquet"]
+        action, command = tables.read_column(data, ACTION), tables.read_column(data, STATE)
+        np.testing.assert_array_equal(action, np.full((9, 12), 0.5, dtype=np.float32))
+        # The robot did what the first of the two actions says.
+        names = Layout.read(folder / "1").names()[STATE]
+        thumb = command[:, names.index("command.thumb")].reshape(3, 3)
+        self.assertTrue(np.all(np.diff(thumb, axis=1) > 0.05) and np.ptp(thumb[:, 2]) > 0.0, thumb)
+        shutil.rmtree(folder)
 
     def test_goals_are_among_what_is_to_be_reached_for(self):
         env = envs.LiftTo(images=16)

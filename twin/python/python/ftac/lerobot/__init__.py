@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from ftac.lerobot.adapter import PolicyAdapter
 from ftac.lerobot.demonstrations import demonstrations
-from ftac.lerobot.episodes import Recorder, record
+from ftac.lerobot.episodes import Recorder, Taught, record
 from ftac.lerobot.layout import Layout
 from ftac.lerobot.sessions import export
 from ftac.lerobot.writer import Episode, Writer
 
-__all__ = ["Episode", "Layout", "PolicyAdapter", "Recorder", "Writer", "demonstrations", "export", "record"]
+__all__ = ["Episode", "Layout", "PolicyAdapter", "Recorder", "Taught", "Writer", "demonstrations", "export", "record"]

@@ -10,9 +10,8 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from ftac import _native
 from ftac._arrays import seed_of, whole
 from ftac.lerobot import card
 from ftac.lerobot.layout import ACTION, Layout
+from ftac.lerobot.ordered import in_order
 from ftac.lerobot.trials import SPEC, replay, trial
 from ftac.lerobot.video import Quality, measured_loss
 from ftac.lerobot.writer import Episode, Writer
@@ -110,16 +110,8 @@ def demonstrations(
 
 def _in_order(benchmark: _native.Benchmark, numbers: range, combinations: int, spec: Any, jobs: int) -> Iterator[Ran]:
     """Runs trials on `jobs` threads and yields them in their order; no more wait than there are threads."""
-    pool, waiting = ThreadPoolExecutor(jobs), deque[Future[Ran]]()
-    try:
-        for number in numbers:
-            waiting.append(pool.submit(trial, benchmark, number % combinations, number // combinations, spec))
-            if len(waiting) > jobs:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    questions = ((benchmark, number % combinations, number // combinations, spec) for number in numbers)
+    yield from in_order(ThreadPoolExecutor(jobs), trial, questions, jobs)
 
 
 def _replay(benchmark: _native.Benchmark, writer: Writer, spec: Any, most: int) -> dict[str, Any]:

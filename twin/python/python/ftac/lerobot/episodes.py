@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ftac._arrays import seed_of, whole
 from ftac.features import Observation
 from ftac.lerobot.layout import ACTION, Layout
+from ftac.lerobot.ordered import in_order
 from ftac.lerobot.video import Quality
 from ftac.lerobot.writer import Episode, Writer
 
 Act = Callable[[Observation], Any]
+Ran = tuple["Recorder", dict[str, Any], bool]
+"""Steps of an episode, the info of its reset, and whether the task was done."""
+
+
+class Taught(NamedTuple):
+    """Two actions of a policy that is recorded: it is led elsewhere than a teacher would go."""
+
+    moves: Any
+    """The action that moves the robot."""
+    written: Any
+    """The action in the data: what is to be learned here."""
 
 
 class Recorder:
@@ -56,16 +70,19 @@ def record(
     attempts: int | None = None,
     video: Quality = "lossless",
     task: str | None = None,
+    jobs: int = 1,
     quiet: bool = False,
 ) -> dict[str, Any]:
     """Runs episodes of an environment and writes them as the data set `out`. The same arguments give the same episodes.
 
     Parameters
     ----------
-    env: an environment of `ftac.envs`, as ``gymnasium.make`` returns it (which limits its steps), with any observations and actions.
+    env: an environment of `ftac.envs`, as ``gymnasium.make`` returns it (which limits its steps), with any observations and actions; or a function that makes
+        one.
     policy: an object with ``act(observation)`` as of the benchmark (`ftac.bench`), whose ``reset(info)`` is called first if it has one; or a function that
         gets the environment after each reset and returns such an ``act``: ``lambda env: Script(env.unwrapped.features).act``. An action of
-        None ends the episode.
+        None ends the episode; a `Taught` has the action to carry out and the one to write. What is random in it comes from
+        ``env.unwrapped.np_random_seed``, the seed of the episode.
     episodes: number of episodes to write.
     out: folder, which must not exist. Nothing is left of it after an error.
     seed: of the first episode; the next ones have the following seeds.
@@ -73,21 +90,28 @@ def record(
     attempts: most episodes to run; None for ten times `episodes`. ``RuntimeError`` if there are too few successes among them.
     video: ``lossless``, or a constant rate factor (`ftac.lerobot.video`).
     task: the task in words; None for words with the objects' names.
+    jobs: processes. With more than one, `env` and `policy` are functions that can be pickled, and a program that calls this does so under
+        ``if __name__ == "__main__"``. The episodes are the same with any number.
 
     Returns ``dataset``, ``episodes``, ``frames``, ``bytes``, ``attempts`` and ``successes``.
     """
     episodes, seed = whole("episodes", episodes, 1, 1_000_000), seed_of(seed)
     attempts = 10 * episodes if attempts is None else whole("attempts", attempts, episodes, 10_000_000)
-    layout = Layout.of(env)
-    pick = env.unwrapped
+    jobs = whole("jobs", jobs, 1, 1024)
+    if jobs > 1 and not callable(env):
+        raise ValueError(f"env: found {type(env).__name__} for {jobs} jobs, expected a function that makes an environment")
+    here = env() if callable(env) else env
+    layout = Layout.of(here)
+    pick = here.unwrapped
     made = {"env": pick.task, "seed": seed, "only_successes": bool(only_successes)}
     writer = Writer(Path(out), layout, video=video, rewards=True, made=made)
-    tried = successes = 0
+    seeds, tried, successes = range(seed, seed + attempts), 0, 0
+    runs = _runs(env, policy, seeds, layout, jobs) if jobs > 1 else (_run(here, policy, one, layout) for one in seeds)
     try:
         while writer.episodes < episodes:
             if tried == attempts:
                 raise RuntimeError(f"attempts: found {successes} successes in {tried} episodes, expected {episodes}")
-            steps, info, success = _run(env, policy, seed + tried, layout)
+            steps, info, success = next(runs)
             about = {"seed": seed + tried, "combination": info["combination"], "objects": list(info["objects"])}
             tried, successes = tried + 1, successes + success
             if success or not only_successes:
@@ -102,19 +126,40 @@ def record(
     except BaseException:
         writer.abandon()
         raise
+    finally:
+        runs.close()
 
 
-def _run(env: Any, policy: Any, seed: int, layout: Layout) -> tuple[Recorder, dict[str, Any], bool]:
-    """An episode: its steps, the info of its reset, and whether the task was done."""
+def _runs(env: Any, policy: Any, seeds: Iterable[int], layout: Layout, jobs: int) -> Iterator[Ran]:
+    """Episodes in processes of their own. These are begun anew, not forked: a fork has no threads, and would wait for those of this process."""
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(env, policy, layout))
+    yield from in_order(pool, _run_there, ((seed,) for seed in seeds), jobs)
+
+
+_there: list[Any] = []
+"""Environment, policy and layout in a process of `_runs`."""
+
+
+def _begin(env: Any, policy: Any, layout: Layout) -> None:
+    _there[:] = env(), policy, layout
+
+
+def _run_there(seed: int) -> Ran:
+    env, policy, layout = _there
+    return _run(env, policy, seed, layout)
+
+
+def _run(env: Any, policy: Any, seed: int, layout: Layout) -> Ran:
+    """An episode."""
     observation, begun = env.reset(seed=seed)
     act, steps, over, success = _act_of(policy, env, begun), Recorder(layout), False, False
     while not over:
         action = act(observation)
         if action is None:
             break
-        action = np.asarray(action, dtype=np.float32)
-        following, reward, terminated, truncated, info = env.step(action)
-        steps.add(observation, action, float(reward))
+        moves, written = action if isinstance(action, Taught) else (action, action)
+        following, reward, terminated, truncated, info = env.step(np.asarray(moves, dtype=np.float32))
+        steps.add(observation, written, float(reward))
         observation, over, success = following, terminated or truncated, bool(info["is_success"])
     return steps, begun, success
 

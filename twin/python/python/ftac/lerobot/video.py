@@ -74,7 +74,10 @@ def read(path: Path) -> NDArray[np.uint8]:
     import av
 
     with av.open(str(path)) as file:
-        return np.stack([frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)])
+        # More threads only wait for each other in pictures as small as these; lossless ones need no conversion.
+        file.streams.video[0].codec_context.thread_count = 1
+        frames = ((frame, frame.format.name) for frame in file.decode(video=0))
+        return np.stack([frame.to_ndarray(format=None if name == "gbrp" else "rgb24") for frame, name in frames])
 
 
 def measured_loss(images: Mapping[str, NDArray[np.uint8]], quality: Quality) -> dict[str, float]:

@@ -7,8 +7,10 @@ table in ``meta/episodes`` has its final name; `Writer.resumed` continues after 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -146,12 +148,14 @@ class Writer:
             **episode.about,
         }
         found = {name: statistics.of_vectors(values.reshape(count, -1)) for name, values in columns.items()}
-        for key, side in self.layout.sides().items():
-            images = episode.images[key]
+        sides = self.layout.sides()
+        for key, side in sides.items():
             if key not in self._videos:
                 self._videos[key] = Video(self._path(f"videos/{key}", "mp4"), side, self.video)
-            self._videos[key].add(images)
-            levels = statistics.levels(images)
+        with ThreadPoolExecutor(os.cpu_count()) as threads:
+            list(threads.map(lambda key: self._videos[key].add(episode.images[key]), sides))
+        for key in sides:
+            levels = statistics.levels(episode.images[key])
             self._levels[key] = self._levels.get(key, np.zeros((3, 256), dtype=np.int64)) + levels
             found[key] = statistics.of_levels(levels, count)
             row |= {
