@@ -75,14 +75,14 @@ HELD_OUT = 1_000_000
 """Seeds of the test episodes begin here, unless others are asked for."""
 
 
-def make(objects, tactile, task, **options):
-    if tactile:
-        options |= {"images": SIDE, "tactile": "change"}
+def make(objects, images, task, **options):
+    """The environment of a task, with tactile images of so many pixels a side, or None."""
+    options |= {"images": images, "tactile": "change"}
     setting = TASKS[task.name]
     options["randomization"] = {**setting.randomization, **({} if task.xy_sigma is None else {"noise.perception.xy_sigma": task.xy_sigma})}
     if task.name == "PickOne":
         options["objects"] = objects
-    return gymnasium.make(setting.env, grasp=True, **setting.options, **options).unwrapped
+    return gymnasium.make(setting.env, grasp=True, **{**setting.options, **options}).unwrapped
 
 
 class Task(NamedTuple):
@@ -140,7 +140,7 @@ class Imitation:
 
 @functools.cache
 def environment_in_hand(tactile, task):
-    return make(None, tactile, task)
+    return make(None, SIDE if tactile else None, task)
 
 
 @functools.cache
@@ -156,7 +156,7 @@ def begin(objects, tactile, task, seed):
     if task.name == IN_HAND:
         env = environment_in_hand(tactile, task)
         return env, env.restore(start_in_hand(tactile, task, seed))
-    env = make(objects, tactile, task)
+    env = make(objects, SIDE if tactile else None, task)
     return env, env.reset(seed=seed)[0]
 
 
@@ -193,6 +193,27 @@ def interval(count, of, z=1.96):
     middle, half = share + spread / 2, z * np.sqrt(share * (1 - share) / of + spread / (4 * of))
     low, high = (middle - half) / (1 + spread), (middle + half) / (1 + spread)
     return f"{count} of {of}, {share:.3f} ({max(0.0, low):.3f} to {min(1.0, high):.3f})"
+
+
+class Results:
+    """Tests of policies: a table in a file, with the outcome of every episode, and a line for each on the terminal."""
+
+    def __init__(self, path, *columns):
+        self.file = open(path, "w", newline="")
+        self.table = csv.writer(self.file)
+        self.table.writerow([*columns, "successes", "episodes", "outcomes"])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.file.close()
+
+    def add(self, words, won, *values):
+        """Adds a test whose episodes were `won` or not; `values` are those of the columns."""
+        self.table.writerow([*values, sum(won), len(won), "".join("01"[one] for one in won)])
+        self.file.flush()
+        print(f"{words}: {interval(sum(won), len(won))}", flush=True)
 
 
 def known_objects(asked):
@@ -249,20 +270,16 @@ def main():
     args.out.mkdir(parents=True)
     args.task = Task(args.task_name, args.teacher, args.xy_sigma and tuple(args.xy_sigma))
     objects = known_objects(args.objects)
-    with open(args.out / "results.csv", "w", newline="") as file, ProcessPoolExecutor(args.jobs) as workers:
-        table = csv.writer(file)
-        table.writerow(["policy", "seed", "xy_sigma", "successes", "episodes", "rounds", "outcomes"])
+    with Results(args.out / "results.csv", "policy", "seed", "xy_sigma", "rounds") as results, ProcessPoolExecutor(args.jobs) as workers:
 
         def test(name, tactile, seed, network, curve, teacher=args.teacher):
             for sigma in [None, *args.test_sigma]:
                 task = Task(args.task_name, teacher, sigma)
                 jobs = [([objects[n % len(objects)]], tactile, task, (args.first_seed + n, 0), network, None) for n in range(args.tests)]
                 won = [success for *_, success in workers.map(episode, jobs, chunksize=4)]
-                at = "" if sigma is None else sigma
-                table.writerow([name, seed, at, sum(won), len(won), " ".join(f"{share:.3f}" for share in curve), "".join("01"[one] for one in won)])
-                file.flush()
                 where = "the benchmark's errors" if sigma is None else f"detection error {1e3 * sigma:g} mm"
-                print(f"{name}, seed {seed}, {where}: {interval(sum(won), len(won))}", flush=True)
+                rounds = " ".join(f"{share:.3f}" for share in curve)
+                results.add(f"{name}, seed {seed}, {where}", won, name, seed, "" if sigma is None else sigma, rounds)
 
         if "script" in args.kinds:
             if args.task_name == "PickOne":

@@ -33,7 +33,7 @@ def episode(job):
     """Runs an episode with exploration of standard deviation `sigma`: inputs, critic's inputs, actions, rewards, success."""
     objects, tactile, seed, network, sigma = job
     random = np.random.default_rng(seed)
-    env = imitate.make(objects, tactile, imitate.Task(), reward="shaped", privileged=True)
+    env = imitate.make(objects, imitate.SIDE if tactile else None, imitate.Task(), reward="shaped", privileged=True)
     observation, info = env.reset(seed=seed)
     inputs, noise = imitate.Inputs(tactile), np.zeros(env.action_space.shape[0])
     rows, seen, actions, rewards = [], [], [], []
@@ -129,10 +129,10 @@ def main():
         parser.error(f"--out: found {args.out}, expected a new folder")
     args.out.mkdir(parents=True)
     objects = imitate.known_objects(args.objects)
-    with open(args.out / "curve.csv", "w", newline="") as curve, open(args.out / "results.csv", "w", newline="") as results, ProcessPoolExecutor(args.jobs) as workers:
-        curves, tests = csv.writer(curve), csv.writer(results)
+    results = imitate.Results(args.out / "results.csv", "network", "when")
+    with results, open(args.out / "curve.csv", "w", newline="") as curve, ProcessPoolExecutor(args.jobs) as workers:
+        curves = csv.writer(curve)
         curves.writerow(["network", "iteration", "steps", "successes", "return"])
-        tests.writerow(["network", "when", "successes", "episodes", "outcomes"])
         for number, file in enumerate(args.start or [None]):
             seed, name, tactile = args.seed + number, "policy", args.tactile
             if file:
@@ -144,9 +144,7 @@ def main():
             def test(when):
                 jobs = [([objects[n % len(objects)]], tactile, args.first_seed + n, policy, 0.0) for n in range(args.tests)]
                 won = [run[-1] for run in workers.map(episode, jobs, chunksize=4)]
-                tests.writerow([name, when, sum(won), len(won), "".join("01"[one] for one in won)])
-                results.flush()
-                print(f"{name}, {when}: {imitate.interval(sum(won), len(won))}", flush=True)
+                results.add(f"{name}, {when}", won, name, when)
 
             test("before")
             for iteration, (steps, won, mean) in enumerate(improve(args, workers, policy, tactile, seed, objects)):
