@@ -23,6 +23,7 @@ from ftac._arrays import seed_of, whole
 from ftac.lerobot import card
 from ftac.lerobot.layout import ACTION, Layout
 from ftac.lerobot.ordered import in_order
+from ftac.lerobot.progress import Progress
 from ftac.lerobot.trials import SPEC, replay, trial
 from ftac.lerobot.video import Quality, measured_loss
 from ftac.lerobot.writer import Episode, Writer
@@ -89,7 +90,7 @@ def demonstrations(
                     writer.add(episode)
                     if clean == 1 and video != "lossless":
                         loss = measured_loss(episode.images, writer.video)
-                done.show(trials, clean)
+                done.show()
                 if writer.episodes == episodes or (over() and writer.episodes):
                     break
             fact = {"trials": trials, "clean": clean, "seconds": time.monotonic() - started, **loss}
@@ -123,30 +124,25 @@ def _replay(benchmark: _native.Benchmark, writer: Writer, spec: Any, most: int) 
 
 
 class _Counts:
-    """Progress on a terminal, or a line a minute for a log."""
+    """What is done, what is left, and how long it takes."""
 
     def __init__(self, writer: Writer, facts: list[dict[str, Any]], asked: int, quiet: bool) -> None:
-        self._writer, self._asked, self._quiet = writer, asked, quiet
+        self._writer, self._asked, self._progress = writer, asked, Progress(quiet)
         self._before, self._trials = sum(fact["trials"] for fact in facts), 0
-        self._since = self._last = time.monotonic()
-        self._begun, self._file = writer.episodes, -1
+        self._since = time.monotonic()
+        self._begun = writer.episodes
         if facts and not quiet:
             print(f"continues after {writer.episodes} episodes of {self._before} trials", file=sys.stderr)
 
-    def show(self, trials: int, clean: int) -> None:
-        """Tells the progress after a trial; `trials` and `clean` are those of the present file."""
+    def show(self) -> None:
+        """Tells the progress after a trial."""
         self._trials += 1
-        now, terminal = time.monotonic(), sys.stderr.isatty()
-        if self._quiet or not terminal and now - self._last < 60.0 and self._writer.episodes < self._asked:
-            return
-        self._last = now
         new = self._writer.episodes - self._begun
-        pace = (now - self._since) / max(new, 1)
+        pace = (time.monotonic() - self._since) / max(new, 1)
         left = pace * (self._asked - self._writer.episodes)
         line = f"{self._writer.episodes} of {self._asked} episodes, {self._before + self._trials} trials, {pace:.1f} s an episode, {left / 60.0:.0f} min left"
-        print(f"\r{line} " if terminal else line, end="" if terminal else "\n", file=sys.stderr, flush=True)
+        self._progress.tell(line, self._writer.episodes == self._asked)
 
     def end(self) -> None:
         """Ends the line."""
-        if not self._quiet and sys.stderr.isatty():
-            print(file=sys.stderr)
+        self._progress.end()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,6 +15,7 @@ from ftac._arrays import seed_of, whole
 from ftac.features import Observation
 from ftac.lerobot.layout import ACTION, Layout
 from ftac.lerobot.ordered import in_order
+from ftac.lerobot.progress import Progress
 from ftac.lerobot.video import Quality
 from ftac.lerobot.writer import Episode, Writer
 
@@ -105,6 +105,7 @@ def record(
     pick = here.unwrapped
     made = {"env": pick.task, "seed": seed, "only_successes": bool(only_successes)}
     writer = Writer(Path(out), layout, video=video, rewards=True, made=made)
+    told = Progress(quiet)
     seeds, tried, successes = range(seed, seed + attempts), 0, 0
     runs = _runs(env, policy, seeds, layout, jobs) if jobs > 1 else (_run(here, policy, one, layout) for one in seeds)
     try:
@@ -118,19 +119,17 @@ def record(
                 writer.add(steps.episode(task or words(pick.task, info["objects"], layout.goal), success, about))
                 if writer.is_full():
                     writer.finish_file()
-            if not quiet:
-                print(f"\r{writer.episodes} of {episodes} episodes, {successes} of {tried} succeed", end="", file=sys.stderr, flush=True)
-        if not quiet:
-            print(file=sys.stderr)
+            told.tell(f"{writer.episodes} of {episodes} episodes, {successes} of {tried} succeed", writer.episodes == episodes)
         return {**writer.finish(), "attempts": tried, "successes": successes}
     except BaseException:
         writer.abandon()
         raise
     finally:
         runs.close()
+        told.end()
 
 
-def _runs(env: Any, policy: Any, seeds: Iterable[int], layout: Layout, jobs: int) -> Iterator[Ran]:
+def _runs(env: Any, policy: Any, seeds: Iterable[int], layout: Layout, jobs: int) -> Generator[Ran, None, None]:
     """Episodes in processes of their own. These are begun anew, not forked: a fork has no threads, and would wait for those of this process."""
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(env, policy, layout))
     yield from in_order(pool, _run_there, ((seed,) for seed in seeds), jobs)
