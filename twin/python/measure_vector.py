@@ -1,7 +1,7 @@
 """Steps per second of many ``ftac/PickOne-v1`` side by side with 17 images of 240 x 240, formed on the CPU and on a GPU.
 
-The scripted pick-up is run, so that hand and object touch for part of the time; the time that the scripts take is left out. Times are of the clock: leave the
-machine idle. Needs the packages ftac and gymnasium:
+The scripted pick-up is run, so that hand and object touch for part of the time; the time that the scripts take is left out, and that of an episode that begins
+anew is not. Times are of the clock: leave the machine idle. Needs the packages ftac and gymnasium:
 
     python twin/python/measure_vector.py [STEPS] [ENVIRONMENTS]
 """

@@ -67,7 +67,7 @@ class Trained(PolicyAdapter):
         self.model.reset()
 
     def predict(self, batch):
-        tensors = {key: torch.from_numpy(value) if isinstance(value, np.ndarray) else value for key, value in with_picture(batch).items()}
+        tensors = {key: torch.from_numpy(value) if isinstance(value, np.ndarray) else value for key, value in with_picture(batch, self.layout.pads).items()}
         with torch.inference_mode():
             return self.after(self.model.select_action(self.before(tensors)))
 
@@ -76,12 +76,12 @@ class Pushed:
     """The script, pushed at random: the data then have states into which a policy's errors lead, and what the script does there. As the pushes have a
     mean of zero, what is learned has them no longer.
 
-    Where it can carry the object to several places, it goes to one drawn anew now and then, and what it would do for the right one is written: were it
-    always the right one, a policy would learn to go on as it goes instead of what it feels."""
+    If there are several bins, it heads for a random one, drawn anew every `HELP_STEPS`, and the action for the right bin is recorded. Otherwise a policy
+    would learn to keep its direction instead of using touch."""
 
     def __init__(self, task, push, env):
         self.scripts, self.right = scripts_of(env.unwrapped, task)
-        self.push, self.random, self.steps = push, np.random.default_rng(env.unwrapped.np_random_seed), 0
+        self.push, self.random, self.steps = push, np.random.default_rng([env.unwrapped.np_random_seed, 1]), 0
 
     def __call__(self, observation):
         if self.steps % PUSH_STEPS == 0:
@@ -96,17 +96,18 @@ class Pushed:
 
 
 def make(objects, images, task):
-    """The hand is moved by tensions, not by their changes: these are zero but for some steps, and ACT, which fits the median, would never close the hand."""
+    """An environment of the task whose actions are the tensions of the cables, not their changes: these are zero in most steps, and ACT, which fits the
+    median, would never close the hand."""
     env = imitate.make(objects, images, task, hand="tensions")
     return gymnasium.wrappers.TimeLimit(env, TASKS[task.name].steps)
 
 
 def configuration(kind, inputs, outputs, device):
     """Small networks: the observations are a few hundred numbers."""
-    inputs_by = {"STATE": NormalizationMode.MEAN_STD, "ENV": NormalizationMode.MEAN_STD, "VISUAL": NormalizationMode.MEAN_STD}
+    input_scales = {"STATE": NormalizationMode.MEAN_STD, "ENV": NormalizationMode.MEAN_STD, "VISUAL": NormalizationMode.MEAN_STD}
     shared = {"input_features": inputs, "output_features": outputs, "device": device, "push_to_hub": False}
     if kind == "act":
-        scales = {**inputs_by, "ACTION": NormalizationMode.MEAN_STD}
+        scales = {**input_scales, "ACTION": NormalizationMode.MEAN_STD}
         # The script does one thing in each state: nothing is left for a latent variable.
         size = {"dim_model": 96, "n_heads": 4, "dim_feedforward": 256, "n_encoder_layers": 2, "use_vae": False}
         return ACTConfig(
@@ -114,13 +115,13 @@ def configuration(kind, inputs, outputs, device):
             n_action_steps=CHUNK // 2,
             normalization_mapping=scales,
             optimizer_lr=3e-4,
-            # What reads the images begins with random weights, as there are none that know such images.
+            # The image encoder starts from random weights: there are no pretrained ones for such images.
             optimizer_lr_backbone=1e-4,
             pretrained_backbone_weights=None,
             **size,
             **shared,
         )
-    scales = {**inputs_by, "ACTION": NormalizationMode.MIN_MAX}
+    scales = {**input_scales, "ACTION": NormalizationMode.MIN_MAX}
     size = {"down_dims": (64, 128), "diffusion_step_embed_dim": 64, "num_inference_steps": 10, "noise_scheduler_type": "DDIM"}
     return DiffusionConfig(normalization_mapping=scales, optimizer_lr=3e-4, crop_shape=None, **size, **shared)
 
@@ -136,12 +137,23 @@ class Source(NamedTuple):
     statistics: dict[str, dict[str, np.ndarray]]
 
 
-def opened(dataset, args):
-    """The data set in a folder, for policies that see its images or do not."""
-    meta, layout, pictures = LeRobotDatasetMetadata(dataset.name, root=dataset), Layout.read(dataset), None
-    if args.images is None:
-        layout = replace(layout, spec=replace(layout.spec, images=None))
-    else:
+def without_images(layout):
+    return replace(layout, spec=replace(layout.spec, images=None))
+
+
+def layout_for(dataset, args, env):
+    """The layout of what policies see: that of the data set, without images if they see none. ``ValueError`` if an episode of `env` has another one."""
+    expected, found = Layout.of(env), Layout.read(dataset)
+    found = without_images(found) if args.images is None else found
+    if found != expected:
+        raise ValueError(f"--dataset {dataset}: found {found}, expected {expected}")
+    return found
+
+
+def opened(dataset, layout, args):
+    """The data set in a folder, for policies with this layout."""
+    meta, pictures = LeRobotDatasetMetadata(dataset.name, root=dataset), None
+    if args.images is not None:
         pictures = args.out / "pictures.npy"
         write_pictures(dataset, pictures, args.jobs)
     config = configuration(args.policy, *features(dataset_to_policy_features(meta.features), layout), args.device)
@@ -237,13 +249,18 @@ def main():
     if folders is None:
         dataset, folders = args.dataset or args.out / "dataset", [args.out / f"{args.policy}_{seed}" for seed in range(args.seeds)]
         if args.dataset is None:
+            words = None if args.task == "PickOne" else "hold the object over the bin of its shape"
             push = TASKS[args.task].push if args.push is None else args.push
             # Where it is led to places drawn at random, success says nothing.
             alone = args.task == "PickOne"
             policy = partial(Pushed, task, push)
-            wrote = record(partial(make, objects, args.images, task), policy, args.episodes, dataset, only_successes=alone, jobs=args.jobs)
+            wrote = record(partial(make, objects, args.images, task), policy, args.episodes, dataset, only_successes=alone, task=words, jobs=args.jobs)
             print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames", flush=True)
-        source = opened(dataset, args)
+        try:
+            layout = layout_for(dataset, args, make(objects, args.images, task))
+        except ValueError as error:
+            parser.error(str(error))
+        source = opened(dataset, layout, args)
         print(f"training on {args.device}", flush=True)
         with open(args.out / "curve.csv", "w", newline="") as file, ProcessPoolExecutor(args.together, mp_context=spawn) as workers:
             table = csv.writer(file)

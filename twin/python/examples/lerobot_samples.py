@@ -20,7 +20,7 @@ PICTURE = IMAGES + "pads"
 COLUMNS = 5
 """Pads in a row of the picture."""
 STATISTICS = {"mean": np.full((3, 1, 1), 128.0 / 255.0), "std": np.full((3, 1, 1), 0.05)}
-"""By which the picture is scaled: nothing has changed is 0, and a clear contact about 1."""
+"""Mean and standard deviation that scale the picture: 0 for no change, about 1 for a clear contact."""
 
 
 def picture_shape(pads, side):
@@ -34,10 +34,10 @@ def place(number, side):
     return slice(row, row + side), slice(column, column + side)
 
 
-def with_picture(batch):
-    """A batch of `Layout.batch` with the picture in place of the images of the pads; without images it stays as it is."""
-    keys = [key for key in batch if key.startswith(IMAGES)]
-    if not keys:
+def with_picture(batch, pads):
+    """A batch of `Layout.batch` with the picture in place of the images of the `pads`; without images it stays as it is."""
+    keys = [IMAGES + pad for pad in pads]
+    if keys[0] not in batch:
         return batch
     side = batch[keys[0]].shape[-1]
     picture = torch.full((len(batch[keys[0]]), *picture_shape(len(keys), side)), 128.0 / 255.0)
@@ -56,25 +56,26 @@ def features(found, layout):
 
 
 def write_pictures(dataset, path, jobs):
-    """Decodes all videos of a data set in so many processes, and writes the pictures (n, 3, rows, columns) uint8 to a file of numpy."""
+    """Decodes the videos of all pads of a data set in so many processes, and writes the pictures (n, 3, rows, columns) uint8 to a file of numpy."""
     layout = Layout.read(dataset)
     side, keys = layout.spec.images, [IMAGES + pad for pad in layout.pads]
     count = len(read_column(sorted(dataset.glob("data/*/*.parquet")), "index"))
     pictures = np.lib.format.open_memmap(path, "w+", np.uint8, (count, *picture_shape(len(keys), side)))
     pictures[:] = 128
-    with ProcessPoolExecutor(min(jobs, len(keys)), mp_context=get_context("spawn")) as pool:
-        for number, images in enumerate(pool.map(frames, [(dataset, key) for key in keys])):
-            if len(images) != count:
-                raise ValueError(f"{dataset}, {keys[number]}: found {len(images)} frames, expected {count}")
-            pictures[(..., *place(number, side))] = images
     pictures.flush()
+    with ProcessPoolExecutor(min(jobs, len(keys)), mp_context=get_context("spawn")) as pool:
+        list(pool.map(write_pad, ((dataset / "videos" / key, path, place(number, side)) for number, key in enumerate(keys))))
 
 
-def frames(video):
-    """All frames of a key of a data set, (n, 3, side, side)."""
-    dataset, key = video
-    files = sorted((dataset / "videos" / key).glob("*/*.mp4"))
-    return np.concatenate([read(file) for file in files]).transpose(0, 3, 1, 2)
+def write_pad(job):
+    """Writes the frames of one pad to their place in the file of the pictures."""
+    videos, path, (rows, columns) = job
+    pictures = np.load(path, mmap_mode="r+")
+    images = np.concatenate([read(file) for file in sorted(videos.glob("*/*.mp4"))])
+    if len(images) != len(pictures):
+        raise ValueError(f"{videos}: found {len(images)} frames, expected {len(pictures)}")
+    pictures[..., rows, columns] = images.transpose(0, 3, 1, 2)
+    pictures.flush()
 
 
 class Samples:
@@ -98,7 +99,7 @@ class Samples:
         return len(self.first)
 
     def batch(self, chosen):
-        """The samples of these numbers: of each key the rows at the steps that the policy asks for, those of the episode's ends beyond them."""
+        """The samples of these numbers: of each key the rows at the steps that the policy asks for; beyond the episode, its first or last row."""
         chosen = chosen.to(self.device)
         found = {}
         for key, rows in self.columns.items():

@@ -520,7 +520,7 @@ pub fn tactile_of_all<'py>(
             let (to, (images, untouched)) = &mut *item;
             if change {
                 let pairs = images.rgb().iter().zip(untouched.rgb());
-                // Rounded down, which leaves 1 to 255.
+                // Rounded down, as in `ftac.features`: 0 to 255.
                 let half = |(now, before): (&u8, &u8)| (128 + ((i16::from(*now) - i16::from(*before)) >> 1)) as u8;
                 to.iter_mut().zip(pairs).for_each(|(to, pair)| *to = half(pair));
             } else {

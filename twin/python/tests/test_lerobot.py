@@ -45,7 +45,7 @@ def short():
 
 def led(env):
     """Is led to close the hand by a part drawn for each episode, and would do something else."""
-    moves = np.full(12, np.random.default_rng(env.unwrapped.np_random_seed).uniform(0.5, 0.9), dtype=np.float32)
+    moves = np.full(12, np.random.default_rng([env.unwrapped.np_random_seed, 1]).uniform(0.5, 0.9), dtype=np.float32)
     return lambda observation: Taught(moves, np.full(12, 0.5, dtype=np.float32))
 
 
@@ -191,8 +191,16 @@ class DataSet(unittest.TestCase):
         ]:
             with self.assertRaisesRegex(error, words):
                 record(*arguments, quiet=True)
-        with self.assertRaisesRegex(ValueError, "env: found Pick for 2 jobs, expected a function that makes an environment"):
-            record(env, constant, 1, folder / "x", jobs=2, quiet=True)
+        for arguments, words in [
+            ((env, constant), "env: found Pick for several jobs, expected a function that makes an environment that can be pickled"),
+            ((short, Recording(12, 2)), "policy: found Recording for several jobs, expected a function of the environment that can"),
+            ((short, lambda env: None), "policy: found function for several jobs, .*lambda"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                record(*arguments, 1, folder / "x", jobs=2, quiet=True)
+        beyond = Taught(np.zeros(12), np.full(12, 1.5))
+        with self.assertRaisesRegex(ValueError, "written: found .*, expected 12 numbers from -1 to 1"):
+            record(env, lambda env: lambda observation: beyond, 1, folder / "x", quiet=True)
         with self.assertRaisesRegex(ValueError, "video: found 'best', expected lossless or a whole number from 1 to 40"):
             record(env, constant, 1, folder / "x", video="best", quiet=True)
         never = lambda env: iter([None]).__next__ and (lambda observation: None)  # noqa: E731

@@ -72,7 +72,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
     task: ``pick_one`` (one object alone), ``pick_second`` (the first one is in the hand already) or ``pick_two``.
     images, tactile, arm, hand, identity, grasp: choice of observations and actions, see `ftac.features.Spec`. Smaller images are formed on 64 or more
         points a side, which is quick; the log says how far they are from the mean of full ones (a grey level, and more at sharp edges).
-    renderer: what forms tactile images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding and which `reset` refuses where there is none.
+    renderer: what forms tactile images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding. Without a GPU `reset` raises ``RuntimeError``; if a GPU
+        fails later, a message on stderr says so, and the CPU forms the images.
     reward: ``sparse``, ``shaped`` (both in `REWARDS`), or weights of the terms by name.
     combination: number of a combination of the benchmark (see `ftac.combinations`); None draws one for every episode.
     objects: names of objects from which an episode draws its own, not for ``pick_second``; None for those of the combination.

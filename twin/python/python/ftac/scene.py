@@ -59,7 +59,8 @@ class Scene:
     scenario:
         Scenario file with objects of your own and effects (see the guide); None for the benchmark's.
     renderer:
-        What forms images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding.
+        What forms images of 240 pixels: ``cpu``, or ``gpu``, whose pixels differ by rounding. Without a GPU it raises ``RuntimeError``, with images of another
+        size ``ValueError``.
     """
 
     def __init__(

@@ -30,7 +30,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
 
     Parameters
     ----------
-    num_envs: number of environments.
+    num_envs: number of environments. Those in ``envs`` have no images of their own: they are copied together.
     max_episode_steps: after which an episode is truncated; None for those of its task.
     jobs: threads; None for one a core.
     options: of `ftac.envs.Pick`.

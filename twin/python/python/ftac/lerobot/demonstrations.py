@@ -124,7 +124,7 @@ def _replay(benchmark: _native.Benchmark, writer: Writer, spec: Any, most: int) 
 
 
 class _Counts:
-    """What is done, what is left, and how long it takes."""
+    """Progress: episodes, trials, pace and remaining time."""
 
     def __init__(self, writer: Writer, facts: list[dict[str, Any]], asked: int, quiet: bool) -> None:
         self._writer, self._asked, self._progress = writer, asked, Progress(quiet)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -25,12 +26,12 @@ Ran = tuple["Recorder", dict[str, Any], bool]
 
 
 class Taught(NamedTuple):
-    """Two actions of a policy that is recorded: it is led elsewhere than a teacher would go."""
+    """Two actions of one step of a recorded policy, as in DAgger: the data then do not repeat the motion."""
 
     moves: Any
-    """The action that moves the robot."""
+    """The action that is carried out."""
     written: Any
-    """The action in the data: what is to be learned here."""
+    """The action that is recorded: what a teacher would do."""
 
 
 class Recorder:
@@ -81,8 +82,8 @@ def record(
         one.
     policy: an object with ``act(observation)`` as of the benchmark (`ftac.bench`), whose ``reset(info)`` is called first if it has one; or a function that
         gets the environment after each reset and returns such an ``act``: ``lambda env: Script(env.unwrapped.features).act``. An action of
-        None ends the episode; a `Taught` has the action to carry out and the one to write. What is random in it comes from
-        ``env.unwrapped.np_random_seed``, the seed of the episode.
+        None ends the episode; a `Taught` has the action to carry out and the one to record. For random actions the function makes a generator of its
+        own for each episode: ``default_rng([env.unwrapped.np_random_seed, 1])``.
     episodes: number of episodes to write.
     out: folder, which must not exist. Nothing is left of it after an error.
     seed: of the first episode; the next ones have the following seeds.
@@ -91,15 +92,16 @@ def record(
     video: ``lossless``, or a constant rate factor (`ftac.lerobot.video`).
     task: the task in words; None for words with the objects' names.
     jobs: processes. With more than one, `env` and `policy` are functions that can be pickled, and a program that calls this does so under
-        ``if __name__ == "__main__"``. The episodes are the same with any number.
+        ``if __name__ == "__main__"``. The episodes do not depend on the number of processes.
 
     Returns ``dataset``, ``episodes``, ``frames``, ``bytes``, ``attempts`` and ``successes``.
     """
     episodes, seed = whole("episodes", episodes, 1, 1_000_000), seed_of(seed)
     attempts = 10 * episodes if attempts is None else whole("attempts", attempts, episodes, 10_000_000)
     jobs = whole("jobs", jobs, 1, 1024)
-    if jobs > 1 and not callable(env):
-        raise ValueError(f"env: found {type(env).__name__} for {jobs} jobs, expected a function that makes an environment")
+    if jobs > 1:
+        _check_picklable("env", env, "a function that makes an environment")
+        _check_picklable("policy", policy, "a function of the environment")
     here = env() if callable(env) else env
     layout = Layout.of(here)
     pick = here.unwrapped
@@ -129,8 +131,19 @@ def record(
         told.end()
 
 
+def _check_picklable(what: str, found: Any, expected: str) -> None:
+    words = f"found {type(found).__name__} for several jobs, expected {expected} that can be pickled"
+    # A policy with a state of its own would go on from another episode in each process.
+    if not callable(found) or hasattr(found, "act"):
+        raise ValueError(f"{what}: {words}")
+    try:
+        pickle.dumps(found)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ValueError(f"{what}: {words} ({error})") from None
+
+
 def _runs(env: Any, policy: Any, seeds: Iterable[int], layout: Layout, jobs: int) -> Generator[Ran, None, None]:
-    """Episodes in processes of their own. These are begun anew, not forked: a fork has no threads, and would wait for those of this process."""
+    """Episodes in processes of their own. They are spawned, not forked: a forked process lacks the threads of the pools that it would wait for."""
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(env, policy, layout))
     yield from in_order(pool, _run_there, ((seed,) for seed in seeds), jobs)
 
@@ -157,6 +170,8 @@ def _run(env: Any, policy: Any, seed: int, layout: Layout) -> Ran:
         if action is None:
             break
         moves, written = action if isinstance(action, Taught) else (action, action)
+        if isinstance(action, Taught) and not env.action_space.contains(np.asarray(written, dtype=np.float32)):
+            raise ValueError(f"written: found {written}, expected {env.action_space.shape[0]} numbers from -1 to 1")
         following, reward, terminated, truncated, info = env.step(np.asarray(moves, dtype=np.float32))
         steps.add(observation, written, float(reward))
         observation, over, success = following, terminated or truncated, bool(info["is_success"])

@@ -11,7 +11,8 @@ Result = TypeVar("Result")
 
 
 def in_order(pool: Executor, work: Callable[..., Result], questions: Iterable[tuple[Any, ...]], ahead: int) -> Iterator[Result]:
-    """Runs `work` with the arguments of each question in `pool`; no more than `ahead` questions are under way. Ends the pool, and what nobody waits for."""
+    """Runs `work` with the arguments of each question in `pool`; no more than `ahead` questions are submitted beyond the one whose result is awaited.
+    Shuts the pool down at the end and cancels what has not begun."""
     waiting: deque[Future[Result]] = deque()
     try:
         for question in questions:

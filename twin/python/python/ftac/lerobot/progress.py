@@ -13,7 +13,8 @@ class Progress:
     """One line that changes on a terminal; a line a minute, and the last one, in a log."""
 
     def __init__(self, quiet: bool) -> None:
-        self._quiet, self._terminal, self._last = quiet, sys.stderr.isatty(), time.monotonic()
+        self._quiet, self._last = quiet, time.monotonic()
+        self._terminal = not quiet and sys.stderr.isatty()
 
     def tell(self, line: str, last: bool = False) -> None:
         """Shows the present state; `last` is true for the final one."""
@@ -25,5 +26,5 @@ class Progress:
 
     def end(self) -> None:
         """Ends the line of a terminal."""
-        if self._terminal and not self._quiet:
+        if self._terminal:
             print(file=sys.stderr)
