@@ -33,7 +33,7 @@ const MAX_BATCH_BYTES: u64 = 512 << 20;
 /// Renderer of tactile images on a GPU, through wgpu.
 #[derive(Debug)]
 pub struct GpuRenderer {
-    gpu: Arc<Gpu>,
+    gpu: Gpu,
     sensors: Arc<Vec<Sensor>>,
     /// Index of each sensor's first parameter.
     starts: Vec<usize>,
@@ -67,10 +67,7 @@ impl GpuRenderer {
 
     fn open(sensors: Arc<Vec<Sensor>>, software: bool) -> Result<Self, OpticsError> {
         let kernels = sensors.iter().map(|sensor| sensor.model().elastomer.kernels.len()).max().unwrap_or(0);
-        Self::on(Arc::new(Gpu::open(software, kernels)?), sensors)
-    }
-
-    fn on(gpu: Arc<Gpu>, sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
+        let gpu = Gpu::open(software, kernels)?;
         let (numbers, starts) = layout::pack_sensors(&sensors);
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let size = 4 * numbers.len().max(1) as u64;
@@ -101,11 +98,11 @@ impl GpuRenderer {
     fn render_batch(&self, batch: &Batch) -> Result<Vec<TactileImage>, OpticsError> {
         let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);
-        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffers = self.buffers_for(batch);
-        if let Some(error) = pollster::block_on(memory.pop()) {
-            return Err(fault(error.to_string()));
-        }
+        let buffers = self.buffers_for(batch).or_else(|_| {
+            // Those of other sizes may fill the memory.
+            self.idle().clear();
+            self.buffers_for(batch)
+        })?;
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         queue.write_buffer(&buffers.jobs, 0, bytemuck::cast_slice(&batch.jobs));
         queue.write_buffer(&buffers.object_depths, 0, bytemuck::cast_slice(&batch.object_depths));
@@ -178,8 +175,8 @@ impl GpuRenderer {
         self.idle_buffers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns buffers large enough for a batch: idle ones if they suffice.
-    fn buffers_for(&self, batch: &Batch) -> Buffers {
+    /// Returns buffers large enough for a batch: idle ones if they suffice. Returns an error if the memory does not.
+    fn buffers_for(&self, batch: &Batch) -> Result<Buffers, OpticsError> {
         let needs = [
             4 * JOB_WORDS * batch.count,
             4 * batch.object_depths.len(),
@@ -195,25 +192,28 @@ impl GpuRenderer {
         };
         // The last one is too small at times: it is dropped, so that the list does not fill with small ones.
         let idle = self.idle().pop();
-        idle.filter(large).unwrap_or_else(|| {
-            let make = |label: &str, size: u64, usage: BufferUsages| {
-                self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(label),
-                    size,
-                    usage,
-                    mapped_at_creation: false,
-                })
-            };
-            let (storage, to, from) = (BufferUsages::STORAGE, BufferUsages::COPY_DST, BufferUsages::COPY_SRC);
-            Buffers {
-                jobs: make("jobs", jobs, storage | to),
-                object_depths: make("own", own, storage | to | from),
-                depth: make("depth", own, storage | to),
-                share: make("share", share, storage),
-                bytes: make("bytes", bytes, storage | from),
-                read: make("read", bytes, BufferUsages::MAP_READ | to),
-            }
-        })
+        if let Some(buffers) = idle.filter(large) {
+            return Ok(buffers);
+        }
+        let device = &self.gpu.device;
+        let make = |label: &str, size: u64, usage: BufferUsages| {
+            let label = Some(label);
+            device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false })
+        };
+        let (storage, to, from) = (BufferUsages::STORAGE, BufferUsages::COPY_DST, BufferUsages::COPY_SRC);
+        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffers = Buffers {
+            jobs: make("jobs", jobs, storage | to),
+            object_depths: make("own", own, storage | to | from),
+            depth: make("depth", own, storage | to),
+            share: make("share", share, storage),
+            bytes: make("bytes", bytes, storage | from),
+            read: make("read", bytes, BufferUsages::MAP_READ | to),
+        };
+        match pollster::block_on(memory.pop()) {
+            None => Ok(buffers),
+            Some(error) => Err(OpticsError::Gpu(format!("{}: {error}", self.gpu.name))),
+        }
     }
 }
 
