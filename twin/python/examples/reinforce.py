@@ -1,8 +1,9 @@
 """Reinforcement learning (PPO) of ``ftac/PickOne-v1`` over many objects, with and without tactile images, with a critic that knows the truth.
 
+    python reinforce.py --objects ball_45,ball_50,tennis_ball,lemon --sigma 0.3 --rate 3e-4 --episodes 64 --iterations 300 --out picked
     python reinforce.py --start imitation/plain_*.npz --out reinforced
 
-improves networks of `imitate.py`, one after another; without ``--start`` one network begins from nothing. Worker processes run whole episodes with a copy of the policy;
+The first command learns from nothing, in an hour of two cores; the second improves networks of `imitate.py`, one after another. Worker processes run whole episodes with a copy of the policy;
 the update runs in this process. The critic also sees ``privileged``: it is not needed when the policy is used. ``curve.csv`` has the successes and the mean return of each
 iteration, in which the policy explores, ``results.csv`` the tests before and after, in which it does not. A network can be used as that of `imitate.Imitation`.
 It needs numpy and gymnasium.
