@@ -4,12 +4,13 @@
 //! and converts the answer. The users' interface, with its documentation, is in `python/ftac`. Bad input raises a
 //! `ValueError` with the library's message; other failures raise a `RuntimeError`.
 //!
-//! [`arrays`] converts numpy arrays, [`shared_benches`] holds the data shared by scenes, [`scene`] steps them, and [`pickling`]
-//! stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
+//! [`arrays`] converts numpy arrays, [`shared_benches`] holds the data shared by scenes, [`scene`] steps them, [`batches`]
+//! many at once, and [`pickling`] stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
 //! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones;
 //! [`steps`] makes arrays of both.
 
 mod arrays;
+mod batches;
 mod grasps;
 mod hand;
 mod optics;
@@ -28,6 +29,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
+    use crate::batches::{step_all, tactile_of_all};
+    #[pymodule_export]
     use crate::grasps::{collection, repertoire};
     #[pymodule_export]
     use crate::hand::{
@@ -38,7 +41,7 @@ mod _native {
     #[pymodule_export]
     use crate::program::run;
     #[pymodule_export]
-    use crate::scene::{Episode, Scene, restored_episode, restored_scene, step_all, tactile_of_all};
+    use crate::scene::{Episode, Scene, restored_episode, restored_scene};
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]

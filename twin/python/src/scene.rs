@@ -5,7 +5,6 @@
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-use bench::workers;
 use control::Twist;
 use control::action::{Action, ActionError, ArmAction, HandAction};
 use hand_model::RobotModel;
@@ -15,8 +14,7 @@ use hand_model::robot::{RobotCommand, ServoGoal, TactileFrame};
 use learning_environment::{
     EpisodeError, EpisodeOptions, EpisodeTask, Judgement, PadImages, Progress, SceneObject, SceneOptions,
 };
-use numpy::ndarray::Array5;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArray5};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -47,10 +45,10 @@ pub struct Scene(Mutex<SteppedScene<learning_environment::TactileScene, SceneArg
 
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
-pub struct Episode(Mutex<SteppedScene<learning_environment::Episode, EpisodeArguments>>);
+pub struct Episode(pub Mutex<SteppedScene<learning_environment::Episode, EpisodeArguments>>);
 
 /// Locks the scene, or returns an error if another thread is stepping it.
-fn lock_stepped<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
+pub fn lock_stepped<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Ok(guard),
         Err(TryLockError::WouldBlock) => {
@@ -63,12 +61,12 @@ fn lock_stepped<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
 }
 
 /// Arguments of an action: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
-type ActionArguments<'py> =
+pub type ActionArguments<'py> =
     (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
 /// Converts the arguments of an action. The action's limits check the exact number of values; here only the maximum of
 /// any robot is checked.
-fn action((twist, joints, tensions, opposition, spools): ActionArguments) -> PyResult<Action> {
+pub fn action((twist, joints, tensions, opposition, spools): ActionArguments) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed_length::<6>("twist", &twist)?)),
         (None, Some(joints)) => ArmAction::Joints(bounded_length("joints", &joints, MAX_ARM_JOINTS)?),
@@ -298,7 +296,7 @@ fn render_picture<'py>(
 }
 
 /// Judgement of a scene: held, terms of progress (reach, near, touch, lift, hold), success, lost.
-type JudgementTuple = (Vec<bool>, [f64; 5], bool, bool);
+pub type JudgementTuple = (Vec<bool>, [f64; 5], bool, bool);
 
 fn judgement_tuple(judgement: Judgement) -> JudgementTuple {
     let Judgement { held, progress: Progress { reach, near, touch, lift, hold }, success, lost } = judgement;
@@ -428,7 +426,7 @@ impl Episode {
 }
 
 /// Steps an episode and returns its judgement.
-fn step_and_judge(
+pub fn step_and_judge(
     stepped: &mut SteppedScene<learning_environment::Episode, EpisodeArguments>,
     action: Action,
 ) -> Result<JudgementTuple, ActionError> {
@@ -451,85 +449,4 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledS
         check_state(&stepped.scene.scene, &kept)?;
     }
     Ok(restored)
-}
-
-/// Steps a batch of episodes on `jobs` threads. If one action is refused, no episode is stepped.
-#[pyfunction]
-pub fn step_all(
-    py: Python<'_>,
-    episodes: Vec<Py<Episode>>,
-    actions: Vec<ActionArguments<'_>>,
-    jobs: usize,
-) -> PyResult<Vec<JudgementTuple>> {
-    if actions.len() != episodes.len() {
-        return Err(value_error(format!("actions: found {}, expected {}", actions.len(), episodes.len())));
-    }
-    let actions = actions.into_iter().map(action).collect::<PyResult<Vec<_>>>()?;
-    let mut guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
-    let mut work = Vec::with_capacity(guards.len());
-    for (number, (guard, action)) in guards.iter_mut().zip(actions).enumerate() {
-        let refused = |error| value_error(format!("environment {number}: {error}"));
-        guard.scene.scene.limits().check(&action).map_err(refused)?;
-        let stepped: &mut SteppedScene<_, _> = guard;
-        work.push(Mutex::new((stepped, Some(action), None)));
-    }
-    let done = py.detach(|| {
-        workers::for_each(jobs, &work, |_, item| {
-            let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
-            let (stepped, action, judgement) = &mut *item;
-            *judgement = action.take().map(|action| step_and_judge(stepped, action)).transpose()?;
-            Ok(())
-        })
-    });
-    done.map_err(|error| failure(&error))?;
-    let judgement =
-        |item: Mutex<(_, _, Option<JudgementTuple>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
-    let missing = || PyRuntimeError::new_err("a step failed half-way: make new environments");
-    work.into_iter().map(|item| judgement(item).ok_or_else(missing)).collect()
-}
-
-/// Returns the newest tactile images of a batch of episodes of one size, episodes x pads x rows x columns x RGB, copied on
-/// `jobs` threads; with `change`, half of their differences from the untouched pads, and 128 where nothing has changed.
-#[pyfunction]
-pub fn tactile_of_all<'py>(
-    py: Python<'py>,
-    episodes: Vec<Py<Episode>>,
-    change: bool,
-    jobs: usize,
-) -> PyResult<Bound<'py, PyArray5<u8>>> {
-    let guards = episodes.iter().map(|episode| lock_stepped(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
-    let none = || value_error("tactile: found an episode without images, expected one with images");
-    let mut sources = Vec::with_capacity(guards.len());
-    for guard in &guards {
-        let scene = &guard.scene.scene;
-        sources.push((scene.images().ok_or_else(none)?, scene.untouched().ok_or_else(none)?));
-    }
-    let (side, pads) = sources.first().map_or((0, 0), |(images, _)| (images.side(), images.times().len()));
-    let size = pads * side * side * 3;
-    if let Some((images, _)) = sources.iter().find(|(images, _)| images.rgb().len() != size) {
-        return Err(value_error(format!(
-            "tactile: found {} bytes, expected {size} as in the first",
-            images.rgb().len()
-        )));
-    }
-    let mut all = vec![0; sources.len() * size];
-    let work: Vec<Mutex<_>> = all.chunks_exact_mut(size.max(1)).zip(sources).map(Mutex::new).collect();
-    let done = py.detach(|| {
-        workers::for_each(jobs, &work, |_, item| {
-            let mut item = item.lock().map_err(|_| anyhow::anyhow!("a copy failed half-way"))?;
-            let (to, (images, untouched)) = &mut *item;
-            if change {
-                let pairs = images.rgb().iter().zip(untouched.rgb());
-                // Rounded down, as in `ftac.features`: 0 to 255.
-                let half = |(now, before): (&u8, &u8)| (128 + ((i16::from(*now) - i16::from(*before)) >> 1)) as u8;
-                to.iter_mut().zip(pairs).for_each(|(to, pair)| *to = half(pair));
-            } else {
-                to.copy_from_slice(images.rgb());
-            }
-            Ok(())
-        })
-    });
-    done.map_err(|error| failure(&error))?;
-    drop(work);
-    Ok(Array5::from_shape_vec((guards.len(), pads, side, side, 3), all).map_err(value_error)?.into_pyarray(py))
 }

@@ -44,7 +44,6 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1, 4096)
         self.envs = [self._ENV(**options) for _ in range(num_envs)]
-        # The images of all are copied together.
         for env in self.envs:
             env._pictures = False
         self.num_envs, self.jobs = num_envs, jobs or os.cpu_count() or 1
