@@ -130,10 +130,21 @@ class Lerobot(unittest.TestCase):
         for changes, words in [
             ({"joints": {"joint_1": Axis("lift.pos")}}, "joint_1: found no lift.pos among the observations"),
             ({"servos": {"thumb": Axis("grip.pos")}}, "thumb: found neither limit nor stiffness"),
+            ({"servos": {"thumb": Axis("grip.pos", stiffness=0.0)}}, "thumb: found the stiffness 0.0, expected more than 0"),
+            ({"servos": {"thumb": Axis("grip.pos", stiffness=-2.0)}}, "thumb: found the stiffness -2.0"),
+            ({"servos": {"thumb": Axis("grip.pos", scale=0.0, stiffness=2.0)}}, "thumb: found the scale 0.0"),
+            ({"travel": {"index": 1.0}}, "travel: found none of thumb"),
             ({"cameras": {"eye": "webcam"}}, "eye: found no webcam among the observations"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 self.driver(**changes)
+
+    def test_an_action_whose_position_nobody_knows_is_refused(self):
+        robot = Follower()
+        robot.action_features = {**robot.action_features, "speed": float}
+        with self.assertRaisesRegex(ValueError, "speed: found an action that no axis names"):
+            from_lerobot(robot, joints={"joint_1": Axis("pan.pos")}, servos={"thumb": Axis("grip.pos", stiffness=2.0)})
+        self.assertFalse(robot.is_connected)
 
 
 class Trials(unittest.TestCase):

@@ -93,8 +93,7 @@ class _LerobotDriver:
         if not robot.is_calibrated:
             raise RuntimeError(f"{robot}: found a robot that is not calibrated, expected one after lerobot-calibrate")
         first = robot.get_observation()
-        mapped = {key for _, axis in self._axes() for key in (axis.position, axis.limit)}
-        self._kept = {key: first[key] for key in robot.action_features if key not in mapped}
+        self._kept = {key: first[key] for key in robot.action_features if key not in self._mapped()}
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._angles = self._positions(first)
         self._goals = self._angles.copy()
@@ -103,6 +102,10 @@ class _LerobotDriver:
     def _axes(self) -> Iterator[tuple[str, Axis]]:
         yield from self.joints.items()
         yield from self.servos.items()
+
+    def _mapped(self) -> set[str | None]:
+        """Keys of actions that axes name."""
+        return {key for _, axis in self._axes() for key in (axis.position, axis.limit)}
 
     def _check_keys(self) -> None:
         observed, commanded = self.robot.observation_features, self.robot.action_features
@@ -113,11 +116,21 @@ class _LerobotDriver:
             for key in (axis.position, axis.limit):
                 if key is not None and key not in commanded:
                     raise ValueError(f"{name}: found no {key} among the actions, expected one of: {', '.join(commanded)}")
+            if not (math.isfinite(axis.scale) and axis.scale != 0.0 and math.isfinite(axis.offset)):
+                raise ValueError(f"{name}: found the scale {axis.scale} and the offset {axis.offset}, expected finite numbers, and a scale other than 0")
+        for key in commanded:
+            if key not in self._mapped() and key not in observed:
+                raise ValueError(f"{key}: found an action that no axis names and no observation has, expected an axis for it: where to keep it is not known")
         for name, axis in self.servos.items():
+            if axis.stiffness is not None and not 0.0 < axis.stiffness < math.inf:
+                raise ValueError(f"{name}: found the stiffness {axis.stiffness}, expected more than 0 A/rad")
             if axis.limit is None and axis.stiffness is None:
                 raise ValueError(f"{name}: found neither limit nor stiffness, expected one of them: how hard it pulls must be limited")
             if axis.effort is None and axis.stiffness is None:
                 raise ValueError(f"{name}: found neither effort nor stiffness, expected one of them: its current must be known")
+        for name in self.servos:
+            if self.travel is not None and name not in self.travel:
+                raise ValueError(f"travel: found none of {name}, expected one of each servo: {', '.join(self.servos)}")
         for name, key in self.cameras.items():
             if key not in observed:
                 raise ValueError(f"{name}: found no {key} among the observations, expected one of: {', '.join(observed)}")
