@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use crate::arrays::{failure, value_error};
 use crate::pickling::SteppedScene;
 use crate::scene::{ActionArguments, Episode, JudgementTuple, action, lock_stepped, step_and_judge};
+use crate::threads::Threads;
 
 /// Steps a batch of episodes on `jobs` threads. If one action is refused, no episode is stepped.
 #[pyfunction]
@@ -32,11 +33,12 @@ pub fn step_all(
         let stepped: &mut SteppedScene<_, _> = guard;
         work.push(Mutex::new((stepped, Some(action), None)));
     }
+    let threads = Threads::of_process()?;
     let done = py.detach(|| {
         workers::for_each(jobs, &work, |_, item| {
             let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
             let (stepped, action, judgement) = &mut *item;
-            *judgement = action.take().map(|action| step_and_judge(stepped, action)).transpose()?;
+            *judgement = action.take().map(|action| threads.run(|| step_and_judge(stepped, action))).transpose()?;
             Ok(())
         })
     });

@@ -7,7 +7,7 @@
 //! [`arrays`] converts numpy arrays, [`shared_benches`] holds the data shared by scenes, [`scene`] steps them, [`batches`]
 //! many at once, and [`pickling`] stores the actions with which they can be stepped again. [`hand`], [`optics`], [`touch`] and [`grasps`] can be used
 //! alone. [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones;
-//! [`steps`] makes arrays of both.
+//! [`steps`] makes arrays of both. [`threads`] does their work, in forked processes too.
 
 mod arrays;
 mod batches;
@@ -20,6 +20,7 @@ mod scene;
 mod session;
 mod shared_benches;
 mod steps;
+mod threads;
 mod touch;
 mod trials;
 
@@ -50,4 +51,10 @@ mod _native {
     use crate::touch::heights;
     #[pymodule_export]
     use crate::trials::Benchmark;
+
+    #[pymodule_init]
+    fn init(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        crate::threads::remember_process();
+        Ok(())
+    }
 }

@@ -12,6 +12,7 @@ use tactile_optics::{GelFoundation, IndentationMap, Sensor, press};
 
 use crate::arrays::{map, picture, value_error};
 use crate::hand::HAND;
+use crate::threads::detach;
 
 /// A rendered press: image, indentation depth of the gel (m) at every pixel, force (N).
 type RenderedPress<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray2<f32>>, f64);
@@ -45,19 +46,19 @@ fn render_press<'py>(
     (unit, noise): (Option<u64>, u64),
     pressed: impl FnOnce() -> Result<(IndentationMap, f64), tactile_optics::OpticsError> + Send,
 ) -> PyResult<RenderedPress<'py>> {
-    let made = py.detach(|| -> PyResult<_> {
+    let made = detach(py, || -> PyResult<_> {
         let sensor = sensor(index, unit)?;
         let (indentation, force) = pressed().map_err(value_error)?;
         let image = sensor.render(&indentation, &mut ChaCha8Rng::seed_from_u64(noise));
         Ok((image.rgb, indentation.to_depths(), force))
-    })?;
+    })??;
     Ok((picture(py, IMAGE_SIZE, made.0)?, map(py, IMAGE_SIZE, made.1)?, made.2))
 }
 
 /// Renders the image of an untouched pad, without noise.
 #[pyfunction]
 pub fn background(py: Python<'_>, index: usize, unit: Option<u64>) -> PyResult<Bound<'_, PyArray3<u8>>> {
-    let sensor = py.detach(|| sensor(index, unit))?;
+    let sensor = detach(py, || sensor(index, unit))??;
     picture(py, IMAGE_SIZE, sensor.background().rgb.clone())
 }
 

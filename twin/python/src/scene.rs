@@ -25,6 +25,7 @@ use crate::arrays::{
 };
 use crate::pickling::{PickledState, SteppedScene, UnpickledState, check_state, decode_actions, pickle};
 use crate::shared_benches::{Setup, shared_bench, varied_bench};
+use crate::threads::detach;
 
 /// Constructor arguments of a scene: objects and their places, images, seed, setup.
 type SceneArguments = (Vec<(String, f64, f64, f64)>, Option<usize>, u64, Setup);
@@ -172,7 +173,7 @@ impl Scene {
             objects.iter().cloned().map(|(name, x, y, yaw)| SceneObject { name, place: TablePlacement { x, y, yaw } });
         let (placed, options) = (placed.collect::<Vec<_>>(), SceneOptions { images, seed });
         let scene =
-            py.detach(|| learning_environment::TactileScene::new(&bench.world, &bench.cameras, &placed, options));
+            detach(py, || learning_environment::TactileScene::new(&bench.world, &bench.cameras, &placed, options))?;
         let (scene, arguments) = (scene.map_err(value_error)?, (objects, images, seed, setup));
         Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new(), ticked: false })))
     }
@@ -181,7 +182,7 @@ impl Scene {
         let action = action(asked)?;
         let mut stepped = lock_stepped(&self.0)?;
         let SteppedScene { scene, actions, .. } = &mut *stepped;
-        py.detach(|| scene.step(&action)).map_err(value_error)?;
+        detach(py, || scene.step(&action))?.map_err(value_error)?;
         actions.push(action);
         Ok(())
     }
@@ -207,7 +208,7 @@ impl Scene {
         let command = RobotCommand { arm: arm.into_iter().collect(), servos, capture };
         stepped.ticked = true;
         let scene = &mut stepped.scene;
-        let frames = py.detach(|| scene.tick(&command));
+        let frames = detach(py, || scene.tick(&command))?;
         let frame = |frame: TactileFrame| {
             let side = (frame.image.rgb.len() / 3).isqrt();
             Ok((frame.camera, frame.time, picture(py, side, frame.image.rgb.clone())?))
@@ -274,7 +275,7 @@ pub fn restored_scene(py: Python<'_>, made: SceneArguments, kept: UnpickledState
         let mut stepped = lock_stepped(&restored.0)?;
         let scene = &mut stepped.scene;
         let actions = decode_actions(scene, &kept)?;
-        py.detach(|| actions.iter().try_for_each(|action| scene.step(action))).map_err(value_error)?;
+        detach(py, || actions.iter().try_for_each(|action| scene.step(action)))?.map_err(value_error)?;
         check_state(&stepped.scene, &kept)?;
         stepped.actions = actions;
     }
@@ -291,7 +292,7 @@ fn render_picture<'py>(
     scene: &learning_environment::TactileScene,
     side: u32,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-    let rgb = py.detach(|| scene.picture(side)).map_err(value_error)?;
+    let rgb = detach(py, || scene.picture(side))?.map_err(value_error)?;
     picture(py, side as usize, rgb)
 }
 
@@ -335,7 +336,7 @@ impl Episode {
         let (images, combination, objects) = choices.clone();
         let options = EpisodeOptions { task: kind, images, combination, objects };
         let arguments = (task.to_owned(), choices, seed, setup, variation);
-        match py.detach(|| learning_environment::Episode::begin(&bench, options, seed)) {
+        match detach(py, || learning_environment::Episode::begin(&bench, options, seed))? {
             Ok(scene) => Ok(Self(Mutex::new(SteppedScene { scene, arguments, actions: Vec::new(), ticked: false }))),
             Err(EpisodeError::Setup(error)) => Err(failure(&error)),
             Err(error) => Err(value_error(error)),
@@ -346,7 +347,7 @@ impl Episode {
         let action = action(asked)?;
         let mut stepped = lock_stepped(&self.0)?;
         let stepped: &mut SteppedScene<_, _> = &mut stepped;
-        py.detach(|| step_and_judge(stepped, action)).map_err(value_error)
+        detach(py, || step_and_judge(stepped, action))?.map_err(value_error)
     }
 
     /// Returns the observation, with the tactile images if `pictures` is true.
@@ -444,7 +445,7 @@ pub fn restored_episode(py: Python<'_>, made: EpisodeArguments, kept: UnpickledS
         let mut stepped = lock_stepped(&restored.0)?;
         let stepped: &mut SteppedScene<_, _> = &mut stepped;
         let actions = decode_actions(&stepped.scene.scene, &kept)?;
-        py.detach(|| actions.into_iter().try_for_each(|action| step_and_judge(stepped, action).map(drop)))
+        detach(py, || actions.into_iter().try_for_each(|action| step_and_judge(stepped, action).map(drop)))?
             .map_err(value_error)?;
         check_state(&stepped.scene.scene, &kept)?;
     }

@@ -16,6 +16,7 @@ use robot_session_log::{RobotSizes, SessionEvent, SessionReader};
 
 use crate::arrays::value_error;
 use crate::steps::steps_dict;
+use crate::threads::detach;
 
 /// Maximum size of a session's images, bytes.
 const MAX_IMAGE_BYTES: u64 = 8 << 30;
@@ -27,7 +28,7 @@ static LATEST_BENCH: Mutex<Option<(String, Bench)>> = Mutex::new(None);
 /// `robot`, and as JSON text the `outcome` of the trial.
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, side: usize) -> PyResult<Bound<'_, PyDict>> {
-    let read = py.detach(|| read_session(&path, side));
+    let read = detach(py, || read_session(&path, side))?;
     let (steps, robot, outcome) = read.map_err(|error| {
         let words = format!("{error:#}");
         let named = words.starts_with(&path.display().to_string());

@@ -20,6 +20,7 @@ use toml::{Table, Value};
 use world::objects::ObjectSet;
 
 use crate::arrays::{failure, value_error};
+use crate::threads::detach;
 
 /// Setup of a scene or episode: true for the benchmark's effects and errors, the texts of the robot ([`robot`]), the text
 /// of a scenario ([`scenario`]), and true for tactile images from a GPU.
@@ -63,7 +64,7 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
         scenario.effects = Effects::default();
         scenario.noise = scenario.noise.scaled(0.0);
     }
-    let made = py.detach(|| -> anyhow::Result<Arc<Bench>> {
+    let made = detach(py, || -> anyhow::Result<Arc<Bench>> {
         let mut shared = SHARED_BENCHES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, bench)) = shared.iter().find(|(made, _)| made == setup) {
             return Ok(bench.clone());
@@ -76,7 +77,7 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
         let bench = Arc::new(bench);
         shared.push((setup.clone(), bench.clone()));
         Ok(bench)
-    });
+    })?;
     made.map_err(|error| failure(&error))
 }
 

@@ -14,6 +14,7 @@ use tactile_perception::{PIXELS, PhotometricCalibration};
 
 use crate::arrays::{failure, map, value_error};
 use crate::hand::HAND;
+use crate::threads::detach;
 
 /// The built-in calibration, or the error of reading it.
 static CALIBRATION: LazyLock<Result<PhotometricCalibration, anyhow::Error>> = LazyLock::new(builtin_calibration);
@@ -35,7 +36,7 @@ pub fn heights<'py>(
         .get(camera)
         .ok_or_else(|| value_error(format!("camera: found {camera}, expected 0 to {}", count - 1)))?;
     let (image, background) = (pixels("image", &image)?, pixels("background", &background)?);
-    let found = py.detach(|| -> PyResult<_> {
+    let found = detach(py, || -> PyResult<_> {
         let calibration = CALIBRATION.as_ref().map_err(failure)?;
         let model = calibration.model(HAND.pads[view.pad].configuration).map_err(value_error)?;
         let Some(slopes) = gradients(&image, &background, model, &StereoOptions::default()) else {
@@ -45,7 +46,7 @@ pub fn heights<'py>(
         let level = rest_level(&height, slopes.region);
         height.iter_mut().for_each(|value| *value -= level);
         Ok([height, slopes.gx, slopes.gy])
-    })?;
+    })??;
     let [height, gx, gy] = found;
     Ok([map(py, IMAGE_SIZE, height)?, map(py, IMAGE_SIZE, gx)?, map(py, IMAGE_SIZE, gy)?])
 }

@@ -17,6 +17,7 @@ use serde_json::Value;
 
 use crate::arrays::{failure, value_error};
 use crate::steps::steps_dict;
+use crate::threads::detach;
 
 /// The benchmark with a given seed.
 #[pyclass(frozen, module = "ftac._native")]
@@ -62,10 +63,10 @@ fn text(record: &TrialRecord) -> PyResult<String> {
 impl Benchmark {
     #[new]
     fn new(py: Python<'_>, seed: u64) -> PyResult<Self> {
-        let made = py.detach(|| {
+        let made = detach(py, || {
             let combos = grasp_verification::builtin::grasp_pairs()?.pairs.len();
             make_bench(&RobotModel::ftac_gen3(), Scenario::benchmark(), combos, seed, true)
-        });
+        })?;
         Ok(Self(made.map_err(|error| failure(&error))?))
     }
 
@@ -83,7 +84,7 @@ impl Benchmark {
         let introduction: PolicyIntroduction = serde_json::from_str(introduction).map_err(value_error)?;
         let pace = if wall { SimulatedTimePassage::Wall } else { SimulatedTimePassage::Paused };
         let mut asked = PythonPolicyServer { server: &host, interrupt: None };
-        let finished = py.detach(|| self.0.run_with_server(combination, trial, (&introduction, pace), &mut asked));
+        let finished = detach(py, || self.0.run_with_server(combination, trial, (&introduction, pace), &mut asked))?;
         if let Some(error) = asked.interrupt {
             return Err(error);
         }
@@ -96,13 +97,13 @@ impl Benchmark {
     fn condition(&self, py: Python<'_>, name: &str, combination: usize, trial: usize) -> PyResult<String> {
         self.check(combination)?;
         let condition: Condition = name.parse().map_err(value_error)?;
-        let finished = py.detach(|| match condition {
+        let finished = detach(py, || match condition {
             Condition::Ideal => self.0.run_ideal(combination, &mut NoWatcher).map(|outcome| outcome.record),
             _ => {
                 let results = self.0.run_each_condition(combination, trial, &[condition], &[], &mut NoWatcher)?;
                 results.records.into_iter().next().ok_or_else(|| anyhow::anyhow!("no trial was finished"))
             }
-        });
+        })?;
         py.check_signals()?;
         text(&finished.map_err(|error| failure(&error))?)
     }
@@ -117,7 +118,7 @@ impl Benchmark {
         side: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         self.check(combination)?;
-        let recorded = py.detach(|| self.0.record_steps(combination, trial, side));
+        let recorded = detach(py, || self.0.record_steps(combination, trial, side))?;
         py.check_signals()?;
         let (recorded, record) = recorded.map_err(|error| failure(&error))?;
         let all = steps_dict(py, recorded, side)?;
