@@ -1,11 +1,20 @@
 """Many environments side by side, and what they look like."""
 
+import multiprocessing
 import unittest
+import warnings
 
 import gymnasium
 import numpy as np
 
 from ftac import envs, vector
+
+
+def images_of_two(_):
+    """Images of two environments after a step, in this process."""
+    many = vector.VectorPick(2, task="pick_one", images=16)
+    many.reset(seed=1)
+    return many.step(np.zeros((2, 12), dtype=np.float32))[0]["tactile"]
 
 
 class Vector(unittest.TestCase):
@@ -72,6 +81,16 @@ class Vector(unittest.TestCase):
             seen[renderer] = many.step(action)[0]["tactile"].astype(np.int16)
         self.assertLess((abs(seen["gpu"] - seen["cpu"]) > 1).mean(), 0.001)
 
+    @unittest.skipUnless("fork" in multiprocessing.get_all_start_methods(), "processes are not forked here")
+    def test_a_forked_process_forms_images_too(self):
+        here = images_of_two(0)
+        with warnings.catch_warnings():
+            # Python warns of forking a process with threads, which is what is tried.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            with multiprocessing.get_context("fork").Pool(1) as forked:
+                there = forked.map_async(images_of_two, [0]).get(timeout=300)
+        np.testing.assert_array_equal(here, there[0])
+
     def test_saved_states_are_restored(self):
         many = vector.VectorPick(2, task="pick_one", images=16)
         many.reset(seed=3)
@@ -86,6 +105,56 @@ class Vector(unittest.TestCase):
         np.testing.assert_array_equal(first[1], second[1])
         with self.assertRaisesRegex(ValueError, "states: found 1, expected 2"):
             many.restore(kept[:1])
+
+    def test_the_steps_of_an_episode_are_restored_too(self):
+        many = vector.VectorPick(2, task="pick_one", max_episode_steps=6)
+        many.reset(seed=3)
+        still = np.zeros((2, 12), dtype=np.float32)
+        for _ in range(2):
+            many.step(still)
+        kept = many.save()
+        ends = [[False, False]] * 3 + [[True, True], [False, False]]
+        for _ in range(2):
+            self.assertEqual([many.step(still)[3].tolist() for _ in range(5)], ends)
+            many.restore(kept)
+        for _ in range(4):
+            many.step(still)
+        # What is over begins anew in the next step, after a return to it as well.
+        kept = many.save()
+        begun = many.step(still)[0]
+        many.restore(kept)
+        again, rewards, terminated, truncated, _ = many.step(still)
+        np.testing.assert_array_equal(begun["servos"], again["servos"])
+        self.assertFalse(rewards.any() or terminated.any() or truncated.any())
+
+    def test_who_begins_anew_tells_with_what(self):
+        many = gymnasium.make_vec("ftac/Sort-v1", num_envs=2, images=8, max_episode_steps=2)
+        still = np.zeros((2, 12), dtype=np.float32)
+        _, begun = many.reset(seed=5)
+        self.assertTrue(begun["_class"].all() and begun["_objects"].all())
+        for step in (1, 2):
+            info = many.step(still)[4]
+            self.assertNotIn("class", info)
+            self.assertTrue(info["_held"].all() and info["_is_success"].all(), step)
+        _, _, _, _, info = many.step(still)
+        self.assertTrue(info["_class"].all() and info["_untouched"].all())
+        self.assertFalse(info["_held"].any())
+        alone = [env.class_of_object for env in many.envs]
+        self.assertEqual(info["class"].tolist(), alone)
+        self.assertEqual([names[0] in many.envs[0].classes[one] for names, one in zip(info["objects"], alone)], [True, True])
+
+    def test_limits_and_threads_are_checked(self):
+        for options, words in [
+            ({"max_episode_steps": 0}, "max_episode_steps: found 0, expected 1 to"),
+            ({"max_episode_steps": "x"}, "max_episode_steps: found 'x', expected a whole number"),
+            ({"jobs": 0}, "jobs: found 0, expected 1 to"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                vector.VectorPick(2, task="pick_one", **options)
+        # As Gymnasium's own: no limit.
+        many = vector.VectorPick(1, task="pick_one", max_episode_steps=-1)
+        many.reset(seed=1)
+        self.assertFalse(any(many.step(np.zeros((1, 12), dtype=np.float32))[3][0] for _ in range(3)))
 
 
 class Pictures(unittest.TestCase):

@@ -12,6 +12,21 @@ from numpy.typing import ArrayLike, NDArray
 from ftac import _native
 
 
+def real(what: str, values: Any) -> NDArray[Any]:
+    """`values` as an array of real numbers of any kind and shape. ``ValueError`` for anything else."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what}: expected numbers: {error}") from None
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{what}: found {_kind(values, array)}, expected numbers")
+    return array
+
+
+def _kind(values: Any, array: NDArray[Any]) -> str:
+    return repr(values) if np.ndim(array) == 0 else f"an array of {array.dtype}"
+
+
 def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
     """`values` as a contiguous float64 vector, of `length` if given. ``ValueError`` for anything else."""
     if np.iscomplexobj(values):

@@ -212,7 +212,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         return State(self._episode.copy(), {**kept, **own, "random": self.np_random.bit_generator.state})
 
     def restore(self, state: State) -> Observation:
-        """Returns to a state of `save`, and the observation in it. What follows is the same to the bit."""
+        """Returns to a state of `save`, and the observation in it. What follows is the same to the bit. The limit of steps is ``gymnasium.make``'s: it counts on."""
         self._episode = state.episode.copy()
         self._shown, self._over = self._episode, state.python["over"]
         self.features, self._progress = state.python["features"].copy(), state.python["progress"].copy()
