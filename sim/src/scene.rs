@@ -15,6 +15,7 @@ use crate::body::groups;
 use crate::collision_shape;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
+use crate::test_stand::penetration_depth;
 
 /// An object and its initial pose.
 #[derive(Debug, Clone)]
@@ -22,6 +23,15 @@ pub struct ObjectPlacement {
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Isometry3<f64>,
+}
+
+impl ObjectPlacement {
+    /// Returns how deep two objects are in each other, m; 0 if they stand clear.
+    pub fn overlap(&self, other: &Self) -> f64 {
+        let shape = |placed: &Self| collision_shape::collision_shape(&placed.model.shape);
+        let pose = |placed: &Self| convert::pose(&placed.pose);
+        penetration_depth(&pose(self), &*shape(self).0, &pose(other), &*shape(other).0)
+    }
 }
 
 /// Initial state and configuration of a scene.

@@ -23,6 +23,8 @@ use control::pad_images::{ImageSizeError, PadImages, capture_tick};
 pub const MAX_OBJECTS: usize = 16;
 /// Largest distance of an object from the arm's base along x and y, m.
 const MAX_COORDINATE: f64 = 1.5;
+/// Depth up to which objects may be in each other, m: they touch.
+const MAX_OVERLAP: f64 = 1e-4;
 
 /// Reason for which a scene cannot be created.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +35,9 @@ pub enum SceneError {
     /// An object's place is not on the table.
     #[error("object `{name}`, {axis}: found {found}, expected {expected}")]
     Place { name: String, axis: &'static str, found: f64, expected: String },
+    /// Two objects are in each other.
+    #[error("objects: found `{one}` {depth:.1} mm inside `{other}`, expected objects that stand clear of each other")]
+    Overlap { one: String, other: String, depth: f64 },
     /// Too many objects.
     #[error("objects: found {0}, expected {MAX_OBJECTS} at most")]
     Count(usize),
@@ -115,7 +120,8 @@ impl TactileScene {
         if objects.len() > MAX_OBJECTS {
             return Err(SceneError::Count(objects.len()));
         }
-        let objects = objects.iter().map(|placed| placement(world, placed)).collect::<Result<_, _>>()?;
+        let objects = objects.iter().map(|placed| placement(world, placed)).collect::<Result<Vec<_>, _>>()?;
+        check_clearance(&objects)?;
         let setup = SceneSetup { objects, ..world.bare_scene(world.cell.ready_posture, &TrialNoise::none()) };
         let frame_delay = setup.frame_delay;
         let board = options.images.map(|side| with_frame_size(board.with_noise(options.seed), side)).transpose()?;
@@ -262,6 +268,20 @@ fn placement(world: &SimulatedWorld, placed: &SceneObject) -> Result<ObjectPlace
         return Err(error("yaw", place.yaw, "a finite angle in rad".to_owned()));
     }
     Ok(ObjectPlacement { pose: place.pose(&model), model })
+}
+
+/// Checks that no object is inside another.
+fn check_clearance(objects: &[ObjectPlacement]) -> Result<(), SceneError> {
+    for (n, one) in objects.iter().enumerate() {
+        for other in &objects[..n] {
+            let depth = one.overlap(other);
+            if depth > MAX_OVERLAP {
+                let name = |placed: &ObjectPlacement| placed.model.name.clone();
+                return Err(SceneError::Overlap { one: name(one), other: name(other), depth: 1e3 * depth });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Returns a board whose frames have the size of the requested images. For images smaller than those of the cameras,

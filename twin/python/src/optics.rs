@@ -44,11 +44,11 @@ fn render_press<'py>(
     py: Python<'py>,
     index: usize,
     (unit, noise): (Option<u64>, u64),
-    pressed: impl FnOnce() -> Result<(IndentationMap, f64), tactile_optics::OpticsError> + Send,
+    pressed: impl FnOnce() -> PyResult<(IndentationMap, f64)> + Send,
 ) -> PyResult<RenderedPress<'py>> {
     let made = detach(py, || -> PyResult<_> {
         let sensor = sensor(index, unit)?;
-        let (indentation, force) = pressed().map_err(value_error)?;
+        let (indentation, force) = pressed()?;
         let image = sensor.render(&indentation, &mut ChaCha8Rng::seed_from_u64(noise));
         Ok((image.rgb, indentation.to_depths(), force))
     })??;
@@ -88,6 +88,12 @@ pub fn press_sphere<'py>(
     match (depth, force) {
         (Some(depth), None) => {
             check_positive("depth", depth, "m")?;
+            let most = HAND.gel().thickness;
+            if depth > most {
+                return Err(value_error(format!(
+                    "depth: found {depth} m, expected at most {most} m, the gel's thickness"
+                )));
+            }
             render_press(py, index, (unit, noise), move || {
                 let depths = pixels(camera).map(|(x, y)| {
                     lowest(x, y).map_or(0.0, |lowest| (pad.surface_height(x, y) - (lowest - depth)).max(0.0) as f32)
@@ -95,7 +101,7 @@ pub fn press_sphere<'py>(
                 let depths: Vec<f32> = depths.collect();
                 let gel = GelFoundation::winkler(&HAND.gel());
                 let force = depths.iter().map(|depth| gel.pressure(f64::from(*depth))).sum::<f64>() * area(camera);
-                Ok((IndentationMap::from_depth(depths)?, force))
+                Ok((IndentationMap::from_depth(depths).map_err(value_error)?, force))
             })
         }
         (None, Some(force)) => {
@@ -133,14 +139,20 @@ pub fn press_heights<'py>(
     render_press(py, index, (unit, noise), move || press_to_force(pad, camera, force, lowest))
 }
 
-/// Presses an object in until the gel bears the force (N). Returns the indentation and the force.
+/// Presses an object in until the gel bears the force (N). Returns the indentation and the force, which is 0 if nothing is
+/// above the pad. A force that compresses the gel fully is an error.
 fn press_to_force(
     pad: &Pad,
     camera: &PadCamera,
     force: f64,
     lowest: impl FnMut(f64, f64) -> Option<f64>,
-) -> Result<(IndentationMap, f64), tactile_optics::OpticsError> {
-    let mut pressed = press(pad, &[camera], &HAND.gel(), force, lowest)?;
+) -> PyResult<(IndentationMap, f64)> {
+    let mut pressed = press(pad, &[camera], &HAND.gel(), force, lowest).map_err(value_error)?;
+    let borne = pressed.force;
+    if borne > 0.0 && borne < 0.99 * force {
+        let words = "at most what the gel bears under this object";
+        return Err(value_error(format!("force: found {force} N, expected {words}, {borne:.1} N")));
+    }
     Ok((pressed.maps.pop().unwrap_or_else(IndentationMap::idle), pressed.force))
 }
 

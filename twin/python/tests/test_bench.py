@@ -132,6 +132,9 @@ class Bench(unittest.TestCase):
         for asked, words in [
             ({"policy": object()}, "found object with neither, expected an object with a method choose"),
             ({"policy": both}, "found Acts with choose and act"),
+            ({"policy": Acts}, r"policy: found the class Acts, expected an object of it: Acts\(\)"),
+            ({"policy": policy, "combinations": 5}, "combinations: found 5, expected a list of numbers"),
+            ({"policy": policy, "beside": "tuch"}, "beside: found 'tuch'"),
             ({"policy": policy, "trials": 0}, "trials: found 0"),
             ({"policy": policy, "beside": ["tuch"]}, "beside: found 'tuch'"),
             ({"policy": policy, "combinations": [60]}, "combination: found 60, expected 0 to 59"),

@@ -77,7 +77,7 @@ class Hand(unittest.TestCase):
         for call, words in [
             (lambda: hand.forward([0.0] * 14), r"q: found shape \(14,\), expected shape \(15,\)"),
             (lambda: hand.forward([np.nan] * 15), r"q\[0\]: found NaN"),
-            (lambda: hand.forward("no"), "q: expected numbers"),
+            (lambda: hand.forward("no"), "q: found 'no', expected numbers"),
             (lambda: hand.forward([1j] * 15), "q: found complex numbers"),
             (lambda: hand.jacobian([0.0] * 15, "toe_1"), "link: found 'toe_1'"),
             (lambda: hand.jacobian([0.0] * 15, 15), "link: found 15, expected 0 to 14"),
@@ -119,7 +119,10 @@ class Optics(unittest.TestCase):
             (lambda: optics.press_sphere(0, -0.01, force=1.0), "radius: found -0.01"),
             (lambda: optics.press_sphere(0, 0.01), "expected either a depth or a force"),
             (lambda: optics.press_sphere(0, 0.01, force=-1.0), "force"),
-            (lambda: optics.press_sphere(0, 0.01, depth=np.nan), "depth: found NaN"),
+            (lambda: optics.press_sphere(0, 0.01, depth=np.nan), "depth: found nan"),
+            (lambda: optics.press_sphere(0, 10.0, depth=1.0), "depth: found 1 m, expected at most 0.0025 m"),
+            (lambda: optics.press_sphere(0, 0.01, force=1000.0), "force: found 1000 N, expected at most what the gel bears under this object, [0-9.]+ N"),
+            (lambda: optics.press_sphere(0, 0.01, force=1.0, center=(0.0,)), r"center: found shape \(1,\)"),
             (lambda: optics.press_heights(0, np.zeros((3, 3)), 1.0), "surface: found shape"),
         ]:
             with self.assertRaisesRegex(ValueError, words):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import operator
 import os
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,27 +21,46 @@ def real(what: str, values: Any) -> NDArray[Any]:
         array = np.asarray(values)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{what}: expected numbers: {error}") from None
+    if array.dtype.kind == "c":
+        raise ValueError(f"{what}: found complex numbers, expected real ones")
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"{what}: found {_kind(values, array)}, expected numbers")
+        raise ValueError(f"{what}: found {values!r}, expected numbers")
     return array
-
-
-def _kind(values: Any, array: NDArray[Any]) -> str:
-    return repr(values) if np.ndim(array) == 0 else f"an array of {array.dtype}"
 
 
 def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
     """`values` as a contiguous float64 vector, of `length` if given. ``ValueError`` for anything else."""
-    if np.iscomplexobj(values):
-        raise ValueError(f"{what}: found complex numbers, expected real ones")
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{what}: expected numbers: {error}") from None
+    array = np.ascontiguousarray(real(what, values), dtype=np.float64)
     if array.ndim != 1 or (length is not None and array.shape != (length,)):
         expected = "one dimension" if length is None else f"shape ({length},)"
-        raise ValueError(f"{what}: found shape {np.shape(values)}, expected {expected}")
+        raise ValueError(f"{what}: found shape {array.shape}, expected {expected}")
     return array
+
+
+def mapping(what: str, value: Any, expected: str) -> Mapping[str, Any]:
+    """`value` as a mapping from names. ``ValueError`` for anything else."""
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise ValueError(f"{what}: found {value!r}, expected {expected}")
+    return value
+
+
+def number(what: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite number. ``ValueError`` for anything else."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = float("nan")
+    if isinstance(value, str) or not np.isfinite(found):
+        raise ValueError(f"{what}: found {value!r}, expected a finite number{unit}")
+    return found
+
+
+def known_names(what: str, names: Iterable[str], known: Sequence[str]) -> None:
+    """``ValueError`` for a name that is not among the known ones."""
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, known, 3)
+            raise ValueError(f"{what}: found {name!r}, expected one of {', '.join(near or known)}")
 
 
 def whole(what: str, value: Any, low: int, high: int) -> int:
@@ -89,3 +111,9 @@ def robot_of(path: str | os.PathLike[str] | None) -> tuple[str | None, int, int]
 def scenario_of(path: str | os.PathLike[str] | None) -> str | None:
     """The text of a scenario file for the native module; None without a file."""
     return None if path is None else _native.scenario(os.fspath(path))
+
+
+@lru_cache(maxsize=16)
+def objects_of(text: str | None) -> list[str]:
+    """Names of the objects of a scenario's text, or of the benchmark's."""
+    return _native.scenario_objects(text)

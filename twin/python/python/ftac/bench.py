@@ -157,10 +157,13 @@ def run(
 
     host = Host(policy)
     trials, seed = whole("trials", trials, 1, 1_000_000), seed_of(seed)
+    beside = [beside] if isinstance(beside, str) else list(beside)
     unknown = [name for name in beside if name not in CONDITIONS]
     if unknown:
         raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
     count = len(_native.combinations())
+    if combinations is not None and (isinstance(combinations, str) or not isinstance(combinations, Iterable)):
+        raise ValueError(f"combinations: found {combinations!r}, expected a list of numbers")
     numbers = range(count) if combinations is None else [whole("combination", n, 0, count - 1) for n in combinations]
     benchmark, introduction, rows = _benchmark(seed), json.dumps(host.introduction()), Rows()
     for combination in numbers:

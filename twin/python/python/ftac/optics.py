@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, hand
-from ftac._arrays import seed_of, whole
+from ftac._arrays import number, numbers, seed_of, whole
 from ftac._images import Images, beside, coloured, images as shown, png
 from ftac.program import call
 
@@ -56,21 +56,30 @@ def press_sphere(
 ) -> Press:
     """A ball of `radius` (m) over `center` (x, y in m, pad frame), pressed `depth` (m) below the pad's plane or with `force` (N).
 
-    `seed` is that of the read-out noise. ``ValueError`` where not exactly one of `depth` and `force` is given.
+    `seed` is that of the read-out noise. ``ValueError`` where not exactly one of `depth` and `force` is given, and where the gel is not that thick or bears
+    no such force. The force is 0 where the ball is not over the pad.
 
     Returns a `Press`: image (240, 240, 3) uint8, depth (240, 240) m, force N.
     """
-    x, y = center
-    at = (float(x), float(y))
+    x, y = numbers("center", center, 2).tolist()
+    at = (x, y)
     return _press(
-        _native.press_sphere(hand.camera(camera), float(radius), depth, force, at, _serial(unit), seed_of(seed))
+        _native.press_sphere(
+            hand.camera(camera),
+            number("radius", radius, ", m"),
+            None if depth is None else number("depth", depth, ", m"),
+            None if force is None else number("force", force, ", N"),
+            at,
+            _serial(unit),
+            seed_of(seed),
+        )
     )
 
 
 def press_heights(
     camera: int | str, surface: ArrayLike, force: float, *, unit: int | None = None, seed: int = 0
 ) -> Press:
-    """Any surface pressed in with `force` (N) until the gel bears it.
+    """Any surface pressed in with `force` (N) until the gel bears it. ``ValueError`` for more than it can bear; the force is 0 where nothing is over the pad.
 
     `surface` (240, 240) is the height of the object's lowest point over every pixel: m, pad frame, z out of the pad, from any zero; NaN where there is
     nothing. Returns a `Press`: image (240, 240, 3) uint8, depth (240, 240) m, force N.
@@ -78,7 +87,7 @@ def press_heights(
     heights = np.ascontiguousarray(surface, dtype=np.float64)
     if heights.ndim != 2:
         raise ValueError(f"surface: found shape {heights.shape}, expected (240, 240)")
-    return _press(_native.press_heights(hand.camera(camera), heights, float(force), _serial(unit), seed_of(seed)))
+    return _press(_native.press_heights(hand.camera(camera), heights, number("force", force, ", N"), _serial(unit), seed_of(seed)))
 
 
 def _serial(unit: int | None) -> int | None:

@@ -22,6 +22,8 @@ class Host:
     """Answers for `policy`: an object with a method ``choose(situation)`` or ``act(observation)`` (see `ftac.bench.Policy`)."""
 
     def __init__(self, policy: Any) -> None:
+        if isinstance(policy, type):
+            raise ValueError(f"policy: found the class {policy.__name__}, expected an object of it: {policy.__name__}()")
         levels = [name for name in ("choose", "act") if callable(getattr(policy, name, None))]
         if len(levels) != 1:
             found = " and ".join(levels) or "neither"
@@ -84,6 +86,8 @@ class Host:
         answer = self.policy.choose(situation)
         if answer is None:
             return {"choice": None}
+        if isinstance(answer, (bool, np.bool_)):
+            raise ValueError(f"choose: found {answer}, expected the number of a candidate, None, or a number and an aim")
         index, aim = (answer, (0.0, 0.0, 0.0)) if isinstance(answer, (int, np.integer)) else answer
         x, y, yaw = (float(value) for value in aim)
         if not 0 <= index < len(candidates):

@@ -24,6 +24,8 @@ class Host:
     """Answers for `robot` (see `ftac.robot.Robot`)."""
 
     def __init__(self, robot: Any) -> None:
+        if isinstance(robot, type):
+            raise ValueError(f"robot: found the class {robot.__name__}, expected an object of it: {robot.__name__}()")
         missing = [name for name in ("describe", "observe", "send") if not _has(robot, name)]
         if missing:
             raise ValueError(

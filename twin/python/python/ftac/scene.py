@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers, on_gpu, robot_of, scenario_of, seed_of, side_of, whole
+from ftac._arrays import number, numbers, on_gpu, real, robot_of, scenario_of, seed_of, side_of, whole
 from ftac._images import Images, enlarged, images as shown, png
 from ftac._poses import pose_matrix
 
@@ -35,9 +35,16 @@ def command(
         one("twist", twist, 6),
         one("joints", joints, arm_joints),
         one("tensions", tensions, 5),
-        None if opposition is None else float(opposition),
+        None if opposition is None else number("opposition", opposition, ", rad"),
         one("spools", spools, 6),
     )
+
+
+def _place(n: int, place: Any) -> Place:
+    if isinstance(place, str) or not isinstance(place, Sequence) or len(place) != 4:
+        raise ValueError(f"objects[{n}]: found {place!r}, expected (name, x, y, turn)")
+    x, y, turn = (number(f"objects[{n}]: {what}", value) for what, value in zip(("x", "y", "turn"), place[1:]))
+    return str(place[0]), x, y, turn
 
 
 class Scene:
@@ -47,7 +54,7 @@ class Scene:
     ----------
     objects:
         Each is a name (see `ftac.objects`) and the place of its centre on the table: x and y in m (world; the arm reaches about 0.50 to 0.72 and
-        -0.25 to 0.25), and the turn about the vertical in rad. They must stand clear of each other.
+        -0.25 to 0.25), and the turn about the vertical in rad. ``ValueError`` for objects that are in each other.
     images:
         Side of the tactile images in pixels, 8 to 240; None for no images, which is much faster.
     seed:
@@ -74,7 +81,7 @@ class Scene:
         scenario: str | os.PathLike[str] | None = None,
         renderer: Literal["cpu", "gpu"] = "cpu",
     ) -> None:
-        places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
+        places = [_place(n, place) for n, place in enumerate(objects)]
         setup = (bool(reality), robot_of(robot_model)[0], scenario_of(scenario), on_gpu(renderer, images))
         self._scene = _native.Scene(places, side_of(images), seed_of(seed), setup)
         self.objects = [place[0] for place in places]
@@ -117,7 +124,7 @@ class Scene:
 
         ``frames`` has the images that arrived: ``{name: (time, image)}``. A scene that was moved like this cannot be pickled.
         """
-        goals = np.asarray(servos, dtype=np.float64)
+        goals = real("servos", servos)
         if goals.ndim != 2 or goals.shape[1] != 2:
             raise ValueError(f"servos: found shape {goals.shape}, expected a row of two numbers for each servo")
         command = numbers("arm", arm), numbers("servos", goals[:, 0]), numbers("servos", goals[:, 1])

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ftac import _native
-from ftac._arrays import real, whole
+from ftac._arrays import real, seed_of, whole
 from ftac.envs import PROGRESS, STEPS, Pick, State
 from ftac.features import Observation
 from ftac.sorting import Sort
@@ -67,10 +67,10 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begins an episode in every environment. ``options`` are those of `ftac.envs.Pick.reset`."""
-        if isinstance(seed, list):
-            seeds = seed
+        if seed is None or isinstance(seed, (list, tuple)):
+            seeds: list[int | None] = [None] * self.num_envs if seed is None else list(seed)
         else:
-            seeds = [None if seed is None else seed + n for n in range(self.num_envs)]
+            seeds = [seed_of(seed) + n for n in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: found {len(seeds)} seeds, expected {self.num_envs}")
         begun = self._each(lambda pair: pair[0].reset(seed=pair[1], options=options), zip(self.envs, seeds))
