@@ -249,12 +249,11 @@ def main():
     if folders is None:
         dataset, folders = args.dataset or args.out / "dataset", [args.out / f"{args.policy}_{seed}" for seed in range(args.seeds)]
         if args.dataset is None:
-            words = None if args.task == "PickOne" else "hold the object over the bin of its shape"
             push = TASKS[args.task].push if args.push is None else args.push
             # Where it is led to places drawn at random, success says nothing.
             alone = args.task == "PickOne"
             policy = partial(Pushed, task, push)
-            wrote = record(partial(make, objects, args.images, task), policy, args.episodes, dataset, only_successes=alone, task=words, jobs=args.jobs)
+            wrote = record(partial(make, objects, args.images, task), policy, args.episodes, dataset, only_successes=alone, jobs=args.jobs)
             print(f"{wrote['episodes']} of {wrote['attempts']} episodes written, {wrote['bytes'] / 1e6:.1f} MB, {wrote['frames']} frames", flush=True)
         try:
             layout = layout_for(dataset, args, make(objects, args.images, task))

@@ -177,6 +177,26 @@ class DataSet(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "observation.scene_camera: found none, expected shape"):
             adapter.act({name: value for name, value in observation.items() if name != "scene_camera"})
 
+    def test_the_words_of_a_task_are_those_of_its_data(self):
+        for env, expected in [
+            ("PickSecond", "pick up the {1} with the {0} in the hand"),
+            ("PickTwo", "pick up the {0}, then the {1} beside it"),
+            # Nobody may know the object.
+            ("Sort", "hold the object over the bin of its shape"),
+            ("LiftTo", "move the {0} to the goal"),
+        ]:
+            out, seen = Path(self.folder.name) / f"words_{env}", []
+            made = gymnasium.make(f"ftac/{env}-v1", max_episode_steps=2)
+            record(made, constant, 1, out, only_successes=False, seed=4, quiet=True)
+            (row,) = tables.read_episodes(out / "meta/episodes/chunk-000/file-000.parquet")
+            names = [name.replace("_", " ") for name in row["objects"]]
+            self.assertEqual(row["tasks"], [expected.format(*names)])
+            adapter = PolicyAdapter(lambda batch, seen=seen: seen.append(batch["task"]) or np.zeros(12), out)
+            observation, info = made.reset(seed=4)
+            adapter.reset(info)
+            adapter.act(observation)
+            self.assertEqual(seen, [row["tasks"]])
+
     def test_bad_input_is_refused_in_words_and_nothing_is_left(self):
         env = envs.Pick(images=SIDE)
         folder = Path(self.folder.name)

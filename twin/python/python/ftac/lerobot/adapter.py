@@ -45,8 +45,8 @@ class PolicyAdapter:
     def reset(self, info: Mapping[str, Any]) -> None:
         """Begins an episode."""
         objects = list(info["objects"])[: self.layout.objects]
-        tasks = {1: "pick_one", 2: "pick_two"}
-        self._words = self._task or words(tasks.get(self.layout.objects, "pick_two"), objects, self.layout.goal)
+        task = self.layout.task or ("pick_one" if self.layout.objects == 1 else "pick_two")
+        self._words = self._task or words(task, objects, self.layout.goal)
         reset = getattr(self.policy, "reset", None)
         if callable(reset):
             reset()

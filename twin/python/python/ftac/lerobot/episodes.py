@@ -118,7 +118,7 @@ def record(
             about = {"seed": seed + tried, "combination": info["combination"], "objects": list(info["objects"])}
             tried, successes = tried + 1, successes + success
             if success or not only_successes:
-                writer.add(steps.episode(task or words(pick.task, info["objects"], layout.goal), success, about))
+                writer.add(steps.episode(task or words(layout.task or pick.task, info["objects"], layout.goal), success, about))
                 if writer.is_full():
                     writer.finish_file()
             told.tell(f"{writer.episodes} of {episodes} episodes, {successes} of {tried} succeed", writer.episodes == episodes)
@@ -193,10 +193,12 @@ def _act_of(policy: Any, env: Any, info: dict[str, Any]) -> Act:
 
 
 def words(task: str, objects: Sequence[str], goal: bool = False) -> str:
-    """A task in words."""
+    """A task in words: that of `ftac.envs.Pick`, or ``sort``, in which nobody may know the object."""
     named = [name.replace("_", " ") for name in objects]
     if goal:
         return f"move the {named[0]} to the goal"
+    if task == "sort":
+        return "hold the object over the bin of its shape"
     if task == "pick_one":
         return f"pick up the {named[0]}"
     if task == "pick_second":

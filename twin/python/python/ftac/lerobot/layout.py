@@ -61,11 +61,14 @@ class Layout:
     """Numbers of ``privileged``; 0 for none."""
     goal: bool = False
     """Whether the observations are those of an environment with goals."""
+    task: str | None = None
+    """Task of the environment, as `ftac.lerobot.episodes.words` takes it; None where the data set does not say."""
 
     @staticmethod
     def of(env: Any) -> Layout:
         """The layout of an environment's episodes. ``ValueError`` for anything but an environment of `ftac.envs`."""
         from ftac.envs import OBJECTS, LiftTo, Pick
+        from ftac.sorting import Sort
 
         pick = getattr(env, "unwrapped", env)
         if not isinstance(pick, Pick):
@@ -79,6 +82,7 @@ class Layout:
             pick.camera,
             0 if privileged is None else int(np.prod(privileged.shape or ())),
             isinstance(pick, LiftTo),
+            "sort" if isinstance(pick, Sort) else pick.task,
         )
 
     @staticmethod
