@@ -46,7 +46,9 @@ mod _native {
     #[pymodule_export]
     use crate::session::session;
     #[pymodule_export]
-    use crate::shared_benches::{benchmark_scenario, combinations, objects, robot, scenario};
+    use crate::shared_benches::{
+        benchmark_scenario, check_overrides, combinations, objects, robot, scenario, scenario_objects,
+    };
     #[pymodule_export]
     use crate::touch::heights;
     #[pymodule_export]

@@ -56,14 +56,7 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
     let (reality, robot, text, gpu) = setup;
     let sources: Option<RobotSources> = robot.as_deref().map(serde_json::from_str).transpose().map_err(value_error)?;
     let model = RobotModel::from_sources(sources.as_ref()).map_err(value_error)?;
-    let mut scenario = match text {
-        Some(text) => Scenario::parse(text, Path::new("scenario")).map_err(value_error)?,
-        None => Scenario::benchmark(),
-    };
-    if !reality {
-        scenario.effects = Effects::default();
-        scenario.noise = scenario.noise.scaled(0.0);
-    }
+    let scenario = scenario_of(*reality, text.as_deref())?;
     let made = detach(py, || -> anyhow::Result<Arc<Bench>> {
         let mut shared = SHARED_BENCHES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, bench)) = shared.iter().find(|(made, _)| made == setup) {
@@ -81,6 +74,19 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
     made.map_err(|error| failure(&error))
 }
 
+/// Returns the scenario of a text, or the benchmark's. Without `reality` it has neither effects nor errors.
+fn scenario_of(reality: bool, text: Option<&str>) -> PyResult<Scenario> {
+    let mut scenario = match text {
+        Some(text) => Scenario::parse(text, Path::new("scenario")).map_err(value_error)?,
+        None => Scenario::benchmark(),
+    };
+    if !reality {
+        scenario.effects = Effects::default();
+        scenario.noise = scenario.noise.scaled(0.0);
+    }
+    Ok(scenario)
+}
+
 /// Tables of a scenario that can differ between episodes.
 const RANDOMIZED_TABLES: [&str; 3] = ["noise", "effects", "layout"];
 
@@ -90,18 +96,10 @@ pub fn varied_bench(bench: Arc<Bench>, overrides: Option<&str>, instance: Option
     if overrides.is_none() && instance.is_none() {
         return Ok(bench);
     }
-    let mut scenario = bench.world.scenario.clone();
-    if let Some(overrides) = overrides {
-        let overrides: Table = serde_json::from_str(overrides).map_err(value_error)?;
-        if let Some(name) = overrides.keys().find(|name| !RANDOMIZED_TABLES.contains(&name.as_str())) {
-            let known = RANDOMIZED_TABLES.join(", ");
-            return Err(value_error(format!("randomization: found a field of `{name}`, expected one of {known}")));
-        }
-        let mut all = Table::try_from(&scenario).map_err(value_error)?;
-        merge(&mut all, overrides, "randomization").map_err(value_error)?;
-        let text = toml::to_string(&all).map_err(value_error)?;
-        scenario = Scenario::parse(&text, Path::new("randomization")).map_err(value_error)?;
-    }
+    let scenario = match overrides {
+        Some(overrides) => overridden(&bench.world.scenario, overrides)?,
+        None => bench.world.scenario.clone(),
+    };
     let mut varied = bench.with_scenario(scenario);
     if let Some(number) = instance {
         set_plant_instance(&mut varied, number).map_err(|error| failure(&error))?;
@@ -109,20 +107,65 @@ pub fn varied_bench(bench: Arc<Bench>, overrides: Option<&str>, instance: Option
     Ok(Arc::new(varied))
 }
 
-/// Replaces fields of `all` by those of `overrides`. A field that `all` does not have is an error.
-fn merge(all: &mut Table, overrides: Table, path: &str) -> Result<(), String> {
+/// Checks each of these fields ([`varied_bench`]) in the scenario of a setup.
+#[pyfunction]
+pub fn check_overrides(setup: Setup, overrides: Vec<String>) -> PyResult<()> {
+    let scenario = scenario_of(setup.0, setup.2.as_deref())?;
+    overrides.iter().try_for_each(|fields| overridden(&scenario, fields).map(drop))
+}
+
+/// Returns the scenario with fields replaced by those of `overrides`, a JSON object of tables.
+fn overridden(scenario: &Scenario, overrides: &str) -> PyResult<Scenario> {
+    let overrides: Table = serde_json::from_str(overrides).map_err(value_error)?;
+    if let Some(name) = overrides.keys().find(|name| !RANDOMIZED_TABLES.contains(&name.as_str())) {
+        let known = RANDOMIZED_TABLES.join(", ");
+        return Err(value_error(format!("randomization: found a field of `{name}`, expected one of {known}")));
+    }
+    let mut all = Table::try_from(scenario).map_err(value_error)?;
+    let benchmark: Table = BENCHMARK_TOML.parse().map_err(value_error)?;
+    merge(&mut all, overrides, &benchmark, "randomization").map_err(value_error)?;
+    let text = toml::to_string(&all).map_err(value_error)?;
+    Scenario::parse(&text, Path::new("randomization")).map_err(value_error)
+}
+
+/// Replaces fields of `all` by those of `overrides`. A table that `all` does not have, but the benchmark, is an effect
+/// that is off, and must be given as a whole. Any other field that `all` does not have is an error.
+fn merge(all: &mut Table, overrides: Table, benchmark: &Table, path: &str) -> Result<(), String> {
     for (name, value) in overrides {
         let path = format!("{path}.{name}");
-        match (all.get_mut(&name), value) {
-            (Some(Value::Table(inner)), Value::Table(value)) => merge(inner, value, &path)?,
-            (Some(field), value) => *field = value,
-            (None, _) => {
-                let known: Vec<&str> = all.keys().map(String::as_str).collect();
-                return Err(format!("{path}: found no such field, expected one of {}", known.join(", ")));
+        let known = benchmark.get(&name).and_then(Value::as_table);
+        match (all.get_mut(&name), value, known) {
+            (Some(Value::Table(inner)), Value::Table(value), _) => {
+                merge(inner, value, known.unwrap_or(&Table::new()), &path)?;
+            }
+            (Some(field), value, _) => *field = value,
+            (None, Value::Table(value), Some(known)) => {
+                let missing: Vec<&str> =
+                    known.keys().map(String::as_str).filter(|key| !value.contains_key(*key)).collect();
+                if !missing.is_empty() {
+                    let given = value.keys().cloned().collect::<Vec<_>>().join(", ");
+                    let words =
+                        "of an effect that is off (as with reality=False), expected all of its fields; missing are";
+                    return Err(format!("{path}: found {given} {words} {}", missing.join(", ")));
+                }
+                all.insert(name, Value::Table(value));
+            }
+            (None, ..) => {
+                let mut names: Vec<&str> = all.keys().chain(benchmark.keys()).map(String::as_str).collect();
+                names.sort_unstable();
+                names.dedup();
+                return Err(format!("{path}: found no such field, expected one of {}", names.join(", ")));
             }
         }
     }
     Ok(())
+}
+
+/// Returns the names of the objects of a scenario's text, or of the benchmark's.
+#[pyfunction]
+pub fn scenario_objects(text: Option<&str>) -> PyResult<Vec<String>> {
+    let objects = scenario_of(true, text)?.object_set().map_err(value_error)?;
+    Ok(objects.names().into_iter().map(str::to_owned).collect())
 }
 
 /// Returns the names of the built-in objects.

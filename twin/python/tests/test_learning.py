@@ -148,8 +148,38 @@ class Choices(unittest.TestCase):
             ("protocol.time_limit", "randomization: found a field of `protocol`, expected one of noise, effects, layout"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
-                envs.Pick(randomization={name: 1.0}).reset(seed=1)
+                envs.Pick(randomization={name: 1.0})
         self.assertIn("effects.gel.shear", ftac.randomization.fields())
+
+    def test_all_that_can_be_drawn_is_checked_before_an_episode_begins(self):
+        friction = "effects.cables.friction"
+        for given, words in [
+            ({friction: (0.5, 6.0)}, "friction: found 6.*, expected 0 to 5"),
+            ({friction: [0.5, "x"]}, "friction"),
+            ({friction: np.float32("nan")}, "randomization.effects.cables.friction: found nan, expected a finite number"),
+            ({friction: None}, "randomization.effects.cables.friction: found None, expected a number"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                envs.Pick(randomization=given)
+        for given in (np.float32(1.5), np.array([1.5, 1.5]), [np.float64(1.5)]):
+            self.assertEqual(envs.Pick(randomization={friction: given}).reset(seed=1)[1]["drawn"], {friction: 1.5})
+        reach = envs.Pick(randomization={"layout.reach_x": [[0.5, 0.7]]}).reset(seed=1)[1]["drawn"]
+        self.assertEqual(reach, {"layout.reach_x": [0.5, 0.7]})
+
+    def test_an_effect_that_is_off_is_drawn_as_a_whole(self):
+        friction = {"effects.cables.friction": (0.5, 2.0)}
+        words = "randomization.effects.cables: found friction of an effect that is off .*; missing are backlash"
+        with self.assertRaisesRegex(ValueError, words):
+            envs.Pick(reality=False, randomization=friction)
+        env = envs.Pick(reality=False, randomization={**friction, "effects.cables.backlash": 0.0})
+        _, info = env.reset(seed=1)
+        self.assertTrue(0.5 <= info["drawn"]["effects.cables.friction"] <= 2.0)
+
+    def test_what_is_given_is_not_changed(self):
+        table = {"friction": 1.0, "backlash": 0.0}
+        env = envs.Pick(randomization={"effects.cables": table, "effects.cables.friction": (2.0, 3.0)})
+        self.assertGreater(env.reset(seed=1)[1]["drawn"]["effects.cables.friction"], 2.0)
+        self.assertEqual(table, {"friction": 1.0, "backlash": 0.0})
 
     def test_a_critic_may_know_the_truth(self):
         env = envs.Pick(privileged=True)
@@ -186,6 +216,16 @@ class States(unittest.TestCase):
                 np.testing.assert_array_equal(value, again[0][name], name)
             self.assertEqual(first[1], again[1])
 
+    def test_a_state_of_another_environment_is_refused(self):
+        env = envs.Pick()
+        env.reset(seed=1)
+        kept = env.save()
+        for other in (envs.Pick("pick_two"), envs.Pick(images=16), envs.LiftTo()):
+            with self.assertRaisesRegex(ValueError, "state: found one of .*'Pick', 'pick_one'.*, expected one of"):
+                other.restore(kept)
+        with self.assertRaisesRegex(ValueError, "state: found one of NoneType"):
+            env.restore(None)
+
 
 class Goals(unittest.TestCase):
     def test_goals_are_relabelled(self):
@@ -200,6 +240,11 @@ class Goals(unittest.TestCase):
         desired = np.stack([observation["achieved_goal"], observation["desired_goal"]])
         infos = np.array([{"held": [True]}, {"held": [True]}])
         np.testing.assert_array_equal(env.compute_reward(achieved, desired, infos), [0.0, -1.0])
+        with self.assertRaisesRegex(ValueError, "info: found .*, expected a step's info with 'held' for each goal.*copy_info_dict=True"):
+            env.compute_reward(achieved, desired, [{}, {}])
+        with self.assertRaisesRegex(ValueError, "info: found 1, expected one for each"):
+            env.compute_reward(achieved, desired, infos[:1])
+        self.assertEqual(env.compute_reward(achieved[:0], desired[:0], []).shape, (0,))
         infos[0] = {"held": [False]}
         np.testing.assert_array_equal(env.compute_reward(achieved, desired, infos), [-1.0, -1.0])
 

@@ -101,17 +101,23 @@ class Scenes(unittest.TestCase):
             ({"tensions": [-1.0] * 5}, r"tensions\[0\]: found -1"),
             ({"tensions": [0.0] * 5, "spools": [0.0] * 6}, "either tensions and opposition, or spools"),
             ({"spools": [np.inf] * 6}, r"spools\[0\]: found inf"),
-            ({"twist": ["left"] * 6}, "twist: expected numbers"),
+            ({"twist": ["left"] * 6}, "twist: found .*, expected numbers"),
+            ({"tensions": [[1.0, 2.0], [3.0]]}, "tensions: expected numbers"),
+            ({"opposition": "a"}, "opposition: found 'a', expected a finite number"),
             ({"twist": [1j] * 6}, "twist: found complex numbers"),
             ({"tensions": np.zeros((5, 1))}, r"tensions: found shape \(5, 1\), expected shape \(5,\)"),
-            ({"tensions": [0.0] * 5, "opposition": np.nan}, r"opposition\[0\]: found NaN"),
+            ({"tensions": [0.0] * 5, "opposition": np.nan}, "opposition: found nan"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 scene.step(**action)
         self.assertEqual(scene.observe()["time"], 0.0)
         for make, words in [
             (lambda: ftac.Scene([("lemn", 0.6, 0.0, 0.0)]), "object: found `lemn`, expected one of "),
-            (lambda: ftac.Scene([("lemon", np.nan, 0.0, 0.0)]), "object `lemon`, x: found NaN"),
+            (lambda: ftac.Scene([("lemon", np.nan, 0.0, 0.0)]), r"objects\[0\]: x: found nan, expected a finite number"),
+            (lambda: ftac.Scene([("lemon", 9.0, 0.0, 0.0)]), "object `lemon`, x: found 9"),
+            (lambda: ftac.Scene([("lemon", 0.62, 0.14)]), r"objects\[0\]: found \('lemon', 0.62, 0.14\), expected \(name, x, y, turn\)"),
+            (lambda: ftac.Scene([("lemon", 0.62, 0.14, "a")]), r"objects\[0\]: turn: found 'a', expected a finite number"),
+            (lambda: ftac.Scene([("lemon", 0.62, 0.0, 0.0), ("box_50", 0.63, 0.0, 0.0)]), "objects: found `box_50` .* mm inside `lemon`, expected objects that stand clear"),
             (lambda: ftac.Scene(images=241), "images: found 241, expected 8 to 240"),
             (lambda: ftac.Scene(images=1.5), "images: found 1.5, expected a whole number"),
             (lambda: ftac.Scene(seed=-1), "seed: found -1"),
@@ -202,6 +208,11 @@ class Environments(unittest.TestCase):
             ({"images": 7}, "images: found 7"),
             ({"arm": "fly"}, "arm: found 'fly', expected one of twist, palm_twist"),
             ({"objects": "lemon"}, "objects: found 'lemon', expected a list of names"),
+            ({"objects": ["lemon", "lemmon"]}, "objects: found 'lemmon', expected one of lemon"),
+            ({"reward": None}, "reward: found None, expected sparse, shaped, or weights"),
+            ({"reward": {"lift": "a"}}, "reward.lift: found 'a', expected a finite number"),
+            ({"randomization": [1]}, r"randomization: found \[1\], expected distributions"),
+            ({"robot_instances": 5}, "robot_instances: found 5, expected the first and the last number"),
             ({"randomization": {"effects.gel.shear": (1.0, 0.5)}}, r"randomization.effects.gel.shear: found \(1.0, 0.5\)"),
             ({"robot_instances": (5, 3)}, "robot_instances: found 3, expected 5"),
             ({"render_mode": "human"}, "render_mode: found 'human'"),

@@ -89,6 +89,10 @@ def benchmark_scenario() -> str:
 def objects() -> list[str]:
     """Names of the built-in objects."""
 
+def scenario_objects(text: str | None) -> list[str]:
+    """Names of the objects of a scenario's text; of the benchmark's without one."""
+def check_overrides(setup: Setup, overrides: list[str]) -> None:
+    """Checks fields of the scenario, each as JSON, with the others as they are."""
 def combinations() -> list[tuple[str, str]]:
     """The benchmark's combinations: names of the first and the second object."""
 

@@ -17,7 +17,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, features
-from ftac._arrays import on_gpu, robot_of, scenario_of, whole
+from ftac._arrays import known_names, mapping, number, objects_of, on_gpu, robot_of, scenario_of, whole
 from ftac._poses import inverse, pose_matrix
 from ftac.features import Features, Observation, Spec
 from ftac.randomization import Randomization
@@ -123,11 +123,13 @@ class Pick(gymnasium.Env[Observation, Vector]):
         self.task, self.images, self.reality = task, self.spec_of_features.images, bool(reality)
         self.weights = _weights(reward)
         self.combination, self.objects = _combination(combination), _objects(objects)
-        self.randomization = Randomization(randomization or {}, robot_instances)
+        self.randomization = Randomization({} if randomization is None else randomization, robot_instances)
         self.camera = None if camera is None else whole("camera", camera, 32, 2048)
         self.privileged, self.render_mode = bool(privileged), render_mode
         self._robot, self._joints, self._pads = robot_of(robot_model)
         self._setup = (self.reality, self._robot, scenario_of(scenario), on_gpu(renderer, self.images))
+        self.randomization.check(self._setup)
+        known_names("objects", self.objects, self._all_objects())
         self._pictures = True
         self._episode: _native.Episode | None = None
         self._shown: _native.Episode | None = None
@@ -207,12 +209,15 @@ class Pick(gymnasium.Env[Observation, Vector]):
         """The present state, for `restore` in this environment or another one of the same parameters, any number of times."""
         if self._episode is None or self.features is None:
             raise gymnasium.error.ResetNeeded("nothing to save yet: call reset() first")
-        kept = {"features": self.features.copy(), "progress": self._progress.copy(), "over": self._over}
+        kept = {"features": self.features.copy(), "progress": self._progress.copy(), "over": self._over, "made": self._made()}
         own = {name: deepcopy(getattr(self, name)) for name in self._OWN_STATE}
         return State(self._episode.copy(), {**kept, **own, "random": self.np_random.bit_generator.state})
 
     def restore(self, state: State) -> Observation:
         """Returns to a state of `save`, and the observation in it. What follows is the same to the bit. The limit of steps is ``gymnasium.make``'s: it counts on."""
+        if not isinstance(state, State) or state.python["made"] != self._made():
+            found = state.python["made"] if isinstance(state, State) else type(state).__name__
+            raise ValueError(f"state: found one of {found}, expected one of {self._made()}")
         self._episode = state.episode.copy()
         self._shown, self._over = self._episode, state.python["over"]
         self.features, self._progress = state.python["features"].copy(), state.python["progress"].copy()
@@ -228,6 +233,14 @@ class Pick(gymnasium.Env[Observation, Vector]):
         if self._shown is None:
             raise gymnasium.error.ResetNeeded("nothing to show yet: call reset() first")
         return self._shown.picture(SIDE)
+
+    def _made(self) -> tuple[Any, ...]:
+        """What a state must have been made with."""
+        return type(self).__name__, self.task, self.spec_of_features, self.camera, self.privileged
+
+    def _all_objects(self) -> list[str]:
+        """Names of the scenario's objects."""
+        return objects_of(self._setup[2])
 
     def _draw_objects(self, objects: list[str]) -> list[str]:
         """Names from which the simulation draws the objects of an episode; none for those of the combination."""
@@ -296,7 +309,8 @@ class LiftTo(Pick):
     ``achieved_goal`` (3,), the object's true position; ``desired_goal`` (3,), the point, which is drawn over the table. Both are relative to
     `ftac.features.CENTER` / `ftac.features.REACH`. With ``images`` there is ``tactile`` too. On a robot nobody knows ``achieved_goal``: a policy that is to
     run there leaves it to the learner, and has to find out where in the hand the object is.
-    The reward is that of `compute_reward`: 0 within ``tolerance`` (m) of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter.
+    The reward is that of `compute_reward`: 0 within ``tolerance`` (m) of the goal while the object is in the hand, -1 otherwise; ``reward`` is no parameter. It needs ``held``
+    of the step's ``info``, which Stable-Baselines3's ``HerReplayBuffer`` keeps with ``copy_info_dict=True``.
     """
 
     _OWN_STATE = ("_goal",)
@@ -309,7 +323,7 @@ class LiftTo(Pick):
         for name in ("task", "reward", "camera"):
             if options.get(name) is not None:
                 raise ValueError(f"{name}: found {options[name]!r}, expected none for an environment with goals")
-        if not 0.0 < tolerance < np.inf:
+        if not number("tolerance", tolerance, ", m") > 0.0:
             raise ValueError(f"tolerance: found {tolerance}, expected a positive number, m")
         super().__init__("pick_one", **options)
         self.tolerance = float(tolerance)
@@ -343,7 +357,13 @@ class LiftTo(Pick):
     def compute_reward(self, achieved_goal: Vector, desired_goal: Vector, info: Any) -> Any:
         """Rewards of achieved for desired goals, each (3,) or (n, 3); ``info``, or an array of n, has ``held``."""
         distance = features.REACH * np.linalg.norm(np.asarray(achieved_goal) - np.asarray(desired_goal), axis=-1)
-        held = np.array([one["held"][0] for one in info]) if np.ndim(distance) else info["held"][0]
+        try:
+            held = np.array([one["held"][0] for one in info], dtype=bool) if np.ndim(distance) else bool(info["held"][0])
+        except (KeyError, TypeError):
+            words = "a step's info with 'held' for each goal; Stable-Baselines3 keeps it with copy_info_dict=True"
+            raise ValueError(f"info: found {str(info)[:80]}, expected {words}") from None
+        if np.shape(held) != np.shape(distance):
+            raise ValueError(f"info: found {len(info)}, expected one for each of {np.shape(distance)} goals")
         reached = (distance < self.tolerance) & held
         return reached.astype(np.float32) - 1.0 if np.ndim(distance) else float(reached) - 1.0
 
@@ -374,13 +394,11 @@ def _weights(reward: str | Mapping[str, float]) -> NDArray[np.float64]:
     if isinstance(reward, str) and reward not in REWARDS:
         raise ValueError(f"reward: found {reward!r}, expected one of {', '.join(REWARDS)}, or weights by name")
     terms = (*PROGRESS, "success", "lost", "step")
-    given = REWARDS[reward] if isinstance(reward, str) else reward
-    for name, weight in given.items():
+    given = REWARDS[reward] if isinstance(reward, str) else mapping("reward", reward, "sparse, shaped, or weights by the names of terms")
+    for name in given:
         if name not in terms:
             raise ValueError(f"reward: found the term {name!r}, expected some of {', '.join(terms)}")
-        if not np.isfinite(weight):
-            raise ValueError(f"reward.{name}: found {weight}, expected a finite number")
-    return np.array([float(given.get(name, 0.0)) for name in terms])
+    return np.array([number(f"reward.{name}", given.get(name, 0.0)) for name in terms])
 
 
 def _combination(combination: Any) -> int | None:

@@ -64,7 +64,7 @@ def tactile(images: ArrayLike | Mapping[str, ArrayLike], *, names: Sequence[str]
     _, grid = plt.subplots(rows, columns, figsize=(2.0 * columns, 2.2 * rows), squeeze=False, layout="constrained")
     for axes in grid.flat[len(stack) :]:
         axes.remove()
-    drawn = grid.flatten()[: len(stack)]
+    drawn: NDArray[Any] = grid.flatten()[: len(stack)]
     for axes, image, name in zip(drawn, stack, names):
         axes.imshow(image)
         axes.set_title(name, fontsize="small")

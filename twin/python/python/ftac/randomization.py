@@ -4,8 +4,10 @@ A field is named as in a scenario file, with dots: ``effects.cables.friction``, 
 ``noise``, ``effects`` and ``layout`` can be drawn (`fields` lists them); the distribution is
 
 - a pair of numbers ``(low, high)``: uniform between them;
-- a list: one of its values, all alike; or
+- a list: one of its values, all alike; a field that has several numbers itself is given in a list, ``{"layout.reach_x": [[0.5, 0.7]]}``; or
 - a single value, which stays.
+
+An effect that is off, as all are with ``reality=False``, has no value to begin with: all fields of its table have to be given.
 
 >>> Randomization({"effects.cables.friction": (0.5, 2.0), "effects.gel.shear": [0.3, 0.5]})  # doctest: +SKIP
 """
@@ -13,13 +15,14 @@ A field is named as in a scenario file, with dots: ``effects.cables.friction``, 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from ftac import _native
-from ftac._arrays import whole
+from ftac._arrays import mapping, whole
 
 
 def fields() -> dict[str, Any]:
@@ -43,19 +46,22 @@ class Randomization:
     """Distributions of the fields by name, and the range of robot instances. ``ValueError`` for what is no distribution."""
 
     def __init__(self, distributions: Mapping[str, Any], instances: tuple[int, int] | None = None) -> None:
-        for name, given in distributions.items():
-            if isinstance(given, tuple):
-                if len(given) != 2 or not all(isinstance(end, (int, float)) for end in given) or not given[0] <= given[1]:
-                    raise ValueError(f"randomization.{name}: found {given!r}, expected (low, high), a list, or a value")
-            elif isinstance(given, list) and not given:
-                raise ValueError(f"randomization.{name}: found an empty list, expected values to choose from")
-        self.distributions = dict(distributions)
+        given = mapping("randomization", distributions, "distributions by the names of fields")
+        self.distributions = {name: _distribution(name, values) for name, values in given.items()}
         self.instances: tuple[int, int] | None = None
         if instances is not None:
-            if len(instances) != 2:
+            if not isinstance(instances, Sequence) or isinstance(instances, str) or len(instances) != 2:
                 raise ValueError(f"robot_instances: found {instances!r}, expected the first and the last number")
             first = whole("robot_instances", instances[0], 0, 2**53)
             self.instances = (first, whole("robot_instances", instances[1], first, 2**53))
+
+    def check(self, setup: _native.Setup) -> None:
+        """Compares both ends of each range, and each value of each list, with what the scenario of a setup allows. ``ValueError`` for what it does not."""
+        extremes = {name: list(given) if isinstance(given, (tuple, list)) else [given] for name, given in self.distributions.items()}
+        first = {name: values[0] for name, values in extremes.items()}
+        every = [first, *({**first, name: value} for name, values in extremes.items() for value in values[1:])]
+        if extremes:
+            _native.check_overrides(setup, [json.dumps(_tables(fields)) for fields in every])
 
     def draw(self, random: np.random.Generator) -> tuple[str | None, int | None, dict[str, Any]]:
         """The fields as JSON, the robot instance, and both by name for people. Nothing is drawn where there is nothing to draw."""
@@ -65,6 +71,35 @@ class Randomization:
             instance = int(random.integers(self.instances[0], self.instances[1] + 1))
         told = drawn if instance is None else {**drawn, "robot_instance": instance}
         return (json.dumps(_tables(drawn)) if drawn else None), instance, told
+
+
+def _distribution(name: str, given: Any) -> Any:
+    """`given` as plain numbers, lists and a pair. ``ValueError`` for what is no distribution."""
+    if isinstance(given, tuple):
+        ends = [_value(name, end) for end in given]
+        if len(ends) != 2 or not all(isinstance(end, (int, float)) for end in ends) or not ends[0] <= ends[1]:
+            raise ValueError(f"randomization.{name}: found {given!r}, expected (low, high), a list, or a value")
+        return tuple(ends)
+    if isinstance(given, list) or (isinstance(given, np.ndarray) and given.ndim > 0):
+        if len(given) == 0:
+            raise ValueError(f"randomization.{name}: found an empty list, expected values to choose from")
+        return [_value(name, value) for value in given]
+    return _value(name, given)
+
+
+def _value(name: str, given: Any) -> Any:
+    """A value of a field with the types of JSON."""
+    if isinstance(given, (np.generic, np.ndarray)):
+        given = given.tolist()
+    if isinstance(given, Mapping):
+        return {str(key): _value(f"{name}.{key}", value) for key, value in given.items()}
+    if isinstance(given, (list, tuple)):
+        return [_value(name, value) for value in given]
+    if not isinstance(given, (bool, int, float, str)):
+        raise ValueError(f"randomization.{name}: found {given!r}, expected a number")
+    if isinstance(given, float) and not np.isfinite(given):
+        raise ValueError(f"randomization.{name}: found {given}, expected a finite number")
+    return given
 
 
 def _one(given: Any, random: np.random.Generator) -> Any:
@@ -81,5 +116,5 @@ def _tables(drawn: Mapping[str, Any]) -> dict[str, Any]:
         inner = tables
         for part in path:
             inner = inner.setdefault(part, {})
-        inner[field] = value
+        inner[field] = deepcopy(value)
     return tables

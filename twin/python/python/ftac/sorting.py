@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ftac._arrays import whole
+from ftac._arrays import known_names, whole
 from ftac.envs import Pick
 from ftac.features import STEP, Observation
 from ftac.grasps import pick_one
@@ -77,6 +77,7 @@ class Sort(Pick):
         if grasp_of not in pick_one():
             raise ValueError(f"grasp_of: found {grasp_of!r}, expected one of {', '.join(pick_one())}")
         super().__init__("pick_one", **options)
+        known_names("classes", names, self._all_objects())
         self.grasp_of, self.in_hand = grasp_of, bool(in_hand)
         self.bins: Array = np.linspace(self.ROW[0], self.ROW[1], len(self.classes))
         """Middles of the bins, (classes, 2): x, y, m, world."""
