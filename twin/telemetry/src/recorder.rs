@@ -189,7 +189,7 @@ impl Recorder {
     /// Logs the identification of the trial.
     pub fn log_properties(&mut self, properties: &TrialProperties) -> Result<(), TelemetryError> {
         self.state_page
-            .set_title(format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
+            .set_title(&format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
         phase::log_properties(&self.rec, properties)
     }
 

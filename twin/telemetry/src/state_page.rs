@@ -49,8 +49,9 @@ impl StatePage {
         Self { truth, ..Self::default() }
     }
 
-    pub fn set_title(&mut self, title: String) {
-        self.title = title;
+    /// Sets the title. Here and in lines and outcome, names of objects are shown as words.
+    pub fn set_title(&mut self, title: &str) {
+        self.title = words(title);
     }
 
     pub fn set_phase(&mut self, phase: &str) {
@@ -58,12 +59,12 @@ impl StatePage {
     }
 
     pub fn set_outcome(&mut self, outcome: &str) {
-        self.outcome = Some(outcome.to_owned());
+        self.outcome = Some(words(outcome));
     }
 
     /// Adds a line of the log at `time`, s.
     pub fn add(&mut self, time: f64, line: &str) {
-        self.lines.push((time, line.to_owned()));
+        self.lines.push((time, words(line)));
     }
 
     /// Sets the candidates of a decision; empty when it is over.
@@ -95,6 +96,11 @@ impl StatePage {
     fn legend(&self) -> String {
         format!("\n---\n{}; {COMMON_LEGEND}.\n", LEGENDS[usize::from(!self.truth)])
     }
+}
+
+/// Returns a text without the underscores of names, which Markdown takes for emphasis.
+fn words(text: &str) -> String {
+    text.replace('_', " ")
 }
 
 /// Returns the table: planned grasp, chosen candidate, and the best of the others.
@@ -130,7 +136,8 @@ mod tests {
     fn the_page_shows_what_matters_now() {
         let mut now = StatePage::new(true);
         now.set_phase("decide");
-        now.add(1.0, "first line");
+        now.set_title("salt_mill, then can_66");
+        now.add(1.0, "first line of salt_mill");
         let mut options = vec![option(7, 0.2, "plan")];
         options.extend((0..9).map(|n| option(20 + n, 0.9, "")));
         options.push(option(99, 0.5, "chosen"));
@@ -140,7 +147,8 @@ mod tests {
         assert_eq!(page.matches("| 4, -4 |").count(), MAX_ROWS);
         assert!(page.contains("6 more") && page.contains("solid: true pose"), "{page}");
         now.set_candidates(Vec::new());
-        assert!(now.page(5.0).contains("1.0 s: first line") && !now.page(5.0).contains("clearance |"));
+        assert!(now.page(5.0).contains("1.0 s: first line of salt mill") && !now.page(5.0).contains("clearance |"));
         assert!(!now.page(20.0).contains("first line"));
+        assert!(now.page(20.0).contains("salt mill, then can 66"), "{page}");
     }
 }
