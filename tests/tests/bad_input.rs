@@ -269,3 +269,42 @@ fn errors_are_json_too() {
     assert_eq!(error["code"], 2);
     assert!(stderr(&output).contains(error["error"].as_str().expect("words")), "{error}");
 }
+
+/// Options that would do nothing, and numbers that a run could not be resumed with.
+#[test]
+fn options_without_an_effect() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    for (options, named) in [
+        (&["--trials", "200000"][..], &["--trials", "200000", "1 to 100000"][..]),
+        (&["--film", "--conditions", "ideal"], &["--film", "ideal"]),
+        (&["--film", "--shard", "2/2"], &["--film", "shard 2 of 2"]),
+        (&["--ablations", "palm_only", "--conditions", "ideal"], &["--ablations", "ideal"]),
+        (&["--shard", "3/3"], &["--shard", "3 shards", "2 combinations"]),
+    ] {
+        refused(&[&["bench", "--combos", "2", "--out", text(&out)], options].concat(), named);
+    }
+    refused(&["trial", "0", "--trial", "100000", "--out", text(&out)], &["--trial", "100000", "0 to 99999"]);
+    refused(&["transport", "--n", "4"], &["--search-skills"]);
+    let file = folder.path().join("session");
+    fs::write(&file, "").expect("written");
+    refused(&["trial", "0", "--session", text(&file), "--out", text(&out)], &["--session", "session"]);
+    assert!(!out.exists(), "left a result behind");
+}
+
+/// A sweep whose points are the same trials, and a seed that it would not use.
+#[test]
+fn sweeps_that_count_twice() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("sweep.toml");
+    let head = "version = 1\nname = \"twice\"\ncombos = 2\ntrials = 1\n\n[axes]\npolicy = [\"blind\"]\n";
+    for (axis, named) in [
+        ("noise_scale = [1, 1.0]", &["noise_scale", "twice"][..]),
+        ("without = [\"detector,arm\", \"arm,detector\"]", &["axes", "twice"]),
+    ] {
+        fs::write(&file, format!("{head}{axis}\n")).expect("written");
+        refused(&["sweep", "plan", text(&file)], named);
+    }
+    fs::write(&file, format!("{head}noise_scale = [1, 2]\n")).expect("written");
+    refused(&["sweep", "plan", text(&file), "--seed", "7"], &["--seed", "7", "[axes]"]);
+}

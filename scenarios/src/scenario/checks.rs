@@ -12,6 +12,8 @@ use world::objects::ObjectSet;
 const MAX_NAMES: usize = 1000;
 /// Greatest number of combinations.
 const MAX_COMBINATIONS: usize = 1_000_000;
+/// Greatest effort of the verification of pairs: at 1 it takes minutes a pair.
+pub const MAX_EFFORT: u32 = 9;
 
 impl Scenario {
     /// Checks that `set` contains every object named and that the objects stand clear of each other; `path` is named in
@@ -103,6 +105,9 @@ impl Scenario {
         if self.combination_count() > MAX_COMBINATIONS {
             let found = format!("{} combinations", self.combination_count());
             return Err(DataError::field(path, "first, second, third", found, format!("at most {MAX_COMBINATIONS}")));
+        }
+        if self.effort > MAX_EFFORT {
+            return Err(DataError::field(path, "effort", self.effort, format!("0 to {MAX_EFFORT}")));
         }
         self.check_numbers(path)?;
         self.layout.check(path)?;

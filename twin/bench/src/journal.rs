@@ -268,6 +268,9 @@ impl Journal {
                 folder.display()
             );
         }
+        if folder.join("plan.json").exists() {
+            bail!("--out: {} already holds a sweep; name another folder", folder.display());
+        }
         let lock = lock_folder(folder, "run").context("--out")?;
         let text = serde_json::to_string_pretty(request)?;
         ftac_platform::data::write_atomically(&folder.join("run.json"), text.as_bytes()).context("--out")?;

@@ -213,14 +213,15 @@ fn recording_targets(name: &str, folder: &Path, live: bool) -> Vec<telemetry::Re
 
 /// Returns the command that continues the run in `folder`. Programs of others have to be named again.
 fn resume_command(request: &RunRequest, folder: &Path) -> String {
-    let mut command = format!("ftac bench --resume {}", folder.display());
+    let mut words = ["ftac", "bench", "--resume"].map(str::to_owned).to_vec();
+    words.push(folder.display().to_string());
     if let Some(policy) = &request.policy {
-        command += &format!(" --policy {}", policy.python_class().name());
+        words.extend(["--policy".to_owned(), policy.python_class().name()]);
     }
     if let Some(driver) = &request.driver {
-        command += &format!(" --robot {}", driver.class.name());
+        words.extend(["--robot".to_owned(), driver.class.name()]);
     }
-    command
+    report::run::shell_line(&words)
 }
 
 /// Runs the unfinished units of `request`; the journal keeps every finished one.
@@ -236,6 +237,9 @@ pub fn run(
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
     let open: Vec<WorkUnit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
     let resumed = all.len() - open.len();
+    if options.film && !open.iter().any(|unit| film::is_filmed(*unit)) {
+        bail!("--film: found the first trial finished, expected a run that has yet to do it");
+    }
     let recorded = open.iter().filter(|unit| is_recorded(request, options, **unit)).count();
     if recorded > 0 && !options.quiet {
         let megabytes = 1e-6 * RECORDING_BYTES * recorded as f64;
@@ -278,8 +282,8 @@ pub fn run(
     let wall_s = earlier.unwrap_or_else(|| begun.elapsed().as_secs_f64().max(worked));
     // The earlier computing time of a resumed run is unknown.
     let spent = (resumed == 0).then(|| bench.profile.seconds());
-    if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
-        let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
+    let all: f64 = spent.iter().flatten().map(|(_, seconds)| seconds).sum();
+    if let Some(spent) = spent.as_ref().filter(|_| !options.quiet && all > 0.0) {
         let parts: Vec<String> =
             spent.iter().map(|(part, seconds)| format!("{} {:.1} %", part.name(), 100.0 * seconds / all)).collect();
         eprintln!("time of all threads: {}", parts.join(", "));

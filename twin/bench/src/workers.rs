@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Result, anyhow};
 
-/// Runs `work` for every item, in order, on `jobs` threads (at least one). After an error the other threads finish
+/// Runs `work` for every item, in order, on `jobs` threads (at least one, and no more than items). After an error the other threads finish
 /// their item and stop.
 pub fn for_each<T: Sync>(jobs: usize, items: &[T], work: impl Fn(usize, &T) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
@@ -20,7 +20,8 @@ pub fn for_each<T: Sync>(jobs: usize, items: &[T], work: impl Fn(usize, &T) -> R
         }
     };
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(worker)).collect();
+        // A thread without an item would have nothing to do.
+        let workers: Vec<_> = (0..jobs.clamp(1, items.len().max(1))).map(|_| scope.spawn(worker)).collect();
         workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow!("a worker panicked"))?)
     })
 }

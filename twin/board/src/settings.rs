@@ -130,6 +130,23 @@ impl Settings {
         }
     }
 
+    /// Returns in words what differs from a run without options, except for the scenario and the robot's files.
+    pub fn changes(&self) -> Vec<String> {
+        let effects: Vec<&str> = self.without.iter().map(|effect| effect.name()).collect();
+        let given = |is_given: bool, words: &str| is_given.then(|| words.to_owned());
+        let all = [
+            (self.noise_scale != 1.0).then(|| format!("noise x {}", self.noise_scale)),
+            (!effects.is_empty()).then(|| format!("without {}", effects.join(", "))),
+            given(self.look_ahead, "with look-ahead"),
+            self.effort.map(|effort| format!("effort {effort}")),
+            self.plant_instance.map(|number| format!("robot instance {number}")),
+            given(self.uncertainty.is_some(), "other expected errors"),
+            given(self.robot_instance.is_some(), "an identified robot"),
+            given(self.pads.is_some(), "another calibration of the pads"),
+        ];
+        all.into_iter().flatten().collect()
+    }
+
     /// Returns the text of the scenario.
     pub fn scenario_text(&self) -> &str {
         self.scenario.as_deref().unwrap_or(BENCHMARK_TOML)

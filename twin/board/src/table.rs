@@ -80,6 +80,8 @@ pub struct BoardGroup {
     pub robot_model: String,
     /// True if the scenario is the benchmark's.
     pub benchmark: bool,
+    /// What differs from a run without options: scale of the noise, effects that are off, robot instance.
+    pub changes: Vec<String>,
     /// SHA-256 of the settings.
     pub settings: String,
     /// Rows, the largest clean share first.
@@ -164,7 +166,11 @@ impl BoardGroup {
             plural(self.combinations, "combination"),
             plural(self.trials, "trial"),
             self.robot_model,
-            if self.benchmark { "the benchmark's scenario" } else { "another scenario" },
+            [if self.benchmark { "the benchmark's scenario" } else { "another scenario" }]
+                .into_iter()
+                .chain(self.changes.iter().map(String::as_str))
+                .collect::<Vec<_>>()
+                .join(", "),
             short(&self.settings)
         )
     }
@@ -219,6 +225,7 @@ pub fn read_board(folder: &Path) -> Result<Vec<BoardGroup>, BoardError> {
             trials: entry.work.trials,
             robot_model: entry.settings.robot_model.clone(),
             benchmark: entry.settings.scenario.is_none(),
+            changes: entry.settings.changes(),
             settings: entry.hashes.settings.clone(),
             rows: Vec::new(),
         };

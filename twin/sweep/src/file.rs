@@ -134,7 +134,11 @@ fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<SweepAxis>, DataEr
     if levels.iter().any(|level| level.number().is_some_and(|number| !number.is_finite())) {
         return wrong("a number that is not finite".to_owned(), "finite numbers");
     }
-    if let Some(n) = (1..levels.len()).find(|&n| levels[..n].contains(&levels[n])) {
+    let same = |one: &AxisLevel, other: &AxisLevel| {
+        // 1 and 1.0 are one value.
+        one == other || one.number().zip(other.number()).is_some_and(|(one, other)| one == other)
+    };
+    if let Some(n) = (1..levels.len()).find(|&n| levels[..n].iter().any(|level| same(level, &levels[n]))) {
         return wrong(format!("{} twice", levels[n]), "every value once");
     }
     Ok(vec![SweepAxis { name: name.to_owned(), field, levels }])

@@ -67,6 +67,9 @@ impl SweepFolder {
     /// sweep.
     pub fn join(path: &Path, plan: SweepPlan) -> Result<Self> {
         if !Self::is_at(path) {
+            if path.join("run.json").exists() {
+                bail!("--out: {} already holds a benchmark; name another folder", path.display());
+            }
             for folder in ["units/trials", "units/tries", "claims", "failed"] {
                 let folder = path.join(folder);
                 fs::create_dir_all(&folder)

@@ -17,6 +17,7 @@ use crate::figure::{Figure, Line};
 use crate::folder::SweepFolder;
 use crate::makespan::{Assumptions, CORE_COUNTS, MakespanPoint, replay};
 use crate::outcomes::{Outcomes, ReportedOutcome};
+use crate::plan::MAX_TRIALS;
 
 /// A finished report.
 pub struct SweepReport {
@@ -306,6 +307,9 @@ pub fn makespan(folder: &SweepFolder, trials: Option<usize>, join: usize) -> Res
     let own: usize = recorded.iter().map(|(count, _)| count).sum();
     if own == 0 {
         bail!("{}: found no finished unit, expected at least one", file.display());
+    }
+    if let Some(found) = trials.filter(|found| !(1..=MAX_TRIALS as usize).contains(found)) {
+        bail!("--trials: found {found}, expected 1 to {MAX_TRIALS}");
     }
     let wanted = trials.unwrap_or(own).max(own);
     let mut units = Vec::new();

@@ -24,7 +24,7 @@ use crate::file::Sweep;
 const COST_TOML: &str = include_str!("../data/cost.toml");
 
 /// Largest number of trials of a sweep.
-const MAX_TRIALS: f64 = 1e8;
+pub(crate) const MAX_TRIALS: f64 = 1e8;
 
 /// Time and disk space of trials.
 #[derive(Debug, Clone, Deserialize)]
@@ -191,6 +191,14 @@ impl SweepPlan {
         plan.seeds = plan.runs.iter().map(|run| run.request.seed).collect::<BTreeSet<_>>().into_iter().collect();
         if plan.units.is_empty() {
             bail!("{}: found an empty sweep, expected at least one trial", sweep.file.display());
+        }
+        let mut ids = BTreeSet::new();
+        if let Some(unit) = plan.units.iter().find(|unit| !ids.insert(&unit.id)) {
+            let point = plan.runs[unit.run].point;
+            bail!(
+                "{}: axes: found the trials of point {point} twice, expected points that differ",
+                sweep.file.display()
+            );
         }
         plan.core_s += plan.runs.len() as f64 * cost.run_s;
         Ok(plan)

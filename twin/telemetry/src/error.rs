@@ -41,6 +41,9 @@ pub enum TelemetryError {
     /// The path holds no recording.
     #[error("{0}: no recording (.rrd) there")]
     NoRecording(PathBuf),
+    /// The file is no recording.
+    #[error("{0}: found another kind of file, expected a recording (.rrd)")]
+    OtherFile(PathBuf),
     /// The viewer ended immediately after it was started.
     #[error("the viewer {program} ended as soon as it was started: {reason}")]
     Ended {

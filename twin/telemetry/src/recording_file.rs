@@ -1,5 +1,6 @@
 //! File of a recording. It gets its name when the recording is closed; until then it is `NAME.partial.rrd`, so that an
-//! interrupted recording replaces no complete one. The first failed write, that of the footer included, is kept for the
+//! interrupted recording replaces no complete one. It is locked meanwhile: of two programs that would write the same
+//! recording, the second is refused. The first failed write, that of the footer included, is kept for the
 //! code that closes the recording: Rerun's own sink only writes it to an unread log.
 
 use std::fs::File;
@@ -8,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use ftac_platform::journal::try_lock;
 use rerun::external::re_log_encoding::{Encoder, rrd::EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
@@ -61,6 +63,26 @@ fn partial_name(path: &Path) -> Option<PathBuf> {
     (!other).then(|| path.with_extension("partial.rrd"))
 }
 
+/// Creates and locks the file `partial`, in place of one that an interrupted program has left. Returns an error if
+/// another program is writing it.
+fn create_locked(partial: &Path) -> io::Result<File> {
+    let busy = || io::Error::other("found another program that writes this recording, expected another name");
+    // What is there may be a link to somewhere else: it is not written to.
+    if std::fs::symlink_metadata(partial).is_ok_and(|found| found.is_file()) {
+        let left = File::open(partial)?;
+        // The lock is held until the file is replaced.
+        let _left = try_lock(left)?.ok_or_else(busy)?;
+        std::fs::remove_file(partial)?;
+    } else {
+        drop(std::fs::remove_file(partial));
+    }
+    let made = File::create_new(partial).map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => busy(),
+        _ => error,
+    })?;
+    try_lock(made)?.ok_or_else(busy)
+}
+
 /// A file that remembers its first error.
 struct ErrorTrackingFile {
     file: File,
@@ -95,11 +117,7 @@ impl RecordingFile {
     /// Creates the file of the recording `path`.
     pub fn create(path: &Path) -> Result<(Self, UnfinishedFile), TelemetryError> {
         let unfinished = UnfinishedFile { path: path.to_owned(), partial: partial_name(path), fault: Arc::default() };
-        if let Some(partial) = &unfinished.partial {
-            // One that is there already may be a link to somewhere else.
-            drop(std::fs::remove_file(partial));
-        }
-        let file = File::create(unfinished.partial.as_deref().unwrap_or(path));
+        let file = unfinished.partial.as_deref().map_or_else(|| File::create(path), create_locked);
         let file = file.map_err(|source| unfinished.unwritable(source))?;
         let tracking = ErrorTrackingFile { file, unfinished: unfinished.clone() };
         let version = rerun::build_info().version;
@@ -128,5 +146,26 @@ impl LogSink for RecordingFile {
 
     fn defers_finalization_to_shutdown(&self) -> bool {
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of two that write the same recording, the second is refused; what an interrupted one left is replaced.
+    #[test]
+    fn a_recording_has_one_writer() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("trial.rrd");
+        std::fs::write(partial_name(&path).expect("a file"), "cut off").expect("written");
+        let (first, unfinished) = RecordingFile::create(&path).expect("a file that is left over is replaced");
+        let refused = RecordingFile::create(&path).err().expect("another writer").to_string();
+        assert!(refused.contains("found another program that writes this recording"), "{refused}");
+        unfinished.complete().expect("the first one is whole");
+        drop(first);
+        let (_second, unfinished) = RecordingFile::create(&path).expect("nobody writes it now");
+        unfinished.remove().expect("removed");
+        assert!(path.exists(), "the earlier recording stays");
     }
 }

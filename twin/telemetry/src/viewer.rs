@@ -62,11 +62,19 @@ fn version_of(text: &str) -> Option<String> {
         .map(str::to_owned)
 }
 
+/// First bytes of a recording.
+const MAGIC: [u8; 3] = *b"RRF";
+
 /// Lists the recordings at `path`: the file itself, or all `.rrd` files in the folder, sorted by name.
 pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, TelemetryError> {
     let nothing = || TelemetryError::NoRecording(path.to_owned());
     if path.is_file() {
-        return Ok(vec![path.to_owned()]);
+        let mut start = [0; MAGIC.len()];
+        let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
+        return match read {
+            Ok(()) if start == MAGIC => Ok(vec![path.to_owned()]),
+            _ => Err(TelemetryError::OtherFile(path.to_owned())),
+        };
     }
     let entries = std::fs::read_dir(path).map_err(|_| nothing())?;
     let mut files: Vec<PathBuf> = entries

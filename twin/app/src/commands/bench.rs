@@ -15,6 +15,7 @@ use clap::{Args, ValueEnum};
 use control::uncertainty::Uncertainty;
 use external_policy::{ExternalPolicy, PolicySource, SimulatedTimePassage};
 use robot_backends::driver::DrivenRobot;
+use robot_backends::validation::MAX_TRIALS;
 use scenarios::Ablation;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
@@ -193,8 +194,8 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
     if args.combos == Some(0) {
         bail!("--combos: found 0, expected at least 1");
     }
-    if args.trials == 0 {
-        bail!("--trials: found 0, expected at least 1");
+    if !(1..=MAX_TRIALS).contains(&args.trials) {
+        bail!("--trials: found {}, expected 1 to {MAX_TRIALS}", args.trials);
     }
     if args.jobs == Some(0) {
         bail!("--jobs: found 0, expected at least 1");
@@ -225,6 +226,20 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         bail!("--combos: found {combos}, expected at most the scenario's {pairs} pairs");
     }
     let conditions = parse_conditions(&args.conditions, args.policy.is_some())?;
+    let ablations = parse_ablations(args)?;
+    let noisy = conditions.iter().any(|condition| *condition != Condition::Ideal);
+    for (option, given) in [("--ablations", !ablations.is_empty()), ("--film", args.film)] {
+        if given && !noisy {
+            bail!("{option}: found only the condition ideal, expected one with errors in --conditions");
+        }
+    }
+    let shard = parse_part(&args.shard, "--shard")?;
+    if shard.1 > combos {
+        bail!("--shard: found {} shards, expected at most as many as the {combos} combinations", shard.1);
+    }
+    if args.film && shard.0 != 1 {
+        bail!("--film: found shard {} of {}, expected the first, which has the trial that is filmed", shard.0, shard.1);
+    }
     let driven = args.driver.introduce(&robot, &model, config, &conditions)?;
     let request = RunRequest {
         combos,
@@ -232,9 +247,9 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         seed: terminal.seed,
         robot: robot.name().into(),
         driver: driven.as_ref().map(|driven| driven.driver.clone()),
-        shard: parse_part(&args.shard, "--shard")?,
+        shard,
         conditions,
-        ablations: parse_ablations(args)?,
+        ablations,
         without: if args.no_errors { Effect::ALL.to_vec() } else { parse_without(&args.without)? },
         uncertainty: read_uncertainty(args.uncertainty.as_deref())?,
         policy: parse_policy(args)?,
@@ -338,8 +353,11 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
             sessions(record && !robot.is(BackendKind::Sim)),
         )
     };
-    // A wrong configuration is detected before anything is written.
+    // A wrong configuration is detected before anything is written, and so is a missing viewer.
     drop(place(false)?);
+    if args.live {
+        telemetry::viewer::find().ok_or(telemetry::TelemetryError::NoViewer)?;
+    }
     let journal = match &args.resume {
         Some(folder) => Journal::resume(folder)?.0,
         None => Journal::create(&folder, &request)?,

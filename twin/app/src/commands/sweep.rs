@@ -105,6 +105,13 @@ pub struct SubmitArgs {
 
 /// Runs a `sweep` command.
 pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
+    let plans = matches!(command, SweepCommand::Plan { .. } | SweepCommand::Run(_) | SweepCommand::Submit(_));
+    if plans && terminal.seed != 1 {
+        bail!(
+            "--seed: found {}, expected none: the seeds of a sweep are in its file, as `seed` in [axes]",
+            terminal.seed
+        );
+    }
     match command {
         SweepCommand::Plan { file } => run_plan(terminal, file),
         SweepCommand::Run(args) => run_sweep(terminal, args),

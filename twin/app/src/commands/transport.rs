@@ -59,7 +59,7 @@ pub struct TransportArgs {
     #[arg(long, value_enum, default_value = "sim")]
     pub robot: BackendKind,
     /// Number of proposals for each pick.
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 128, requires = "search_skills")]
     pub n: u32,
 }
 
@@ -201,6 +201,11 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
 fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite, file: &Path) -> Outcome {
     let sequence: Vec<PickRequest> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
     let mut skills = if file.exists() { read_skills(file).context("--search-skills")?.skills } else { Vec::new() };
+    // The search takes minutes: a file that cannot be written is found before it.
+    tempfile::NamedTempFile::new_in(
+        file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")),
+    )
+    .with_context(|| format!("--search-skills: cannot write {}", file.display()))?;
     let searched = transport::skill_search::search_skills(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Ids are unique within a file.
@@ -243,7 +248,12 @@ fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite
 }
 
 fn run_transports(terminal: &Terminal, args: &TransportArgs, site: &TransportSite) -> Outcome {
-    let policies = if args.policy.is_empty() { PickMode::ALL.to_vec() } else { args.policy.clone() };
+    let mut policies = if args.policy.is_empty() { PickMode::ALL.to_vec() } else { Vec::new() };
+    for policy in &args.policy {
+        if !policies.contains(policy) {
+            policies.push(*policy);
+        }
+    }
     if let Some(folder) = &args.out {
         let results = folder.join(RESULT_FILE);
         if results.exists() {

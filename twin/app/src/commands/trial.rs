@@ -11,6 +11,7 @@ use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
 use fault_detection::fault::DetectedFault;
 use robot_backends::TrialTask;
+use robot_backends::validation::MAX_TRIALS;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 use schemars::JsonSchema;
@@ -134,6 +135,9 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     let places = args.places.pose_sources(&args.robot)?;
     let (scenario, text) = args.scenario.read()?;
+    if args.trial >= MAX_TRIALS {
+        bail!("--trial: found {}, expected 0 to {}", args.trial, MAX_TRIALS - 1);
+    }
     let pairs = scenario.combination_count().min(COMBINATION_COUNT);
     if args.combination >= pairs {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);
@@ -192,8 +196,13 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
+    if let Some(folder) = &args.session {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("--session: cannot create the folder {}", folder.display()))?;
+    }
     let mut targets = vec![telemetry::RecordingTarget::File(file.clone())];
     if args.live {
+        telemetry::viewer::find().ok_or(telemetry::TelemetryError::NoViewer)?;
         targets.push(telemetry::RecordingTarget::Spawn);
     }
     let began = if task.keeps_wall_time() { TimeOrigin::Now } else { TimeOrigin::Never };

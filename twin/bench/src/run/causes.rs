@@ -56,6 +56,8 @@ fn replay_unit(
     // Robot backends that cannot be cloned append the condition themselves.
     let cloned = request.robot == "sim";
     let name = if cloned { condition_recording_name(&unit_name(unit), condition) } else { unit_name(unit) };
-    let results = run_unit_in_place(bench, &alone, (unit, &name), folder, options, true)?;
+    // The film shows all conditions of its trial.
+    let unfilmed = RunOptions { film: false, ..*options };
+    let results = run_unit_in_place(bench, &alone, (unit, &name), folder, &unfilmed, true)?;
     Ok(results.records.first().and_then(|record| record.cause))
 }

@@ -33,6 +33,13 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
         (None, [only]) => only,
         _ => bail!("--out: several folders need a folder for the merged result"),
     };
+    let is_source = folders.iter().any(|folder| is_same_folder(folder, target));
+    if folders.len() > 1 && is_source {
+        bail!("--out: found {}, one of the shards, expected another folder", target.display());
+    }
+    if !is_source && ["journal.jsonl", "plan.json"].iter().any(|file| target.join(file).exists()) {
+        bail!("--out: {} already holds a run or a sweep; name another folder", target.display());
+    }
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
     // A finished run has recorded its wall time. For a part of a run, the times of its trials are summed.
     let ended = folders.first().filter(|_| folders.len() == 1).and_then(|folder| finished_wall_time(folder, &journal));
@@ -40,6 +47,11 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let summary = results::write_results(&journal, &request, target, wall, None)?;
     print_summary(terminal, &summary, target)?;
     Ok(None)
+}
+
+/// True if two paths lead to one folder.
+fn is_same_folder(one: &Path, other: &Path) -> bool {
+    one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
 }
 
 /// Returns the wall time of the run in `folder`, s, if it ended with exactly these trials.

@@ -30,7 +30,7 @@ pub fn shortfall(summary: &Summary) -> Option<String> {
 
 /// True if `folder` holds a recording.
 fn has_recording(folder: &Path) -> bool {
-    std::fs::read_dir(folder.join("recordings")).is_ok_and(|mut recordings| recordings.next().is_some())
+    telemetry::viewer::recordings(&folder.join("recordings")).is_ok()
 }
 
 fn number(value: Option<f64>, digits: usize) -> String {
