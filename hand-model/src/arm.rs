@@ -101,6 +101,14 @@ impl ArmFile {
                     return fault(field, value, "a positive number");
                 }
             }
+            if joint.velocity > MAX_VELOCITY {
+                return fault("velocity", joint.velocity, &format!("at most {MAX_VELOCITY} rad/s"));
+            }
+            for (field, angle) in [("lower", joint.lower), ("upper", joint.upper)] {
+                if !joint.continuous && angle.abs() > MAX_ANGLE {
+                    return fault(field, angle, "two turns at most, rad; is it in degrees?");
+                }
+            }
             if !joint.continuous && (joint.lower.is_nan() || joint.upper.is_nan() || joint.lower >= joint.upper) {
                 return fault("lower", joint.lower, "less than `upper`");
             }
@@ -115,6 +123,11 @@ impl ArmFile {
         Ok(())
     }
 }
+
+/// Greatest speed of a joint, rad/s: no arm is faster.
+const MAX_VELOCITY: f64 = 20.0;
+/// Greatest angle of a joint with a range, rad.
+const MAX_ANGLE: f64 = 4.0 * std::f64::consts::PI;
 
 /// A capsule from a link's origin along its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]

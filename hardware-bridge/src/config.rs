@@ -161,7 +161,7 @@ pub struct CameraConfig {
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum ArmConfig {
     /// No arm: set-points come back as measurements.
-    Loopback,
+    Loopback {},
     /// A Kinova Gen3.
     Kortex {
         /// Host name or IP address.
@@ -260,7 +260,7 @@ impl BridgeConfig {
                 return field(name, value.to_string(), format!("{low} to {high}"));
             }
         }
-        if let Some((name, found, expected)) = self.limits.first_error(JOINTS, rate, MAX_CURRENT) {
+        if let Some((name, found, expected)) = self.limits.first_error(&[0.0; JOINTS], rate, MAX_CURRENT) {
             return field(&name, found, expected);
         }
         Ok(())

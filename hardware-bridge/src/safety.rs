@@ -20,6 +20,7 @@
 //! The servos' own bus watchdog (register 98) stops them when the whole computer falls silent. The arm's session does
 //! the same for the arm. The supervisor holds when the controller is silent for too long ([`limits::WatchdogTimeouts`]).
 
+mod arm_course;
 pub mod checks;
 pub mod collision_bodies;
 pub mod limits;

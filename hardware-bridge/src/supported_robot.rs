@@ -1,12 +1,14 @@
 //! The robots that the bridge and its emulated devices can drive.
 
 use ftac_platform::data::DataError;
-use hand_model::RobotModel;
+use hand_model::{Arm, RobotModel};
 
 use kinova_kortex::joints::JOINTS;
 
 /// Number of servos on the bus: those of the F-TAC Hand, in the order of its actuators.
 pub const SERVOS: usize = 6;
+/// Tolerance of angles and speeds that are compared with those of a Gen3, rad and rad/s.
+const TOLERANCE: f64 = 1e-6;
 /// Name of the arm model that the bridge and its emulators drive.
 pub(crate) const SUPPORTED_ARM: &str = "gen3";
 
@@ -23,6 +25,16 @@ pub fn check_supported(robot: &RobotModel) -> Result<(), DataError> {
     };
     if robot.arm.name != SUPPORTED_ARM || robot.arm.joints() != JOINTS {
         return refused("arm", format!("`{}`", robot.arm.name), "`gen3`");
+    }
+    // The limits of the bridge are the model's: no file may widen those of the arm that is there.
+    let gen3 = Arm::gen3();
+    for (joint, (own, known)) in robot.arm.tree.joints.iter().zip(&gen3.tree.joints).enumerate() {
+        let (speed, most) = (robot.arm.velocity_limits[joint], gen3.velocity_limits[joint]);
+        if own.lower < known.lower - TOLERANCE || own.upper > known.upper + TOLERANCE || speed > most + TOLERANCE {
+            let found = format!("joint {}: {} to {} rad, {speed} rad/s", joint + 1, own.lower, own.upper);
+            let expected = format!("within {} to {} rad and {most} rad/s of a Gen3", known.lower, known.upper);
+            return refused("arm", found, &expected);
+        }
     }
     let (servos, opposition) = (robot.hand.servos.len(), robot.hand.transmission.opposition);
     if servos != SERVOS || opposition.is_none() {

@@ -89,7 +89,7 @@ fn armed() -> (HardwareRobot, RobotModel, Calls) {
     let warm = ServoState { temperature: 30.0, ..ServoState::default() };
     let link = Perfect { arm: ArmState::at_rest(model.arm.home), servos: vec![warm; 2], calls: calls.clone() };
     let settings = LinkSettings {
-        limits: LimitConfig::for_arm(&model.arm).limits(&[TRAVEL; 2], &model.arm),
+        limits: LimitConfig::for_robot(&model).limits(&[TRAVEL; 2], &model.arm),
         timing: LinkTiming::Lockstep,
         images: Some(DeliveredImages::default()),
         file: &file,
@@ -111,7 +111,7 @@ fn command(model: &RobotModel, shift: f64) -> RobotCommand {
 #[test]
 fn another_robot_is_limited_in_lock_step() {
     let (mut robot, model, _) = armed();
-    let limits = LimitConfig::for_arm(&model.arm);
+    let limits = LimitConfig::for_robot(&model);
     for _ in 0..600 {
         let before = robot.observe().and_then(Readings::into_observation).expect("observed");
         let sent = robot.send(&command(&model, 0.5)).expect("sent");

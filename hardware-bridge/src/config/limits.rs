@@ -1,6 +1,6 @@
 //! `[limits]`: limits that the supervisor enforces, with defaults for everything.
 
-use hand_model::{Arm, ArmVector};
+use hand_model::{Arm, ArmVector, RobotModel};
 use kinova_kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +9,14 @@ use crate::safety::set_points::MotionLimits;
 use crate::safety::torque_monitor::TorqueLimits;
 use crate::safety::workspace::WorkspaceLimits;
 use crate::supported_robot::SUPPORTED_ARM;
+
+/// Greatest torque that a limit of a joint may have, N m, unless the arm's own drives have more.
+const MAX_TORQUE: f64 = 60.0;
+
+/// Returns the current that the weakest servo of a robot takes, A.
+pub(super) fn least_current_limit(robot: &RobotModel) -> f64 {
+    robot.hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min)
+}
 
 /// Limits of the robot; those of the servos are the same for every servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -168,39 +176,43 @@ impl LimitConfig {
         }
     }
 
-    /// Returns the limits for a robot with this arm: the usual ones, with the torques of a Gen3. Another arm is stopped
-    /// only where it presses harder than its drives can.
-    pub fn for_arm(arm: &Arm) -> Self {
+    /// Returns the limits for a robot of this model: the usual ones, with the torques of a Gen3, and no more current than
+    /// the weakest servo takes. Another arm is stopped only where it presses harder than its drives can.
+    pub fn for_robot(robot: &RobotModel) -> Self {
+        let arm = &robot.arm;
+        let current = Self::default().current.min(least_current_limit(robot));
+        let hold_current = Self::default().hold_current.min(current);
+        let own = Self { current, hold_current, ..Self::default() };
         if arm.name == SUPPORTED_ARM {
-            return Self::default();
+            return own;
         }
         let usual = ArmLimitConfig::default();
-        let own = ArmLimitConfig {
+        let arm = ArmLimitConfig {
             acceleration: arm.acceleration_limits,
             jerk: arm.each(|joint| usual.jerk[joint]),
             torque: arm.effort_limits,
             residual: arm.effort_limits,
             ..usual
         };
-        Self { arm: own, ..Self::default() }
+        Self { arm, ..own }
     }
 
-    /// Returns the first number that is not permitted (name, found, expected), for an arm with this many joints, servo
-    /// cycles at `rate` (Hz), and servos that take up to `max_current` (A).
-    pub(super) fn first_error(&self, joints: usize, rate: f64, max_current: f64) -> Option<(String, String, String)> {
+    /// Returns the first number that is not permitted (name, found, expected), for an arm whose joints have these greatest
+    /// efforts (N m), servo cycles at `rate` (Hz), and servos that take up to `max_current` (A).
+    pub(super) fn first_error(&self, efforts: &[f64], rate: f64, max_current: f64) -> Option<(String, String, String)> {
         for (name, values) in self.arm.joint_limits() {
-            if values.len() != joints {
-                let expected = format!("{joints}, one for each joint of the arm");
+            if values.len() != efforts.len() {
+                let expected = format!("{}, one for each joint of the arm", efforts.len());
                 return Some((name, format!("{} numbers", values.len()), expected));
             }
         }
         let outside = |(_, value, low, high): &(String, f64, f64, f64)| !(low..=high).contains(&value);
-        let (name, value, low, high) = self.ranges(rate, max_current).into_iter().find(outside)?;
+        let (name, value, low, high) = self.ranges(efforts, rate, max_current).into_iter().find(outside)?;
         Some((name, value.to_string(), format!("{low} to {high}")))
     }
 
     /// Returns every number with its name and permitted range (name, value, least, greatest).
-    fn ranges(&self, rate: f64, max_current: f64) -> Vec<(String, f64, f64, f64)> {
+    fn ranges(&self, efforts: &[f64], rate: f64, max_current: f64) -> Vec<(String, f64, f64, f64)> {
         let own = self;
         let single = [
             ("speed", own.speed, 0.1, 10.0),
@@ -223,7 +235,8 @@ impl LimitConfig {
             ("space.clearance", own.space.clearance, -0.01, 0.2),
         ];
         let single = single.into_iter().map(|(name, value, low, high)| (format!("limits.{name}"), value, low, high));
-        let bounds = [(0.1, 1000.0), (1.0, 1e6), (0.1, 60.0), (0.1, 60.0)];
+        let most = efforts.iter().fold(MAX_TORQUE, |most, effort| effort.max(most));
+        let bounds = [(0.1, 1000.0), (1.0, 1e6), (0.1, most), (0.1, most)];
         let joints = own.arm.joint_limits().into_iter().zip(bounds).flat_map(|((name, values), (low, high))| {
             values.into_iter().enumerate().map(move |(n, value)| (format!("{name}[{n}]"), value, low, high))
         });

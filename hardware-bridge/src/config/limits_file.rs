@@ -16,6 +16,7 @@ use hand_model::RobotModel;
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use super::limits::least_current_limit;
 use super::{ConfigError, LimitConfig};
 use crate::config::secrets::syntax_message;
 
@@ -29,7 +30,7 @@ struct LimitsFile {
 
 impl LimitConfig {
     /// Reads a file of limits for a robot of this model with servo cycles at `rate` (Hz). What it does not name is as
-    /// in [`LimitConfig::for_arm`].
+    /// in [`LimitConfig::for_robot`].
     pub fn read(path: &Path, robot: &RobotModel, rate: f64) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
         Self::parse(&text, path, robot, rate)
@@ -46,11 +47,10 @@ impl LimitConfig {
             return Err(field(("version".to_owned(), file.version.to_string(), "1".to_owned())));
         }
         // Every field has a TOML form.
-        let mut limits = Table::try_from(Self::for_arm(&robot.arm)).unwrap_or_default();
+        let mut limits = Table::try_from(Self::for_robot(robot)).unwrap_or_default();
         overlay(&mut limits, file.limits);
         let limits: Self = limits.try_into().map_err(|error| syntax(&error))?;
-        let current = robot.hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min);
-        match limits.first_error(robot.arm.joints(), rate, current) {
+        match limits.first_error(&robot.arm.effort_limits, rate, least_current_limit(robot)) {
             Some(error) => Err(field(error)),
             None => Ok(limits),
         }
@@ -71,7 +71,33 @@ fn overlay(table: &mut Table, other: Table) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+
+    /// The current of a robot's weakest servo is the most that is asked for, whether there is a file or not.
+    #[test]
+    fn weak_servos_get_less_current() {
+        let mut robot = RobotModel::ftac_gen3();
+        assert_eq!(LimitConfig::for_robot(&robot), LimitConfig::default());
+        Arc::make_mut(&mut robot.hand).servos[2].current_limit = 0.2;
+        let limits = LimitConfig::for_robot(&robot);
+        assert_eq!((limits.current, limits.hold_current), (0.2, 0.2));
+        let read = LimitConfig::parse("version = 1", Path::new("limits.toml"), &robot, 100.0);
+        assert_eq!(read.expect("the same"), limits);
+    }
+
+    /// The joints of another arm may have more torque than those of a Gen3.
+    #[test]
+    fn strong_arms_keep_their_torque() {
+        let mut robot = RobotModel::ftac_gen3();
+        let arm = Arc::make_mut(&mut robot.arm);
+        arm.name = "strong".to_owned();
+        arm.effort_limits[0] = 150.0;
+        let read =
+            LimitConfig::parse("version = 1", Path::new("limits.toml"), &robot, 100.0).expect("its own defaults");
+        assert_eq!(read.arm.torque[0], 150.0);
+    }
 
     fn parse(text: &str) -> Result<LimitConfig, String> {
         LimitConfig::parse(text, Path::new("limits.toml"), &RobotModel::ftac_gen3(), 100.0)

@@ -296,7 +296,7 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
         },
         cameras: Some(CameraConfig { port: cameras.to_owned() }),
         uvc: Vec::new(),
-        arm: ArmConfig::Loopback,
+        arm: ArmConfig::Loopback {},
         limits,
     }
 }

@@ -14,6 +14,11 @@ const CURRENT_MARGIN: (f64, f64) = (1.2, 0.05);
 /// shaft catches up after a stall; an unwinding one is thrown open by springs that are suddenly released.
 const SPEED_MARGIN: (f64, f64) = (1.5, 2.5);
 
+/// Tolerance of an arm joint outside its range before it is an alarm, rad.
+const ARM_ANGLE_MARGIN: f64 = 0.15;
+/// Tolerance of an arm joint's speed above the limit of its set-points, as a factor and an offset (rad/s).
+const ARM_SPEED_MARGIN: (f64, f64) = (1.5, 0.2);
+
 /// The newest measurement of one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoReading {
@@ -102,7 +107,27 @@ pub fn alarm(measured: &Measurements, limits: &SafetyLimits, now: f64) -> Option
     if silent > limits.watchdogs.arm {
         return Some(StopCause::ArmSilent(silent));
     }
+    if let Some(cause) = measured.arm.and_then(|arm| arm_alarm(&arm.state, limits)) {
+        return Some(cause);
+    }
     (!measured.cameras).then_some(StopCause::CamerasGone)
+}
+
+/// Returns the alarm raised by the arm's measurement, if any. NaN is outside every limit.
+fn arm_alarm(state: &ArmState, limits: &SafetyLimits) -> Option<StopCause> {
+    let (factor, offset) = ARM_SPEED_MARGIN;
+    (0..state.position.len()).find_map(|joint| {
+        let (angle, speed) = (state.position[joint], state.velocity[joint]);
+        let (low, high) = limits.arm.angle[joint];
+        let most = factor * limits.arm.speed[joint] + offset;
+        if !(low - ARM_ANGLE_MARGIN..=high + ARM_ANGLE_MARGIN).contains(&angle) {
+            Some(StopCause::ArmAngle(joint, angle))
+        } else if !(0.0..=most).contains(&speed.abs()) {
+            Some(StopCause::ArmSpeed(joint, speed))
+        } else {
+            None
+        }
+    })
 }
 
 /// Returns the alarm raised by one servo's measurement, if any. NaN is outside every limit.
@@ -158,6 +183,17 @@ pub(crate) mod tests {
         assert_eq!(with(|servo| servo.alert = true), Some(StopCause::ServoAlert(2)));
         assert!(matches!(with(|servo| servo.received_at = 9.9), Some(StopCause::ServoSilent(2, _))));
         assert!(matches!(with(|servo| servo.state.current = f64::NAN), Some(StopCause::Current(2, _))));
+        let arm = |change: fn(&mut ArmState)| {
+            let mut measured = fine(10.0);
+            change(&mut measured.arm.as_mut().expect("there").state);
+            alarm(&measured, &limits(), 10.01)
+        };
+        assert_eq!(arm(|state| state.position[1] = 2.1), None);
+        assert_eq!(arm(|state| state.position[1] = -2.2), Some(StopCause::ArmAngle(1, -2.2)));
+        assert!(matches!(arm(|state| state.position[6] = f64::NAN), Some(StopCause::ArmAngle(6, _))));
+        assert_eq!(arm(|state| state.velocity[3] = -1.6), None);
+        assert_eq!(arm(|state| state.velocity[3] = -1.8), Some(StopCause::ArmSpeed(3, -1.8)));
+        assert!(matches!(arm(|state| state.velocity[0] = f64::NAN), Some(StopCause::ArmSpeed(0, _))));
         let mut measured = fine(10.0);
         measured.arm = None;
         assert!(matches!(alarm(&measured, &limits(), 10.0), Some(StopCause::ArmSilent(_))));

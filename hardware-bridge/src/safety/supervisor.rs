@@ -3,6 +3,7 @@
 use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
+use super::arm_course::ArmCourse;
 use super::checks::{self, Measurements, ServoReading};
 use super::limits::{SafeGoal, SafetyLimits};
 use super::set_points::SetPoints;
@@ -14,6 +15,10 @@ use super::workspace::{WorkspaceMargins, WorkspaceMonitor};
 const MAX_TIME_STEP: f64 = 0.02;
 /// Silence of the controller after which the arm's set-points count as being at rest, s.
 const REST_TIMEOUT: f64 = 0.05;
+
+/// Distance by which a joint of the arm may be outside its range when torque is switched on, rad: it is sent back to the
+/// edge in one cycle.
+const MAX_START_OVERTRAVEL: f64 = 0.01;
 
 /// Command that may be sent, after all limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,6 +82,7 @@ pub struct Supervisor {
     set_points: SetPoints,
     /// Number and time (s) of the command that the set-points follow.
     followed_command: Option<(u64, f64)>,
+    course: ArmCourse,
     torque_monitor: Option<TorqueMonitor>,
     workspace_monitor: Option<WorkspaceMonitor>,
     last_step: f64,
@@ -94,6 +100,7 @@ impl Supervisor {
             giving_way: None,
             set_points: SetPoints::at(&sent.arm),
             followed_command: None,
+            course: ArmCourse::default(),
             torque_monitor: None,
             workspace_monitor: None,
             last_step: 0.0,
@@ -143,10 +150,17 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Arms the robot. Goals start at the measured positions, with zero current.
+    /// Arms the robot. Goals start at the measured positions, with zero current. An arm that stands outside its range is
+    /// refused: its first command would be a jump.
     pub fn arm(&mut self, measured: &Measurements, now: f64) -> Result<SafeCommand, CheckFailed> {
         if let Some(cause) = checks::alarm(measured, &self.limits, now) {
             return Err(CheckFailed::Alarm(cause));
+        }
+        let posture = measured.arm.map_or_else(|| self.limits.arm.zero_speed(), |arm| arm.state.position);
+        if let Some(joint) =
+            (0..posture.len()).find(|&joint| self.overtravel(joint, posture[joint]) > MAX_START_OVERTRAVEL)
+        {
+            return Err(CheckFailed::Alarm(StopCause::ArmAngle(joint, posture[joint])));
         }
         self.transition(SupervisorState::Armed, "arm", |state| matches!(state, SupervisorState::Checked))?;
         for (n, (goal, servo)) in self.sent.servos.iter_mut().zip(&measured.servos).enumerate() {
@@ -156,12 +170,19 @@ impl Supervisor {
         }
         for (joint, goal) in self.sent.arm.iter_mut().enumerate() {
             let (low, high) = self.limits.arm.angle[joint];
-            *goal = measured.arm.map_or(0.0, |arm| arm.state.position[joint]).clamp(low, high);
+            *goal = posture[joint].clamp(low, high);
         }
+        self.course = ArmCourse::default();
         self.last_step = now;
         (self.set_points, self.followed_command) = (SetPoints::at(&self.sent.arm), None);
         (self.braking, self.giving_way) = (None, None);
         Ok(self.sent)
+    }
+
+    /// Returns how far an angle of the arm's joint is outside its range, rad.
+    fn overtravel(&self, joint: usize, angle: f64) -> f64 {
+        let (low, high) = self.limits.arm.angle[joint];
+        (low - angle).max(angle - high)
     }
 
     /// Stops and holds. A robot that has been checked but not armed must then be checked again.
@@ -198,6 +219,11 @@ impl Supervisor {
             self.hold(cause);
         }
         self.monitor_torque(measured, now);
+        if let (SupervisorState::Running, Some(arm)) = (self.state, measured.arm)
+            && let Some((joint, distance)) = self.course.departure(&arm.state.position)
+        {
+            self.hold(StopCause::ArmOffCourse(joint, distance));
+        }
         if matches!(self.state, SupervisorState::Armed | SupervisorState::Running) {
             self.check_command(asked, now);
         }
@@ -213,6 +239,7 @@ impl Supervisor {
                 if let Some(asked) = asked {
                     self.follow(asked.command, measured, dt);
                 }
+                self.course.note(now, &self.sent.arm);
                 SupervisorStep::Send(self.sent)
             }
             SupervisorState::Armed => SupervisorStep::Send(self.sent),

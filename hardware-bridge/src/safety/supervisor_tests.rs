@@ -28,12 +28,21 @@ fn asked(command: &RobotCommand, at: f64) -> Option<ControllerCommand<'_>> {
     Some(ControllerCommand { command, received_at: at, number: at.to_bits() })
 }
 
-/// Runs `supervisor` with `command` for `cycles` cycles from `now` on; returns the last decision and the time.
+/// Measurements of a robot whose arm is where it was sent.
+fn followed(supervisor: &Supervisor, now: f64) -> Measurements {
+    let mut measured = fine(now);
+    measured.arm.as_mut().expect("there").state.position = supervisor.sent.arm;
+    measured
+}
+
+/// Runs `supervisor` with `command` for `cycles` cycles from `now` on, with an arm that follows; returns the last decision
+/// and the time.
 fn run(supervisor: &mut Supervisor, command: &RobotCommand, cycles: usize, mut now: f64) -> (SupervisorStep, f64) {
     let mut step = SupervisorStep::Silent;
     for _ in 0..cycles {
         now += DT;
-        step = supervisor.step(now, asked(command, now), &fine(now));
+        let measured = followed(supervisor, now);
+        step = supervisor.step(now, asked(command, now), &measured);
     }
     (step, now)
 }
@@ -167,13 +176,57 @@ fn hold_keeps_what_is_held() {
     }
 }
 
+/// An arm that stands outside its range would jump into it: torque is not switched on.
+#[test]
+fn an_arm_outside_its_range_is_not_armed() {
+    let mut supervisor = Supervisor::new(limits());
+    supervisor.connect().expect("connects");
+    for (angle, armed) in [(2.005, true), (2.1, false), (f64::NAN, false)] {
+        let mut supervisor = supervisor.clone();
+        let mut measured = fine(0.0);
+        supervisor.check(&measured, 0.0).expect("fine");
+        measured.arm.as_mut().expect("there").state.position[1] = angle;
+        let first = supervisor.arm(&measured, 0.0);
+        match first {
+            Ok(first) => assert!(armed && (first.arm[1] - 2.0).abs() < 1e-12, "{angle}"),
+            Err(error) => assert!(!armed && matches!(error, CheckFailed::Alarm(StopCause::ArmAngle(1, _))), "{error}"),
+        }
+    }
+}
+
+/// An arm that does not follow, or that moves by itself, is stopped before it is a tenth of a radian and a bit off.
+#[test]
+fn an_arm_off_its_course_is_stopped() {
+    type Motion = fn(f64) -> f64;
+    let frozen: Motion = |_| 0.0;
+    let runaway: Motion = |now| -0.9 * now;
+    for moves in [frozen, runaway] {
+        let mut supervisor = armed(0.0);
+        let mut now = 0.0;
+        while supervisor.state() != SupervisorState::Running || now < 0.01 {
+            now += DT;
+            supervisor.step(now, asked(&winding(0.1), now), &fine(now));
+        }
+        while supervisor.state() == SupervisorState::Running && now < 2.0 {
+            now += DT;
+            let mut measured = followed(&supervisor, now);
+            measured.arm.as_mut().expect("there").state.position[4] = moves(now);
+            supervisor.step(now, asked(&winding(0.1), now), &measured);
+        }
+        let SupervisorState::Hold(StopCause::ArmOffCourse(4, off)) = supervisor.state() else {
+            panic!("{}", supervisor.state())
+        };
+        assert!((0.1..0.12).contains(&off) && now < 0.35, "{off} rad at {now} s");
+    }
+}
+
 /// A hold brakes the arm from the speed at which it moves, regardless of its cause; a joint at rest stays at its
 /// set-point.
 #[test]
 fn a_hold_brakes_the_arm() {
     let mut supervisor = armed(0.0);
     let (before, mut now) = run(&mut supervisor, &winding(0.3), 100, 0.0);
-    let mut measured = fine(now);
+    let mut measured = followed(&supervisor, now);
     measured.arm.as_mut().expect("there").state.velocity[0] = 0.8;
     supervisor.hold(StopCause::Operator);
     let mut steps = Vec::new();

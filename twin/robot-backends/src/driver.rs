@@ -102,7 +102,7 @@ impl DrivenRobot {
         description.check(model).map_err(|source| DriverError::Description { asked, source })?;
         let limits = match limits {
             Some(path) => LimitConfig::read(path, model, description.rate)?,
-            None => LimitConfig::for_arm(&model.arm),
+            None => LimitConfig::for_robot(model),
         };
         let usual = if description.lockstep { LOCKSTEP_TIMEOUT } else { WALL_TIMEOUT };
         let driver = RobotDriver { class, lockstep: description.lockstep, timeout: timeout.unwrap_or(usual) };

@@ -92,7 +92,7 @@ impl Ros2Robot {
         config.check(model, file)?;
         let limits = match &config.limits {
             Some(limits) => LimitConfig::read(limits, model, config.rate)?,
-            None => LimitConfig::for_arm(&model.arm),
+            None => LimitConfig::for_robot(model),
         };
         Ok(Self { config, limits, file: file.to_owned(), model: model.clone() })
     }

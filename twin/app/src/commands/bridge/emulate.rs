@@ -194,6 +194,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     if let Some(line) = &args.send {
         return send_request(terminal, &args.dir, line);
     }
+    if let Some(seconds) = args.seconds.filter(|seconds| !(seconds.is_finite() && *seconds >= 0.0)) {
+        bail!("--seconds: found {seconds}, expected 0 or more");
+    }
     let robot = args.robot.model()?;
     check_supported(&robot)?;
     let (mishaps, faults) = emulator_fault::parse_faults(&args.faults, &robot.hand)?;
@@ -457,7 +460,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
     hand.link_servos(&servos)?;
     hand.link_cameras(&cameras)?;
     let arm = match arm.map(Emulator::address) {
-        None => ArmConfig::Loopback,
+        None => ArmConfig::Loopback {},
         Some(address) => ArmConfig::Kortex {
             host: address.tcp.ip().to_string(),
             tcp_port: address.tcp.port(),

@@ -40,7 +40,7 @@ pub struct ExerciseArgs {
     #[arg(long, default_value_t = 0.08)]
     current: f64,
     /// Number of times to close and open.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     times: u32,
     /// Take tactile images while closed.
     #[arg(long)]

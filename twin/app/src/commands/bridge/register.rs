@@ -6,6 +6,7 @@ use anyhow::{Context as _, Result, bail};
 use bench::builtin::make_scene_bench;
 use clap::Args;
 use hand_model::RobotModel;
+use hardware_bridge::supported_robot::check_supported;
 use nalgebra::Isometry3;
 use registration::{Registrar, RegistrationFile, RegistrationPlan, RegistrationStep, hidden_mount, registration_error};
 use robot_backends::hardware::HardwareFactory;
@@ -108,6 +109,7 @@ pub struct RegisterPlanOutput {
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let plan = RegistrationPlan::standard()?;
     let robot = instance_model(args.instance.as_deref(), &args.robot.model()?)?;
+    check_supported(&robot)?;
     let bench = make_scene_bench(&robot, Scenario::benchmark(), 1, terminal.seed, true)?;
     let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
     if args.dry_run {

@@ -115,6 +115,11 @@ fn stop_without_bridge(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf])
         let rest = "servos of an ended program hold, or were stopped by their watchdogs; --release opens the hand";
         return Ok(Some(format!("{nobody}; {rest}")));
     }
+    if args.socket.is_some() {
+        // The servos of another robot must not be let go.
+        let rest = "--config names the robot whose servos are to be released directly";
+        return Ok(Some(format!("{nobody}; {rest}")));
+    }
     let file = args.config.as_deref().unwrap_or(Path::new("bridge.toml"));
     let config = BridgeConfig::read_without_password(file)
         .with_context(|| format!("{nobody}; the port of the servos is needed to switch their torque off directly"))?;

@@ -265,7 +265,12 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     let interruption = excite(terminal, args, &nominal, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
     if let ExcitationBackend::Hardware(robot) = body.into_robot() {
-        robot.release()?;
+        // Only an operator opens a hand that was stopped: it may hold an object.
+        if matches!(interruption, Ok(None)) && finished.is_ok() {
+            robot.release()?;
+        } else {
+            eprintln!("the hand keeps hold of what it holds; `ftac bridge stop --release` opens it");
+        }
     }
     if let Some(why) = interruption? {
         finished?;
