@@ -308,3 +308,44 @@ fn sweeps_that_count_twice() {
     fs::write(&file, format!("{head}noise_scale = [1, 2]\n")).expect("written");
     refused(&["sweep", "plan", text(&file), "--seed", "7"], &["--seed", "7", "[axes]"]);
 }
+
+/// Files that would be written over what is read, and results of nothing.
+#[test]
+fn results_over_what_is_read() {
+    let folder = tempdir().expect("a folder");
+    let session = folder.path().join("session.mcap");
+    fs::write(&session, "a session").expect("written");
+    for kind in ["ros2", "rrd"] {
+        let export = ["export", kind, text(&session), "--out", text(&session)];
+        refused(&export, &["--out", "session.mcap", "expected another file"]);
+    }
+    let grasps = folder.path().join("grasps.jsonl");
+    fs::write(&grasps, "grasps").expect("written");
+    let classify = ["grasps", "classify", "--grasps", text(&grasps), "--like-people", text(&grasps)];
+    refused(&classify, &["--like-people", "expected another file"]);
+    let typo = folder.path().join("typo");
+    let pack = ["grasps", "collection", "--pack", "--parts", text(&typo), "--out", text(&grasps)];
+    refused(&pack, &["--parts", "typo", "expected the parts to pack"]);
+    assert!(!typo.exists(), "made the folder that is missing");
+    let calibration = folder.path().join("pads.toml");
+    refused(&["touch", "train", "--presses", "0", "--out", text(&calibration)], &["--presses", "0"]);
+    refused(&["grasps", "eval", "--grasps", text(&grasps), "--friction", "0.05"], &["--grasps", "--friction"]);
+    refused(&["grasps", "show", "--out", text(&calibration)], &["--out", "OBJECT"]);
+    assert!(!calibration.exists(), "wrote a result of nothing");
+    assert_eq!(fs::read_to_string(&session).expect("still there"), "a session");
+    assert_eq!(fs::read_to_string(&grasps).expect("still there"), "grasps");
+}
+
+/// A socket on which nobody listens: the servos of another robot, which a file in this folder names, are left alone.
+#[test]
+fn a_socket_of_nobody() {
+    let folder = tempdir().expect("a folder");
+    let socket = folder.path().join("typo");
+    let output = run(&["bridge", "stop", "--release", "--socket", text(&socket)]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("no bridge is running") && stderr(&output).contains("--config"),
+        "{}",
+        stderr(&output)
+    );
+}

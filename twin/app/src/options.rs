@@ -5,6 +5,7 @@ pub mod backend;
 pub mod combination;
 pub mod driver;
 pub mod object_name;
+pub mod output_file;
 pub mod renamed_options;
 pub mod robot;
 pub mod ros2;

@@ -1,5 +1,6 @@
 //! `ftac export`: exports recorded sessions to the formats of other programs.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
@@ -19,6 +20,7 @@ use telemetry::RecordingTarget;
 use super::demonstrations::{VideoQuality, call_package, path_text};
 use super::replay::{build_bench, read_task};
 use super::sessions::{BAG_SUFFIX, sessions_in};
+use crate::options::output_file::check_other_file;
 use crate::terminal::{Outcome, Terminal};
 
 /// `export` commands.
@@ -113,6 +115,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
         ExportCommand::Rrd { session, out } => (session, out),
         ExportCommand::Ros2 { session, out } => {
             let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG_SUFFIX[1..]));
+            check_other_file("--out", &out, [session.as_path()])?;
             let messages = export_bag(session, &out)?;
             let text = format!("{messages} messages in {0}; play them with `ros2 bag play {0}`\n", out.display());
             terminal.print(&BagOutput { bag: out, messages }, &text)?;
@@ -124,6 +127,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
         }
     };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
+    check_other_file("--out", &out, [session.as_path()])?;
     let (ticks, shortfall) = export_rrd(terminal, session, &out)?;
     let text = format!("{ticks} ticks in {0}; see them with `ftac view {0}`\n", out.display());
     let drawn = RrdOutput { recording: out, ticks, left: shortfall };
@@ -174,14 +178,21 @@ fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Writes all sessions of a folder as bags.
 fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     let all = sessions(folder)?;
+    let bag_of = |session: &PathBuf| {
+        let beside = session.with_extension(&BAG_SUFFIX[1..]);
+        out.map_or_else(|| beside.clone(), |out| out.join(beside.file_name().unwrap_or_default()))
+    };
+    let mut names = BTreeSet::new();
+    if let Some(session) = all.iter().find(|session| !names.insert(bag_of(session))) {
+        bail!("--out: found two sessions of the name {}, expected one of each", session.display());
+    }
     if let Some(out) = out {
         std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     }
     let bar = progress::bar(all.len() as u64, "sessions", terminal.quiet || terminal.json);
     let (mut bags, mut empty) = (Vec::new(), None);
     for session in &all {
-        let beside = session.with_extension(&BAG_SUFFIX[1..]);
-        let bag = out.map_or_else(|| beside.clone(), |out| out.join(beside.file_name().unwrap_or_default()));
+        let bag = bag_of(session);
         let messages = export_bag(session, &bag)?;
         if messages == 0 {
             empty.get_or_insert_with(|| nothing_measured(session));

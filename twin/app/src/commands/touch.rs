@@ -20,8 +20,8 @@ pub enum TouchCommand {
     /// Calibrate photometric stereo with presses of balls on a simulated calibration unit; evaluate on another unit.
     Train {
         /// Number of presses per camera.
-        #[arg(long, default_value_t = 24)]
-        presses: usize,
+        #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u16).range(1..))]
+        presses: u16,
         /// Calibration file to write.
         #[arg(long)]
         out: PathBuf,
@@ -53,7 +53,7 @@ pub fn run(terminal: &Terminal, command: &TouchCommand, lab: &LabProgram<'_>) ->
     match command {
         TouchCommand::Train { presses, out, instance: individual, robot } => {
             let hand = instance_model(individual.as_deref(), &robot.model()?)?.hand;
-            train(terminal, *presses, out, &hand)
+            train(terminal, usize::from(*presses), out, &hand)
         }
         TouchCommand::Lab(_) => Err(lab.exec_lab()),
     }

@@ -86,6 +86,9 @@ pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
     if let Some(unknown) = names.iter().find(|name| set.get(name).is_none()) {
         anyhow::bail!("--object: found `{unknown}`, expected one of {}", known.join(", "));
     }
+    if args.pack && !args.parts.is_dir() {
+        anyhow::bail!("--parts: found no folder {}, expected the parts to pack", args.parts.display());
+    }
     std::fs::create_dir_all(&args.parts).with_context(|| format!("--parts {}", args.parts.display()))?;
     let start = Instant::now();
     let request = SynthesisRequest { chains, max_grasps: each, contacts, closings, seed: terminal.seed, table: false };
@@ -104,6 +107,10 @@ pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
         seed: terminal.seed,
     };
     let collection = Collection { header, objects };
+    if collection.grasps().next().is_none() {
+        // An earlier collection stays.
+        anyhow::bail!("--parts: found no grasp in {}, expected some; nothing was written", args.parts.display());
+    }
     write_atomically(&args.out, collection.to_text()?.as_bytes())?;
     print_output(terminal, &collection, start.elapsed().as_secs_f64())
 }

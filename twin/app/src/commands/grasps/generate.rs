@@ -301,7 +301,10 @@ pub struct EvalArgs {
     pub n: u64,
     /// Close and check the grasps of this file again, of this hand or another, instead of searching; with --object,
     /// those of one object.
-    #[arg(long, conflicts_with_all = ["mesh", "mass", "density", "table"])]
+    #[arg(
+        long,
+        conflicts_with_all = ["mesh", "mass", "density", "table", "friction", "parts", "contacts", "closings", "n"]
+    )]
     pub grasps: Option<PathBuf>,
 }
 

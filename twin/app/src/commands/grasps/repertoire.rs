@@ -186,6 +186,7 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         Some(file) => GraspPairTable::read(file)?,
         None => {
             let board = TactileBoard::unit(&world.cell.robot.hand, 0);
+            anyhow::ensure!(args.combos > 0, "--combos: found 0, expected at least 1");
             let plans = grasp_pair::make_pairs(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
                 grasp_pair::plan_combination(&world, &repertoire, &board, pair)
             })?;

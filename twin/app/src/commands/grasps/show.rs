@@ -33,7 +33,7 @@ pub struct ShowArgs {
     #[arg(long, default_value_t = 12)]
     pub kinds: usize,
     /// Recording file; default: recordings/grasps_OBJECT.rrd, which is then opened in the Rerun viewer.
-    #[arg(long)]
+    #[arg(long, requires = "object")]
     pub out: Option<PathBuf>,
     /// Folder for grasps.html with pictures of objects and grasps, instead of a recording.
     #[arg(long, conflicts_with = "out")]

@@ -103,6 +103,12 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     if let Some(path) = &args.out {
         check_out(path, &args.folder)?;
     }
+    if let Some(sheet) = &args.sheet {
+        let folder = sheet.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if folder.canonicalize().is_ok_and(|folder| args.folder.canonicalize().is_ok_and(|presses| presses == folder)) {
+            bail!("--sheet {}: found the folder of the presses, expected another", sheet.display());
+        }
+    }
     let presses = CheckedPresses::read(
         &PressSource {
             path: &args.folder,

@@ -36,7 +36,12 @@ pub struct CheckArgs {
     #[command(flatten)]
     pub robot: RobotArgs,
     /// Only read this URDF, of any hand, and report its contents and every deviation from it.
-    #[arg(long, alias = "hand", value_name = "URDF")]
+    #[arg(
+        long,
+        alias = "hand",
+        value_name = "URDF",
+        conflicts_with_all = ["out", "grasps", "engine", "public_model", "seeds", "robot_model"]
+    )]
     pub urdf: Option<PathBuf>,
     /// Transmission of that hand (TOML): also report where its fingers close and may touch.
     #[arg(long, alias = "transmission", requires = "urdf")]

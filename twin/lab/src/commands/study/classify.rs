@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use dexterous_grasping::synthesis::collection::{Collection, CollectionHeader, ObjectGrasps, SearchSummary, VERSION};
 use dexterous_grasping::synthesis::held::HeldGrasp;
 use ftac::lab::arguments::grasps::ClassifyArgs;
+use ftac::options::output_file::check_other_file;
 use ftac::terminal::{CommandOutput, Outcome, Terminal};
 use ftac_platform::data::write_atomically;
 use grasp_analysis::classification::Classification;
@@ -34,6 +35,9 @@ pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
 
 /// Classifies all grasps.
 pub fn make(args: &ClassifyArgs) -> Result<CommandOutput<ClassificationFigures>> {
+    if let Some(file) = &args.like_people {
+        check_other_file("--like-people", file, args.grasps.paths.iter().map(PathBuf::as_path))?;
+    }
     let classification = GraspSource::read(&args.grasps.paths)?.classification;
     let mut choice = String::new();
     if let Some(file) = &args.like_people {
