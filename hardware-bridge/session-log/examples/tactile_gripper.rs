@@ -128,7 +128,7 @@ fn run(folder: &Path) -> Result<(), Box<dyn Error>> {
         torque_constant: 1.0,
     };
     let bag = folder.join("gripper.ros2.mcap");
-    let messages = ros2::export(SessionReader::open(&path, RobotSizes::Any)?, &names, &bag)?;
+    let messages = ros2::export(&mut SessionReader::open(&path, RobotSizes::Any)?, &names, &bag)?;
     println!("exported {messages} messages to {}", bag.display());
     Ok(())
 }

@@ -62,7 +62,7 @@ impl Bag<'_> {
 /// # Errors
 /// [`SessionLogError`] of the session or of the bag, and for an image of another size than
 /// [`IMAGE_SIZE`](hand_model::pads::IMAGE_SIZE) squared.
-pub fn export(mut reader: SessionReader, names: &RobotNames, out: &Path) -> Result<u64, SessionLogError> {
+pub fn export(reader: &mut SessionReader, names: &RobotNames, out: &Path) -> Result<u64, SessionLogError> {
     let file = File::create_new(out).map_err(SessionLogError::io(out))?;
     let options = WriteOptions::new().compression(None).profile("ros2").library("robot-session-log");
     let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(out))?;

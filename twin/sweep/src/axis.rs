@@ -1,6 +1,7 @@
 //! Axes of a sweep: the fields of a run, and any field of its scenario.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use bench::journal::RunRequest;
@@ -200,7 +201,9 @@ impl RunDraft {
                         .map(|name| {
                             name.parse::<Effect>().map_err(|error| self.value_error("without", name, error.to_string()))
                         })
-                        .collect::<Result<_, _>>()?,
+                        .collect::<Result<BTreeSet<_>, _>>()?
+                        .into_iter()
+                        .collect(),
                 };
             }
             (AxisField::Without, other) => {

@@ -150,11 +150,14 @@ fn export_bag(session: &Path, out: &Path) -> Result<u64> {
     let reader = SessionReader::open(session, RobotSizes::Any)?;
     let robot = robot_of_session(&reader)?;
     let names = RobotNames::from_model(&robot);
-    let reader = reader.with_sizes(RobotSizes::from_robot(&robot));
+    let mut reader = reader.with_sizes(RobotSizes::from_robot(&robot));
     // An unfinished file never has the bag's name.
     let partial = out.with_extension("partial");
-    let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
+    let messages = ros2::export(&mut reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
+    if !reader.is_finished() {
+        eprintln!("{}: it ends in mid-write; everything up to there is in the bag", session.display());
+    }
     Ok(messages)
 }
 
