@@ -47,13 +47,55 @@ impl LimitConfig {
             return Err(field(("version".to_owned(), file.version.to_string(), "1".to_owned())));
         }
         // Every field has a TOML form.
-        let mut limits = Table::try_from(Self::for_robot(robot)).unwrap_or_default();
-        overlay(&mut limits, file.limits);
-        let limits: Self = limits.try_into().map_err(|error| syntax(&error))?;
+        let usual = Table::try_from(Self::for_robot(robot)).unwrap_or_default();
+        let with = |fields: Table| {
+            let mut limits = usual.clone();
+            overlay(&mut limits, fields);
+            limits.try_into::<Self>()
+        };
+        let limits = match with(file.limits.clone()) {
+            Ok(limits) => limits,
+            // The error of all fields together has no place in the text: the first that is wrong alone is named.
+            Err(error) => {
+                let wrong = leaves(&file.limits).into_iter().find_map(|(path, value)| {
+                    let mistaken = with(nested(&path, value.clone())).err()?;
+                    let found = value.to_string();
+                    Some((format!("limits.{}", path.join(".")), found, mistaken.message().to_owned()))
+                });
+                return Err(wrong.map_or_else(|| syntax(&error), field));
+            }
+        };
         match limits.first_error(&robot.arm.effort_limits, rate, least_current_limit(robot)) {
             Some(error) => Err(field(error)),
             None => Ok(limits),
         }
+    }
+}
+
+/// Returns the fields of a table and of those in it, each with its path.
+fn leaves(table: &Table) -> Vec<(Vec<&str>, &Value)> {
+    let mut found = Vec::new();
+    for (name, value) in table {
+        match value {
+            Value::Table(inner) => found.extend(leaves(inner).into_iter().map(|(mut path, value)| {
+                path.insert(0, name.as_str());
+                (path, value)
+            })),
+            value => found.push((vec![name.as_str()], value)),
+        }
+    }
+    found
+}
+
+/// Returns a table with one field at `path`.
+fn nested(path: &[&str], value: Value) -> Table {
+    let mut inner = value;
+    for name in path.iter().rev() {
+        inner = Value::Table(Table::from_iter([((*name).to_owned(), inner)]));
+    }
+    match inner {
+        Value::Table(table) => table,
+        _ => Table::new(),
     }
 }
 
@@ -97,6 +139,19 @@ mod tests {
         let read =
             LimitConfig::parse("version = 1", Path::new("limits.toml"), &robot, 100.0).expect("its own defaults");
         assert_eq!(read.arm.torque[0], 150.0);
+    }
+
+    #[test]
+    fn a_value_of_another_kind_is_named() {
+        for (text, words) in [
+            ("current = \"x\"", "limits.current: found \"x\""),
+            ("arm = 5", "limits.arm: found 5"),
+            ("[limits.space]\ntable = true", "limits.space.table: found true"),
+            ("[limits.arm]\njolts = 1.0", "limits.arm.jolts: found 1.0"),
+        ] {
+            let error = parse(&format!("version = 1\n[limits]\n{text}")).expect_err("refused");
+            assert!(error.contains(words), "{error}");
+        }
     }
 
     fn parse(text: &str) -> Result<LimitConfig, String> {
