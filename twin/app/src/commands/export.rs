@@ -193,10 +193,20 @@ fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcom
         std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     }
     let bar = progress::bar(all.len() as u64, "sessions", terminal.quiet || terminal.json);
-    let (mut bags, mut empty) = (Vec::new(), None);
+    let (mut bags, mut empty, mut failed) = (Vec::new(), None, Vec::new());
     for session in &all {
         let bag = bag_of(session);
-        let messages = export_bag(session, &bag)?;
+        let messages = match export_bag(session, &bag) {
+            Ok(messages) => messages,
+            Err(error) if all.len() == 1 => return Err(error),
+            // The others do not depend on it.
+            Err(error) => {
+                bar.suspend(|| eprintln!("{error:#}"));
+                failed.push(session.display().to_string());
+                bar.inc(1);
+                continue;
+            }
+        };
         if messages == 0 {
             empty.get_or_insert_with(|| nothing_measured(session));
         }
@@ -207,7 +217,7 @@ fn export_bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcom
     let place = out.unwrap_or(folder).display();
     let text = format!("{} bags in {place}\n", bags.len());
     terminal.print(&BagsOutput { bags }, &text)?;
-    Ok(empty)
+    Ok((!failed.is_empty()).then(|| format!("not exported: {}", failed.join(", "))).or(empty))
 }
 
 /// Writes all sessions of a folder as a LeRobot data set, by means of the Python package.
