@@ -4,7 +4,7 @@ use hand_model::{Arm, ArmVector, RobotModel};
 use kinova_kortex::joints::JOINTS;
 use serde::{Deserialize, Serialize};
 
-use crate::safety::limits::{ArmLimits, SafetyLimits, ServoLimits, WatchdogTimeouts};
+use crate::safety::limits::{ArmLimits, SafetyLimits, ServoLimits, USUAL_FOLLOWING, USUAL_LAG, WatchdogTimeouts};
 use crate::safety::set_points::MotionLimits;
 use crate::safety::torque_monitor::TorqueLimits;
 use crate::safety::workspace::WorkspaceLimits;
@@ -66,6 +66,10 @@ pub struct ArmLimitConfig {
     pub jolt: f64,
     /// Longest time for which a torque may be above its limit, s.
     pub torque_time: f64,
+    /// Greatest distance of a joint from its set-points of the last moments, rad.
+    pub following: f64,
+    /// Time for which these set-points are remembered, s: more than the arm's lag.
+    pub lag: f64,
 }
 
 /// Workspace limits of arm and hand, in the frame of the arm's base, m.
@@ -122,6 +126,8 @@ impl Default for ArmLimitConfig {
             payload: 4.0,
             jolt: 0.03,
             torque_time: 2.0,
+            following: USUAL_FOLLOWING,
+            lag: USUAL_LAG,
         }
     }
 }
@@ -150,7 +156,12 @@ impl LimitConfig {
         });
         SafetyLimits {
             servos: servos.collect(),
-            arm: ArmLimits { motion: Some(motion), ..ArmLimits::from_model(arm) },
+            arm: ArmLimits {
+                motion: Some(motion),
+                following: own.arm.following,
+                lag: own.arm.lag,
+                ..ArmLimits::from_model(arm)
+            },
             voltage: (own.voltage[0], own.voltage[1]),
             staleness: own.staleness,
             watchdogs: WatchdogTimeouts {
@@ -230,6 +241,8 @@ impl LimitConfig {
             ("arm.payload", own.arm.payload, 0.0, 10.0),
             ("arm.jolt", own.arm.jolt, 0.0, 1.0),
             ("arm.torque_time", own.arm.torque_time, 0.0, 10.0),
+            ("arm.following", own.arm.following, 0.01, 1.0),
+            ("arm.lag", own.arm.lag, 0.0, 2.0),
             ("space.table", own.space.table, -1.0, 1.0),
             ("space.tolerance", own.space.tolerance, 0.0, 0.2),
             ("space.clearance", own.space.clearance, -0.01, 0.2),

@@ -59,8 +59,10 @@ impl LimitConfig {
             Err(error) => {
                 let wrong = leaves(&file.limits).into_iter().find_map(|(path, value)| {
                     let mistaken = with(nested(&path, value.clone())).err()?;
-                    let found = value.to_string();
-                    Some((format!("limits.{}", path.join(".")), found, mistaken.message().to_owned()))
+                    // "invalid type: string "x", expected f64"
+                    let message = mistaken.message();
+                    let expected = message.split_once("expected ").map_or(message, |(_, expected)| expected);
+                    Some((format!("limits.{}", path.join(".")), value.to_string(), expected.to_owned()))
                 });
                 return Err(wrong.map_or_else(|| syntax(&error), field));
             }
@@ -144,10 +146,10 @@ mod tests {
     #[test]
     fn a_value_of_another_kind_is_named() {
         for (text, words) in [
-            ("current = \"x\"", "limits.current: found \"x\""),
+            ("current = \"x\"", "limits.current: found \"x\", expected f64"),
             ("arm = 5", "limits.arm: found 5"),
             ("[limits.space]\ntable = true", "limits.space.table: found true"),
-            ("[limits.arm]\njolts = 1.0", "limits.arm.jolts: found 1.0"),
+            ("[limits.arm]\njolts = 1.0", "limits.arm.jolts: found 1.0, expected one of `acceleration`"),
         ] {
             let error = parse(&format!("version = 1\n[limits]\n{text}")).expect_err("refused");
             assert!(error.contains(words), "{error}");
@@ -173,7 +175,7 @@ mod tests {
         for (text, words) in [
             ("version = 2\n", "limits.toml: version: found 2, expected 1"),
             ("version = 1\n[limits]\ncurrent = 1.5\n", "limits.toml: limits.current: found 1.5, expected 0.01 to 0.91"),
-            ("version = 1\n[limits]\ncurent = 0.5\n", "unknown field `curent`"),
+            ("version = 1\n[limits]\ncurent = 0.5\n", "limits.curent: found 0.5, expected one of `speed`, `current`"),
             ("version = 1\n[limits.arm]\ntorque = [1.0]\n", "limits.arm.torque: found 1 numbers, expected 7"),
             ("version = 1\n[limits]\nstaleness = 0.01\n", "limits.staleness: found 0.01, expected 0.02 to 1"),
         ] {

@@ -9,12 +9,12 @@ use std::f64::consts::{PI, TAU};
 
 use hand_model::ArmVector;
 
-/// Time for which set-points are remembered, s: more than an arm's lag.
-const MEMORY: f64 = 0.2;
-/// Tolerance of a joint outside the range of its set-points, rad: 6 deg.
-const TOLERANCE: f64 = 0.1;
+use super::limits::ArmLimits;
+
 /// Least time between two remembered set-points, s.
 const SPACING: f64 = 0.005;
+/// Greatest number of remembered set-points: more than the oldest measurement and the longest lag need.
+const MAX_REMEMBERED: usize = 1000;
 
 /// Set-points of the last moments.
 #[derive(Debug, Clone, Default)]
@@ -26,33 +26,42 @@ pub struct ArmCourse {
 impl ArmCourse {
     /// Remembers the set-points sent at `now` (s), rad.
     pub fn note(&mut self, now: f64, sent: &ArmVector) {
-        while self.past.len() > 1 && self.past[1].0 <= now - MEMORY {
-            self.past.pop_front();
-        }
         if self.past.back().is_none_or(|(at, _)| now - at >= SPACING) {
             self.past.push_back((now, *sent));
         }
+        if self.past.len() > MAX_REMEMBERED {
+            self.past.pop_front();
+        }
     }
 
-    /// Returns the joint that is farthest from the set-points of the last moments, and its distance (rad), if it is more
-    /// than the tolerance. Whole turns of a joint do not count.
-    pub fn departure(&self, posture: &ArmVector) -> Option<(usize, f64)> {
+    /// Returns the joint that is farthest from the set-points since the arm's lag before the measurement, and its
+    /// distance (rad), if that is more than the limit. `measured_at` (s) is the time of the `posture` (rad). Whole turns
+    /// of a joint do not count.
+    pub fn departure(&mut self, posture: &ArmVector, measured_at: f64, limits: &ArmLimits) -> Option<(usize, f64)> {
+        while self.past.len() > 1 && self.past[1].0 <= measured_at - limits.lag {
+            self.past.pop_front();
+        }
         let (_, first) = self.past.front()?;
         let distance = |joint: usize| {
-            let turned = |angle: f64| (angle - first[joint] + PI).rem_euclid(TAU) - PI;
-            let covered = self.past.iter().map(|(_, sent)| sent[joint] - first[joint]);
-            let (low, high) = covered.fold((0.0_f64, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)));
-            let middle = first[joint] + 0.5 * (low + high);
-            let off = turned(posture[joint] - middle + first[joint]).abs() - 0.5 * (high - low);
-            (joint, off)
+            let covered = self.past.iter().map(|(_, sent)| sent[joint]);
+            let (low, high) = covered.fold((first[joint], first[joint]), |(low, high), at| (low.min(at), high.max(at)));
+            let middle = 0.5 * (low + high);
+            (joint, (nearest_turn(posture[joint], middle) - middle).abs() - 0.5 * (high - low))
         };
         let farthest = (0..posture.len()).map(distance).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (farthest.1 > TOLERANCE).then_some(farthest)
+        (farthest.1 > limits.following).then_some(farthest)
     }
+}
+
+/// Returns an angle (rad) plus the whole turns that bring it nearest to another.
+pub fn nearest_turn(angle: f64, other: f64) -> f64 {
+    other + (angle - other + PI).rem_euclid(TAU) - PI
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::limits::USUAL_FOLLOWING;
+    use super::super::limits::tests::limits;
     use super::*;
 
     fn posture(first: f64) -> ArmVector {
@@ -66,7 +75,9 @@ mod tests {
         (0..2000).find_map(|n| {
             let now = 0.001 * f64::from(n);
             course.note(now, &posture(speed * now));
-            course.departure(&posture(arm(now)))
+            // The measurement is somewhat old.
+            let measured_at = (now - 0.05).max(0.0);
+            course.departure(&posture(arm(measured_at)), measured_at, &limits().arm)
         })
     }
 
@@ -81,9 +92,9 @@ mod tests {
     #[test]
     fn an_arm_that_stands_still_or_runs_away_is_not() {
         let (joint, off) = departs(1.0, |_| 0.0).expect("it stands still");
-        assert!(joint == 0 && (TOLERANCE..0.12).contains(&off), "{off}");
+        assert!(joint == 0 && (USUAL_FOLLOWING..0.12).contains(&off), "{off}");
         let (_, off) = departs(0.0, |now| 3.0 * now).expect("it runs away");
-        assert!((TOLERANCE..0.12).contains(&off), "{off}");
+        assert!((USUAL_FOLLOWING..0.12).contains(&off), "{off}");
         assert!(departs(0.5, |now| -0.5 * now).is_some(), "it goes the other way");
     }
 }

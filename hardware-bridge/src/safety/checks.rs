@@ -121,9 +121,9 @@ fn arm_alarm(state: &ArmState, limits: &SafetyLimits) -> Option<StopCause> {
         let (low, high) = limits.arm.angle[joint];
         let most = factor * limits.arm.speed[joint] + offset;
         if !(low - ARM_ANGLE_MARGIN..=high + ARM_ANGLE_MARGIN).contains(&angle) {
-            Some(StopCause::ArmAngle(joint, angle))
+            Some(StopCause::ArmAngle(joint, angle, (low, high)))
         } else if !(0.0..=most).contains(&speed.abs()) {
-            Some(StopCause::ArmSpeed(joint, speed))
+            Some(StopCause::ArmSpeed(joint, speed, most))
         } else {
             None
         }
@@ -189,11 +189,11 @@ pub(crate) mod tests {
             alarm(&measured, &limits(), 10.01)
         };
         assert_eq!(arm(|state| state.position[1] = 2.1), None);
-        assert_eq!(arm(|state| state.position[1] = -2.2), Some(StopCause::ArmAngle(1, -2.2)));
-        assert!(matches!(arm(|state| state.position[6] = f64::NAN), Some(StopCause::ArmAngle(6, _))));
+        assert_eq!(arm(|state| state.position[1] = -2.2), Some(StopCause::ArmAngle(1, -2.2, (-2.0, 2.0))));
+        assert!(matches!(arm(|state| state.position[6] = f64::NAN), Some(StopCause::ArmAngle(6, ..))));
         assert_eq!(arm(|state| state.velocity[3] = -1.6), None);
-        assert_eq!(arm(|state| state.velocity[3] = -1.8), Some(StopCause::ArmSpeed(3, -1.8)));
-        assert!(matches!(arm(|state| state.velocity[0] = f64::NAN), Some(StopCause::ArmSpeed(0, _))));
+        assert_eq!(arm(|state| state.velocity[3] = -1.8), Some(StopCause::ArmSpeed(3, -1.8, 1.7)));
+        assert!(matches!(arm(|state| state.velocity[0] = f64::NAN), Some(StopCause::ArmSpeed(0, ..))));
         let mut measured = fine(10.0);
         measured.arm = None;
         assert!(matches!(alarm(&measured, &limits(), 10.0), Some(StopCause::ArmSilent(_))));

@@ -19,6 +19,11 @@ pub const GOAL_LEAD: f64 = 1.0;
 /// its angle shows ([`super::checks`]).
 pub const MAX_GOAL_OVERTRAVEL: f64 = 0.5;
 
+/// Usual tolerance of an arm's joint outside the range of its set-points, rad: 6 deg.
+pub const USUAL_FOLLOWING: f64 = 0.1;
+/// Usual time for which set-points are remembered, s.
+pub const USUAL_LAG: f64 = 0.2;
+
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ServoLimits {
     /// Range of the output angle (least, greatest), rad.
@@ -42,6 +47,10 @@ pub struct ArmLimits {
     pub speed: ArmVector,
     /// Deceleration of each set-point when the arm is stopped, rad/s2.
     pub deceleration: ArmVector,
+    /// Tolerance of a joint outside the range of its set-points of the last moments, rad.
+    pub following: f64,
+    /// Time for which these set-points are remembered, s: more than the arm's lag.
+    pub lag: f64,
     /// Limits on acceleration and jerk of each set-point, if any.
     pub motion: Option<ArmVector<MotionLimits>>,
 }
@@ -122,6 +131,8 @@ impl ArmLimits {
             angle: arm.each(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
             speed: arm.velocity_limits,
             deceleration: arm.acceleration_limits,
+            following: USUAL_FOLLOWING,
+            lag: USUAL_LAG,
             motion: None,
         }
     }
@@ -178,6 +189,8 @@ pub(crate) mod tests {
             angle: [(-2.0, 2.0); 7].into(),
             speed: [1.0; 7].into(),
             deceleration: [8.0; 7].into(),
+            following: USUAL_FOLLOWING,
+            lag: USUAL_LAG,
             motion: None,
         };
         SafetyLimits {

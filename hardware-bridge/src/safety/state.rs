@@ -94,10 +94,10 @@ pub enum StopCause {
     ServoSilent(usize, f64),
     /// Time without a measurement of the arm, s.
     ArmSilent(f64),
-    /// A joint of the arm and its angle, rad, outside its range.
-    ArmAngle(usize, f64),
-    /// A joint of the arm and its speed, rad/s, above its limit.
-    ArmSpeed(usize, f64),
+    /// A joint of the arm, its angle, and the range that it is outside of (least, greatest), rad.
+    ArmAngle(usize, f64, (f64, f64)),
+    /// A joint of the arm, its speed, and the greatest that is tolerated, rad/s.
+    ArmSpeed(usize, f64, f64),
     /// A joint of the arm, and its distance, rad, from where its set-points have been for a while.
     ArmOffCourse(usize, f64),
     /// A joint of the arm, and its torque, N m, which exceeded the limit for longer than `torque_time`.
@@ -169,17 +169,17 @@ impl fmt::Display for StopCause {
                 )
             }
             Self::ArmSilent(age) => write!(f, "arm: no measurement for {}; check the network cable", ms(age)),
-            Self::ArmAngle(joint, angle) => write!(
+            Self::ArmAngle(joint, angle, (low, high)) => write!(
                 f,
-                "arm joint {}: at {angle:.3} rad, outside its range in the robot model; move it inside by the arm's own controls",
+                "arm joint {}: at {angle:.3} rad, expected {low:.3} to {high:.3}; move it inside by the arm's own controls",
                 joint + 1
             ),
-            Self::ArmSpeed(joint, speed) => {
-                write!(f, "arm joint {}: {speed:.2} rad/s, above its limit in the robot model", joint + 1)
+            Self::ArmSpeed(joint, speed, most) => {
+                write!(f, "arm joint {}: {speed:.2} rad/s, expected at most {most:.2}", joint + 1)
             }
             Self::ArmOffCourse(joint, distance) => write!(
                 f,
-                "arm joint {}: {distance:.2} rad from its set-points; does it follow them, and what blocks or moves it?",
+                "arm joint {}: {distance:.2} rad from its set-points (limits.arm.following, lag); does it follow them, and what blocks or moves it?",
                 joint + 1
             ),
             Self::ArmFault(trouble) => write!(f, "arm: {trouble}"),

@@ -3,7 +3,7 @@
 use hand_model::robot::{RobotCommand, ServoGoal};
 use hand_model::{ActuatorVector, ArmVector, RobotModel};
 
-use super::arm_course::ArmCourse;
+use super::arm_course::{ArmCourse, nearest_turn};
 use super::checks::{self, Measurements, ServoReading};
 use super::limits::{SafeGoal, SafetyLimits};
 use super::set_points::SetPoints;
@@ -141,7 +141,7 @@ impl Supervisor {
 
     /// Notes that the device checks passed. Fails if `measured` raises an alarm.
     pub fn check(&mut self, measured: &Measurements, now: f64) -> Result<(), CheckFailed> {
-        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+        if let Some(cause) = checks::alarm(measured, &self.limits, now).or_else(|| self.start_alarm(measured)) {
             return Err(CheckFailed::Alarm(cause));
         }
         self.transition(SupervisorState::Checked, "be checked", |state| {
@@ -153,15 +153,10 @@ impl Supervisor {
     /// Arms the robot. Goals start at the measured positions, with zero current. An arm that stands outside its range is
     /// refused: its first command would be a jump.
     pub fn arm(&mut self, measured: &Measurements, now: f64) -> Result<SafeCommand, CheckFailed> {
-        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+        if let Some(cause) = checks::alarm(measured, &self.limits, now).or_else(|| self.start_alarm(measured)) {
             return Err(CheckFailed::Alarm(cause));
         }
         let posture = measured.arm.map_or_else(|| self.limits.arm.zero_speed(), |arm| arm.state.position);
-        if let Some(joint) =
-            (0..posture.len()).find(|&joint| self.overtravel(joint, posture[joint]) > MAX_START_OVERTRAVEL)
-        {
-            return Err(CheckFailed::Alarm(StopCause::ArmAngle(joint, posture[joint])));
-        }
         self.transition(SupervisorState::Armed, "arm", |state| matches!(state, SupervisorState::Checked))?;
         for (n, (goal, servo)) in self.sent.servos.iter_mut().zip(&measured.servos).enumerate() {
             let (low, high) = self.limits.servos[n].angle;
@@ -179,10 +174,14 @@ impl Supervisor {
         Ok(self.sent)
     }
 
-    /// Returns how far an angle of the arm's joint is outside its range, rad.
-    fn overtravel(&self, joint: usize, angle: f64) -> f64 {
-        let (low, high) = self.limits.arm.angle[joint];
-        (low - angle).max(angle - high)
+    /// Returns the joint of the arm that is too far outside its range for torque to be switched on, as an alarm.
+    fn start_alarm(&self, measured: &Measurements) -> Option<StopCause> {
+        let posture = measured.arm?.state.position;
+        (0..posture.len()).find_map(|joint| {
+            let (angle, (low, high)) = (posture[joint], self.limits.arm.angle[joint]);
+            let outside = (low - angle).max(angle - high) > MAX_START_OVERTRAVEL;
+            outside.then_some(StopCause::ArmAngle(joint, angle, (low, high)))
+        })
     }
 
     /// Stops and holds. A robot that has been checked but not armed must then be checked again.
@@ -220,9 +219,13 @@ impl Supervisor {
         }
         self.monitor_torque(measured, now);
         if let (SupervisorState::Running, Some(arm)) = (self.state, measured.arm)
-            && let Some((joint, distance)) = self.course.departure(&arm.state.position)
+            && let Some((joint, distance)) =
+                self.course.departure(&arm.state.position, arm.received_at, &self.limits.arm)
         {
             self.hold(StopCause::ArmOffCourse(joint, distance));
+            // It may be pushed or blocked: it is sent to where it is, within the turn of its set-points.
+            let near = |joint: usize| nearest_turn(arm.state.position[joint], self.sent.arm[joint]);
+            self.giving_way = Some((0..arm.state.position.len()).map(near).collect());
         }
         if matches!(self.state, SupervisorState::Armed | SupervisorState::Running) {
             self.check_command(asked, now);
