@@ -63,24 +63,23 @@ fn partial_name(path: &Path) -> Option<PathBuf> {
     (!other).then(|| path.with_extension("partial.rrd"))
 }
 
-/// Creates and locks the file `partial`, in place of one that an interrupted program has left. Returns an error if
-/// another program is writing it.
+/// Opens the file `partial` empty, and locks it. Returns an error if another program is writing it.
 fn create_locked(partial: &Path) -> io::Result<File> {
     let busy = || io::Error::other("found another program that writes this recording, expected another name");
-    // What is there may be a link to somewhere else: it is not written to.
-    if std::fs::symlink_metadata(partial).is_ok_and(|found| found.is_file()) {
-        let left = File::open(partial)?;
-        // The lock is held until the file is replaced.
-        let _left = try_lock(left)?.ok_or_else(busy)?;
-        std::fs::remove_file(partial)?;
-    } else {
+    if std::fs::symlink_metadata(partial).is_ok_and(|found| !found.is_file()) {
+        // It may be a link to somewhere else: it is not written to.
         drop(std::fs::remove_file(partial));
     }
-    let made = File::create_new(partial).map_err(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => busy(),
-        _ => error,
-    })?;
-    try_lock(made)?.ok_or_else(busy)
+    let file = File::options().write(true).create(true).truncate(false).open(partial)?;
+    let file = try_lock(file)?.ok_or_else(busy)?;
+    // Another program may have completed its recording, and so renamed the file, before this one got the lock.
+    let same = same_file::Handle::from_path(partial)
+        .and_then(|there| Ok(there == same_file::Handle::from_file(file.try_clone()?)?));
+    if !same.unwrap_or(false) {
+        return Err(busy());
+    }
+    file.set_len(0)?;
+    Ok(file)
 }
 
 /// A file that remembers its first error.
