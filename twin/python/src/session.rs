@@ -16,7 +16,7 @@ use robot_session_log::{RobotSizes, SessionEvent, SessionReader};
 
 use crate::arrays::value_error;
 use crate::steps::steps_dict;
-use crate::threads::detach;
+use crate::threads::Threads;
 
 /// Maximum size of a session's images, bytes.
 const MAX_IMAGE_BYTES: u64 = 8 << 30;
@@ -28,7 +28,8 @@ static LATEST_BENCH: Mutex<Option<(String, Bench)>> = Mutex::new(None);
 /// `robot`, and as JSON text the `outcome` of the trial.
 #[pyfunction]
 pub fn session(py: Python<'_>, path: PathBuf, side: usize) -> PyResult<Bound<'_, PyDict>> {
-    let read = detach(py, || read_session(&path, side))?;
+    let threads = Threads::of_process()?;
+    let read = py.detach(|| read_session(&path, side, &threads));
     let (steps, robot, outcome) = read.map_err(|error| {
         let words = format!("{error:#}");
         let named = words.starts_with(&path.display().to_string());
@@ -40,7 +41,7 @@ pub fn session(py: Python<'_>, path: PathBuf, side: usize) -> PyResult<Bound<'_,
     Ok(all)
 }
 
-fn read_session(path: &Path, side: usize) -> Result<(RecordedSteps, String, Option<Vec<u8>>)> {
+fn read_session(path: &Path, side: usize, threads: &Threads) -> Result<(RecordedSteps, String, Option<Vec<u8>>)> {
     let (task, scenario) = read_task(path)?;
     ensure!(task.robot_model.is_none(), "robot_model: found another robot, expected the F-TAC Hand on a Gen3");
     // Everything but the trial itself.
@@ -49,7 +50,7 @@ fn read_session(path: &Path, side: usize) -> Result<(RecordedSteps, String, Opti
     let mut latest = LATEST_BENCH.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let fits = |(known, bench): &(String, Bench)| *known == key && task.combination < bench.grasp_pairs.pairs.len();
     if !latest.as_ref().is_some_and(fits) {
-        *latest = Some((key, session_bench(&task, scenario, path, true)?));
+        *latest = Some((key, threads.run(|| session_bench(&task, scenario, path, true))?));
     }
     let (_, bench) = latest.as_ref().context("a bench")?;
     let sizes = || RobotSizes::from_robot(&bench.world.cell.robot);
@@ -60,7 +61,7 @@ fn read_session(path: &Path, side: usize) -> Result<(RecordedSteps, String, Opti
     let robot = reader.session().robot.clone();
     let (frames, outcome) = read_frames(&mut reader, TICKS_PER_STEP)?;
     ensure!(!frames.is_empty(), "found nothing measured, expected a session that began");
-    let mut start = bench.session_start(&task, side)?;
+    let mut start = threads.run(|| bench.session_start(&task, side))?;
     if task.places.detector {
         let first = first_detections(&mut SessionReader::open(path, sizes())?, start.detected.len())?;
         for (n, pose) in first.into_iter().enumerate() {

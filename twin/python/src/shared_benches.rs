@@ -20,7 +20,7 @@ use toml::{Table, Value};
 use world::objects::ObjectSet;
 
 use crate::arrays::{failure, value_error};
-use crate::threads::detach;
+use crate::threads::Threads;
 
 /// Setup of a scene or episode: true for the benchmark's effects and errors, the texts of the robot ([`robot`]), the text
 /// of a scenario ([`scenario`]), and true for tactile images from a GPU.
@@ -57,20 +57,23 @@ pub fn shared_bench(py: Python<'_>, setup: &Setup) -> PyResult<Arc<Bench>> {
     let sources: Option<RobotSources> = robot.as_deref().map(serde_json::from_str).transpose().map_err(value_error)?;
     let model = RobotModel::from_sources(sources.as_ref()).map_err(value_error)?;
     let scenario = scenario_of(*reality, text.as_deref())?;
-    let made = detach(py, || -> anyhow::Result<Arc<Bench>> {
+    let threads = Threads::of_process()?;
+    let made = py.detach(|| -> anyhow::Result<Arc<Bench>> {
         let mut shared = SHARED_BENCHES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, bench)) = shared.iter().find(|(made, _)| made == setup) {
             return Ok(bench.clone());
         }
-        let mut bench = make_graspless_bench(&model, scenario, EPISODE_SEED)?;
-        if *gpu {
-            let sensors = Arc::new(bench.cameras.sensors().to_vec());
-            bench.cameras = TactileBoard::with_renderer(Arc::new(GpuRenderer::new(sensors).context("renderer")?));
-        }
-        let bench = Arc::new(bench);
+        let bench = Arc::new(threads.run(|| -> anyhow::Result<Bench> {
+            let mut bench = make_graspless_bench(&model, scenario, EPISODE_SEED)?;
+            if *gpu {
+                let sensors = Arc::new(bench.cameras.sensors().to_vec());
+                bench.cameras = TactileBoard::with_renderer(Arc::new(GpuRenderer::new(sensors).context("renderer")?));
+            }
+            Ok(bench)
+        })?);
         shared.push((setup.clone(), bench.clone()));
         Ok(bench)
-    })?;
+    });
     made.map_err(|error| failure(&error))
 }
 

@@ -55,7 +55,8 @@ impl Threads {
     }
 }
 
-/// Does `work` without Python's lock, on threads of this process.
+/// Does `work` without Python's lock, on threads of this process. It must not wait for a lock of this module: a thread
+/// that holds one may take up other work while its own is split. Such locks are taken outside of [`Threads::run`].
 pub fn detach<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let threads = Threads::of_process()?;
     Ok(py.detach(|| threads.run(work)))

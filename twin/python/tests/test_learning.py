@@ -157,6 +157,8 @@ class Choices(unittest.TestCase):
             ({friction: (0.5, 6.0)}, "friction: found 6.*, expected 0 to 5"),
             ({friction: [0.5, "x"]}, "friction"),
             ({friction: np.float32("nan")}, "randomization.effects.cables.friction: found nan, expected a finite number"),
+            # Each value alone is fine, but not together.
+            ({"layout.spread_xy": [0.02, 0.03], "layout.first.y": [0.14, 0.1]}, "places that may be .* apart"),
             ({friction: None}, "randomization.effects.cables.friction: found None, expected a number"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
@@ -221,9 +223,9 @@ class States(unittest.TestCase):
         env.reset(seed=1)
         kept = env.save()
         for other in (envs.Pick("pick_two"), envs.Pick(images=16), envs.LiftTo()):
-            with self.assertRaisesRegex(ValueError, "state: found one of .*'Pick', 'pick_one'.*, expected one of"):
+            with self.assertRaisesRegex(ValueError, "state: found one of pick_one, .*; expected one of .*, with the same robot, scenario and options"):
                 other.restore(kept)
-        with self.assertRaisesRegex(ValueError, "state: found one of NoneType"):
+        with self.assertRaisesRegex(ValueError, "state: found NoneType, expected what save"):
             env.restore(None)
 
 

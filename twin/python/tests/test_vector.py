@@ -10,11 +10,11 @@ import numpy as np
 from ftac import envs, vector
 
 
-def images_of_two(_):
-    """Images of two environments after a step, in this process."""
-    many = vector.VectorPick(2, task="pick_one", images=16)
+def images_of_many(reality):
+    """Images of environments after a step, in this process. They begin together, on several threads."""
+    many = vector.VectorPick(8, task="pick_one", images=16, reality=reality, jobs=8)
     many.reset(seed=1)
-    return many.step(np.zeros((2, 12), dtype=np.float32))[0]["tactile"]
+    return many.step(np.zeros((8, 12), dtype=np.float32))[0]["tactile"]
 
 
 class Vector(unittest.TestCase):
@@ -83,13 +83,15 @@ class Vector(unittest.TestCase):
 
     @unittest.skipUnless("fork" in multiprocessing.get_all_start_methods(), "processes are not forked here")
     def test_a_forked_process_forms_images_too(self):
-        here = images_of_two(0)
+        here = images_of_many(True)
         with warnings.catch_warnings():
             # Python warns of forking a process with threads, which is what is tried.
             warnings.simplefilter("ignore", DeprecationWarning)
             with multiprocessing.get_context("fork").Pool(1) as forked:
-                there = forked.map_async(images_of_two, [0]).get(timeout=300)
-        np.testing.assert_array_equal(here, there[0])
+                # What this process has not made yet, the forked one makes itself.
+                there, made_there = forked.map_async(images_of_many, [True, False]).get(timeout=300)
+        np.testing.assert_array_equal(here, there)
+        np.testing.assert_array_equal(images_of_many(False), made_there)
 
     def test_saved_states_are_restored(self):
         many = vector.VectorPick(2, task="pick_one", images=16)
@@ -139,6 +141,7 @@ class Vector(unittest.TestCase):
         _, _, _, _, info = many.step(still)
         self.assertTrue(info["_class"].all() and info["_untouched"].all())
         self.assertFalse(info["_held"].any())
+        self.assertEqual(info["held"].tolist(), [None, None])
         alone = [env.class_of_object for env in many.envs]
         self.assertEqual(info["class"].tolist(), alone)
         self.assertEqual([names[0] in many.envs[0].classes[one] for names, one in zip(info["objects"], alone)], [True, True])

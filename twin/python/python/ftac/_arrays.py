@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 import os
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
@@ -23,9 +24,18 @@ def real(what: str, values: Any) -> NDArray[Any]:
         raise ValueError(f"{what}: expected numbers: {error}") from None
     if array.dtype.kind == "c":
         raise ValueError(f"{what}: found complex numbers, expected real ones")
+    if array.dtype.kind == "O":
+        try:
+            return array.astype(np.float64)
+        except (TypeError, ValueError):
+            pass
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"{what}: found {values!r}, expected numbers")
+        raise ValueError(f"{what}: found {shortened(values)}, expected numbers")
     return array
+
+
+shortened = reprlib.repr
+"""`repr` of at most a few elements."""
 
 
 def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
@@ -40,7 +50,7 @@ def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[
 def mapping(what: str, value: Any, expected: str) -> Mapping[str, Any]:
     """`value` as a mapping from names. ``ValueError`` for anything else."""
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        raise ValueError(f"{what}: found {value!r}, expected {expected}")
+        raise ValueError(f"{what}: found {shortened(value)}, expected {expected}")
     return value
 
 

@@ -155,7 +155,8 @@ class _LerobotDriver:
         while len(self._past) > 2 and self._past[1][0] <= now - SPEED_WINDOW:
             self._past.popleft()
         before, past = self._past[0]
-        differences = (angles - past) / max(now - before, SPEED_WINDOW)
+        # A joint that turns freely may jump by a whole turn.
+        differences = (np.mod(angles - past + np.pi, 2.0 * np.pi) - np.pi) / max(now - before, SPEED_WINDOW)
         self._angles = angles
         rows = []
         for (_, axis), angle, difference, goal in zip(self._axes(), angles, differences, self._goals):

@@ -17,7 +17,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, features
-from ftac._arrays import known_names, mapping, number, objects_of, on_gpu, robot_of, scenario_of, whole
+from ftac._arrays import known_names, mapping, number, objects_of, on_gpu, robot_of, scenario_of, shortened, whole
 from ftac._poses import inverse, pose_matrix
 from ftac.features import Features, Observation, Spec
 from ftac.randomization import Randomization
@@ -215,9 +215,11 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     def restore(self, state: State) -> Observation:
         """Returns to a state of `save`, and the observation in it. What follows is the same to the bit. The limit of steps is ``gymnasium.make``'s: it counts on."""
-        if not isinstance(state, State) or state.python["made"] != self._made():
-            found = state.python["made"] if isinstance(state, State) else type(state).__name__
-            raise ValueError(f"state: found one of {found}, expected one of {self._made()}")
+        if not isinstance(state, State):
+            raise ValueError(f"state: found {type(state).__name__}, expected what save() returned")
+        if state.python["made"] != self._made():
+            found, expected = (f"{task}, {spec}" for task, spec, *_ in (state.python["made"], self._made()))
+            raise ValueError(f"state: found one of {found}; expected one of {expected}, with the same robot, scenario and options")
         self._episode = state.episode.copy()
         self._shown, self._over = self._episode, state.python["over"]
         self.features, self._progress = state.python["features"].copy(), state.python["progress"].copy()
@@ -236,7 +238,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     def _made(self) -> tuple[Any, ...]:
         """What a state must have been made with."""
-        return type(self).__name__, self.task, self.spec_of_features, self.camera, self.privileged
+        return self.task, self.spec_of_features, self.camera, self.privileged, self._OWN_STATE, self._setup
 
     def _all_objects(self) -> list[str]:
         """Names of the scenario's objects."""
@@ -361,7 +363,7 @@ class LiftTo(Pick):
             held = np.array([one["held"][0] for one in info], dtype=bool) if np.ndim(distance) else bool(info["held"][0])
         except (KeyError, TypeError):
             words = "a step's info with 'held' for each goal; Stable-Baselines3 keeps it with copy_info_dict=True"
-            raise ValueError(f"info: found {str(info)[:80]}, expected {words}") from None
+            raise ValueError(f"info: found {shortened(info)}, expected {words}") from None
         if np.shape(held) != np.shape(distance):
             raise ValueError(f"info: found {len(info)}, expected one for each of {np.shape(distance)} goals")
         reached = (distance < self.tolerance) & held

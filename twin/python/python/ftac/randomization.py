@@ -17,12 +17,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ftac import _native
 from ftac._arrays import mapping, whole
+
+
+MOST_COMBINATIONS = 64
+"""Combinations of the ends of ranges that are checked before an episode begins."""
 
 
 def fields() -> dict[str, Any]:
@@ -56,10 +61,14 @@ class Randomization:
             self.instances = (first, whole("robot_instances", instances[1], first, 2**53))
 
     def check(self, setup: _native.Setup) -> None:
-        """Compares both ends of each range, and each value of each list, with what the scenario of a setup allows. ``ValueError`` for what it does not."""
+        """Compares both ends of each range, and each value of each list, with what the scenario of a setup allows: in all combinations where those are at most
+        `MOST_COMBINATIONS`, else one field after another. ``ValueError`` for what it does not allow."""
         extremes = {name: list(given) if isinstance(given, (tuple, list)) else [given] for name, given in self.distributions.items()}
         first = {name: values[0] for name, values in extremes.items()}
-        every = [first, *({**first, name: value} for name, values in extremes.items() for value in values[1:])]
+        if np.prod([float(len(values)) for values in extremes.values()]) <= MOST_COMBINATIONS:
+            every = [dict(zip(extremes, values)) for values in product(*extremes.values())]
+        else:
+            every = [first, *({**first, name: value} for name, values in extremes.items() for value in values[1:])]
         if extremes:
             _native.check_overrides(setup, [json.dumps(_tables(fields)) for fields in every])
 

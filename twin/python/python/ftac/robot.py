@@ -22,8 +22,8 @@ The robot is a model of the program (``--robot-model FILE``, by default the F-TA
 name and in their order. Everything is in SI units and radians; the angle of a servo is 0 where the cable of the open digit is slack, and positive where
 it winds the cable. A robot of LeRobot is wrapped by `from_lerobot`.
 
-The supervisor limits commands (range, speed, acceleration, current, workspace) and checks measurements; ``--config FILE`` changes its limits. A class that
-raises, ends, answers late or returns what is no measurement stops the trial, with the reason. The program cannot stop a robot whose driver has failed: the
+The supervisor limits commands (range, speed, acceleration, current, workspace) and checks measurements, and whether the arm follows; ``--config FILE`` changes its limits.
+A class that raises, ends, answers late or returns what is no measurement stops the trial, with the reason. The program cannot stop a robot whose driver has failed: the
 robot must then stand by itself.
 """
 

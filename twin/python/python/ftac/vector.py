@@ -144,7 +144,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
             # Arrays and numbers have one size in all environments; lists need not.
             stacked = isinstance(first, (np.ndarray, bool, int))
             shape, kind = (np.shape(first), np.asarray(first).dtype) if stacked else ((), np.dtype(object))
-            values = np.zeros((self.num_envs, *shape), kind)
+            values = np.zeros((self.num_envs, *shape), kind) if stacked else np.full(self.num_envs, None, kind)
             among = np.zeros(self.num_envs, np.bool_)
             for n, info in zip(numbers, infos):
                 values[n], among[n] = info[name], True

@@ -143,7 +143,7 @@ def _check_picklable(what: str, found: Any, expected: str) -> None:
 
 
 def _runs(env: Any, policy: Any, seeds: Iterable[int], layout: Layout, jobs: int) -> Generator[Ran, None, None]:
-    """Episodes in processes of their own. They are spawned, not forked: a forked process lacks the threads of the pools that it would wait for."""
+    """Episodes in processes of their own. They are spawned: a program that is forked while it has threads may wait for their locks forever."""
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(env, policy, layout))
     yield from in_order(pool, _run_there, ((seed,) for seed in seeds), jobs)
 

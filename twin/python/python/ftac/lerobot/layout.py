@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +61,8 @@ class Layout:
     """Numbers of ``privileged``; 0 for none."""
     goal: bool = False
     """Whether the observations are those of an environment with goals."""
-    task: str | None = None
-    """Task of the environment, as `ftac.lerobot.episodes.words` takes it; None where the data set does not say."""
+    task: str | None = field(default=None, compare=False)
+    """Task of the environment, as `ftac.lerobot.episodes.words` takes it; None where the data set does not say. Layouts of several tasks are equal."""
 
     @staticmethod
     def of(env: Any) -> Layout:
