@@ -55,11 +55,16 @@ def features(found, layout):
     return inputs, {key: feature for key, feature in vectors.items() if key not in inputs}
 
 
+def tables_of(dataset):
+    """The files with the vectors of a data set, in order."""
+    return sorted(dataset.glob("data/*/*.parquet"))
+
+
 def write_pictures(dataset, path, jobs):
     """Decodes the videos of all pads of a data set in so many processes, and writes the pictures (n, 3, rows, columns) uint8 to a file of numpy."""
     layout = Layout.read(dataset)
     side, keys = layout.spec.images, [IMAGES + pad for pad in layout.pads]
-    count = len(read_column(sorted(dataset.glob("data/*/*.parquet")), "index"))
+    count = len(read_column(tables_of(dataset), "index"))
     pictures = np.lib.format.open_memmap(path, "w+", np.uint8, (count, *picture_shape(len(keys), side)))
     pictures[:] = 128
     pictures.flush()
@@ -82,7 +87,7 @@ class Samples:
     """Samples of a data set for a policy's configuration, on its device. `pictures` is the file of `write_pictures`, if the policy sees them."""
 
     def __init__(self, dataset, config, pictures):
-        paths = sorted(dataset.glob("data/*/*.parquet"))
+        paths = tables_of(dataset)
         self.device = torch.device(config.device)
         self.columns = {
             key: torch.from_numpy(read_column(paths, key)).to(self.device) for key in [*config.input_features, ACTION] if key != PICTURE

@@ -8,6 +8,11 @@ PIXEL_DECAY = 10.0
 """Share of the rate by which the weights of pixels become smaller in each step: there are so many that a network could know its examples by their noise."""
 
 
+def batches(count, size, random):
+    """A random order of so many examples in batches of at most `size`, all of one size within one: a step of Adam down the gradient of a few examples is as long as any other, and mostly noise."""
+    return np.array_split(random.permutation(count), -(-count // size))
+
+
 class Network:
     """A function from rows of `inputs` numbers to rows of `outputs` numbers. The last `pixels` of the inputs begin without weight."""
 
@@ -67,10 +72,9 @@ class Network:
         self.reset_adam()
         error = np.inf
         for epoch in range(epochs):
-            order, total = random.permutation(len(inputs)), 0.0
+            total = 0.0
             pace = rate * 0.5 * (1.0 + np.cos(np.pi * epoch / epochs))
-            for start in range(0, len(order), batch):
-                chosen = order[start : start + batch]
+            for chosen in batches(len(inputs), batch, random):
                 layers = self.layers(inputs[chosen])
                 wrong = layers[-1] - outputs[chosen]
                 total += float((wrong**2).sum())
@@ -90,12 +94,12 @@ class Network:
         wanted = torch.tensor(outputs, device=device)
         weights = [torch.tensor(weight, device=device, requires_grad=True) for weight in self.weights]
         adam, error = torch.optim.Adam(weights, lr=rate), float("inf")
-        steps = epochs * -(-len(rows) // batch)
-        falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps)
+        parts = -(-len(rows) // batch)
+        falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, epochs * parts)
         generator = torch.Generator().manual_seed(int(random.integers(2**31)))
         for _ in range(epochs):
             order, total = torch.randperm(len(rows), generator=generator).to(device), 0.0
-            for chosen in order.split(batch):
+            for chosen in order.tensor_split(parts):
                 layer = rows[chosen]
                 for n in range(0, len(weights), 2):
                     layer = layer @ weights[n] + weights[n + 1]

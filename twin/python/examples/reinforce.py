@@ -1,9 +1,9 @@
 """Reinforcement learning (PPO) of ``ftac/PickOne-v1`` over many objects, with and without tactile images, with a critic that knows the truth.
 
-    python reinforce.py --objects ball_45,ball_50,tennis_ball,lemon --sigma 0.3 --rate 3e-4 --episodes 64 --iterations 300 --out picked
+    python reinforce.py --objects ball_45,ball_50,tennis_ball,lemon --sigma 0.3 --rate 3e-4 --episodes 64 --iterations 80 --out picked
     python reinforce.py --start imitation/plain_*.npz --out reinforced
 
-The first command learns from nothing, in an hour of two cores; the second improves networks of `imitate.py`, one after another. Worker processes run whole episodes with a copy of the policy;
+The first command learns from nothing, in half an hour of two cores; the second improves networks of `imitate.py`, one after another. Worker processes run whole episodes with a copy of the policy;
 the update runs in this process. The critic also sees ``privileged``: it is not needed when the policy is used. ``curve.csv`` has the successes and the mean return of each
 iteration, in which the policy explores, ``results.csv`` the tests before and after, in which it does not. A network can be used as that of `imitate.Imitation`.
 It needs numpy and gymnasium.
@@ -21,10 +21,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import imitate  # noqa: E402
 import numpy as np  # noqa: E402
-from network import Network  # noqa: E402
+from network import Network, batches  # noqa: E402
 
-STEPS = 260
-"""Length of an episode, steps."""
+STEPS = imitate.TASKS["PickOne"].steps
+"""Length of an episode."""
 DISCOUNT, LAMBDA, CLIP = 0.995, 0.95, 0.2
 HOLD = 4
 """Steps for which a draw of the exploration lasts: one of each step would cancel out."""
@@ -61,14 +61,12 @@ def advantages(rewards, values):
     return found
 
 
-def update(policy, inputs, actions, advantage, sigma, random, rate, passes=4, batch=4096):
+def update(policy, inputs, actions, advantage, sigma, random, rate, passes=4, batch=1024):
     """Passes of PPO over the steps."""
     before = policy(inputs)
     chance_before = -0.5 * ((actions - before) ** 2).sum(axis=1) / sigma**2
     for _ in range(passes):
-        order = random.permutation(len(inputs))
-        for start in range(0, len(order), batch):
-            chosen = order[start : start + batch]
+        for chosen in batches(len(inputs), batch, random):
             layers = policy.layers(inputs[chosen])
             off = actions[chosen] - layers[-1]
             ratio = np.exp(np.clip(-0.5 * (off**2).sum(axis=1) / sigma**2 - chance_before[chosen], -20.0, 20.0))
