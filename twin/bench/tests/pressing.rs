@@ -82,6 +82,7 @@ fn joint_limits_only() -> LimitConfig {
         jerk: [most; 7].into(),
         torque: [most; 7].into(),
         residual: [most; 7].into(),
+        following: most,
         ..ArmLimitConfig::default()
     };
     let space = WorkspaceConfig {

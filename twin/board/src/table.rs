@@ -80,7 +80,7 @@ pub struct BoardGroup {
     pub robot_model: String,
     /// True if the scenario is the benchmark's.
     pub benchmark: bool,
-    /// What differs from a run without options: scale of the noise, effects that are off, robot instance.
+    /// Differences from a run without options: scale of the noise, effects that are off, robot instance.
     pub changes: Vec<String>,
     /// SHA-256 of the settings.
     pub settings: String,
