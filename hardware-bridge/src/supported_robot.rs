@@ -46,3 +46,26 @@ pub fn check_supported(robot: &RobotModel) -> Result<(), DataError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    /// The bridge takes an arm's limits from its model, so that a model may narrow those of a Gen3, but not widen them.
+    #[test]
+    fn no_file_widens_the_limits_of_the_arm_that_is_there() {
+        let with = |change: fn(&mut Arm)| {
+            let mut robot = RobotModel::ftac_gen3();
+            change(Arc::make_mut(&mut robot.arm));
+            check_supported(&robot).map_err(|error| error.to_string())
+        };
+        with(|_| ()).expect("a Gen3");
+        with(|arm| arm.velocity_limits[2] = 0.5).expect("a slower one");
+        for change in [(|arm| arm.velocity_limits[2] = 50.0) as fn(&mut Arm), |arm| arm.tree.joints[1].upper = 6.0] {
+            let error = with(change).expect_err("refused");
+            assert!(error.contains("arm: found joint") && error.contains("rad/s of a Gen3"), "{error}");
+        }
+    }
+}

@@ -349,3 +349,22 @@ fn a_socket_of_nobody() {
         stderr(&output)
     );
 }
+
+/// Folders that hold something else: a benchmark, a sweep.
+#[test]
+fn folders_of_other_results() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("sweep.toml");
+    let sweep = "version = 1\nname = \"other\"\ncombos = 1\ntrials = 1\n\n[axes]\npolicy = [\"blind\"]\n";
+    fs::write(&file, sweep).expect("written");
+    for (inside, command) in [
+        ("run.json", &["sweep", "run", text(&file)][..]),
+        ("plan.json", &["bench", "--combos", "1", "--trials", "1", "--conditions", "blind", "--record", "none"]),
+    ] {
+        let out = folder.path().join(inside.trim_end_matches(".json"));
+        fs::create_dir(&out).expect("made");
+        fs::write(out.join(inside), "{}").expect("written");
+        refused(&[command, &["--out", text(&out)]].concat(), &["--out", "already holds a"]);
+        assert_eq!(fs::read_dir(&out).expect("read").count(), 1, "nothing was added beside {inside}");
+    }
+}
