@@ -92,7 +92,8 @@ pub fn check_links(folder: &Path) -> Result<(), DataError> {
     Ok(())
 }
 
-fn folder_of(file: &Path) -> &Path {
+/// Returns the folder of a file: `.`, the current one, for a name alone.
+pub fn folder_of(file: &Path) -> &Path {
     or_current_folder(file.parent().unwrap_or(Path::new("")))
 }
 

@@ -141,9 +141,7 @@ impl Supervisor {
 
     /// Notes that the device checks passed. Fails if `measured` raises an alarm.
     pub fn check(&mut self, measured: &Measurements, now: f64) -> Result<(), CheckFailed> {
-        if let Some(cause) = checks::alarm(measured, &self.limits, now).or_else(|| self.start_alarm(measured)) {
-            return Err(CheckFailed::Alarm(cause));
-        }
+        self.check_start(measured, now)?;
         self.transition(SupervisorState::Checked, "be checked", |state| {
             matches!(state, SupervisorState::Connected | SupervisorState::Checked)
         })?;
@@ -153,9 +151,7 @@ impl Supervisor {
     /// Arms the robot. Goals start at the measured positions, with zero current. An arm that stands outside its range is
     /// refused: its first command would be a jump.
     pub fn arm(&mut self, measured: &Measurements, now: f64) -> Result<SafeCommand, CheckFailed> {
-        if let Some(cause) = checks::alarm(measured, &self.limits, now).or_else(|| self.start_alarm(measured)) {
-            return Err(CheckFailed::Alarm(cause));
-        }
+        self.check_start(measured, now)?;
         let posture = measured.arm.map_or_else(|| self.limits.arm.zero_speed(), |arm| arm.state.position);
         self.transition(SupervisorState::Armed, "arm", |state| matches!(state, SupervisorState::Checked))?;
         for (n, (goal, servo)) in self.sent.servos.iter_mut().zip(&measured.servos).enumerate() {
@@ -172,6 +168,12 @@ impl Supervisor {
         (self.set_points, self.followed_command) = (SetPoints::at(&self.sent.arm), None);
         (self.braking, self.giving_way) = (None, None);
         Ok(self.sent)
+    }
+
+    /// Checks that nothing in the measurements speaks against switching the torque on.
+    fn check_start(&self, measured: &Measurements, now: f64) -> Result<(), CheckFailed> {
+        let alarm = checks::alarm(measured, &self.limits, now).or_else(|| self.start_alarm(measured));
+        alarm.map_or(Ok(()), |cause| Err(CheckFailed::Alarm(cause)))
     }
 
     /// Returns the joint of the arm that is too far outside its range for torque to be switched on, as an alarm.

@@ -258,11 +258,16 @@ fn journal_path(folder: &Path) -> PathBuf {
 }
 
 impl Journal {
+    /// True if `folder` holds the journal of a run.
+    pub fn is_at(folder: &Path) -> bool {
+        journal_path(folder).exists()
+    }
+
     /// Creates a journal in `folder`, which is created if missing. Refuses a folder that already holds a run.
     pub fn create(folder: &Path, request: &RunRequest) -> Result<Self> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
-        if journal_path(folder).exists() {
+        if Self::is_at(folder) {
             bail!(
                 "--out: {} already holds a run; continue it with --resume {0} or name another folder",
                 folder.display()

@@ -10,6 +10,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::policy::pick_sequence::PickMode;
 use control::policy::pick_sequence::plan::PickSkill;
 use dexterous_grasping::digit_sets::describe_digits;
+use ftac_platform::file_access::folder_of;
 use grasp_verification::simulated_world::SimulatedWorld;
 use grasp_verification::skills::{SkillFile, for_sizes, from_repertoire};
 use hand_model::{Digit, RobotModel};
@@ -202,10 +203,8 @@ fn search_skills(terminal: &Terminal, args: &TransportArgs, site: &TransportSite
     let sequence: Vec<PickRequest> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
     let mut skills = if file.exists() { read_skills(file).context("--search-skills")?.skills } else { Vec::new() };
     // The search takes minutes: a file that cannot be written is found before it.
-    tempfile::NamedTempFile::new_in(
-        file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")),
-    )
-    .with_context(|| format!("--search-skills: cannot write {}", file.display()))?;
+    tempfile::tempfile_in(folder_of(file))
+        .with_context(|| format!("--search-skills: cannot write {}", file.display()))?;
     let searched = transport::skill_search::search_skills(site, &sequence, args.n, terminal.quiet)?;
     for pick in &searched {
         // Ids are unique within a file.

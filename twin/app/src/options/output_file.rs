@@ -6,11 +6,15 @@ use anyhow::{Result, bail};
 
 /// Refuses a file to write that is one of the files to read: it would be gone before it is read, or right after.
 pub fn check_other_file<'a>(option: &str, out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let Ok(out) = out.canonicalize() else { return Ok(()) };
-    if let Some(input) = inputs.into_iter().find(|input| input.canonicalize().is_ok_and(|input| input == out)) {
+    if let Some(input) = inputs.into_iter().find(|input| is_same_place(input, out)) {
         bail!("{option}: found {}, which is read, expected another file", input.display());
     }
     Ok(())
+}
+
+/// True if two paths lead to one file or folder that is there.
+pub fn is_same_place(one: &Path, other: &Path) -> bool {
+    one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
 }
 
 #[cfg(test)]

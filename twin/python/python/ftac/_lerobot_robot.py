@@ -93,7 +93,7 @@ class _LerobotDriver:
         if not robot.is_calibrated:
             raise RuntimeError(f"{robot}: found a robot that is not calibrated, expected one after lerobot-calibrate")
         first = robot.get_observation()
-        self._kept = {key: first[key] for key in robot.action_features if key not in self._mapped()}
+        self._kept = {key: first[key] for key in self._unmapped()}
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._angles = self._positions(first)
         self._goals = self._angles.copy()
@@ -103,9 +103,10 @@ class _LerobotDriver:
         yield from self.joints.items()
         yield from self.servos.items()
 
-    def _mapped(self) -> set[str | None]:
-        """Keys of actions that axes name."""
-        return {key for _, axis in self._axes() for key in (axis.position, axis.limit)}
+    def _unmapped(self) -> list[str]:
+        """Keys of actions that no axis names."""
+        mapped = {key for _, axis in self._axes() for key in (axis.position, axis.limit)}
+        return [key for key in self.robot.action_features if key not in mapped]
 
     def _check_keys(self) -> None:
         observed, commanded = self.robot.observation_features, self.robot.action_features
@@ -118,8 +119,8 @@ class _LerobotDriver:
                     raise ValueError(f"{name}: found no {key} among the actions, expected one of: {', '.join(commanded)}")
             if not (math.isfinite(axis.scale) and axis.scale != 0.0 and math.isfinite(axis.offset)):
                 raise ValueError(f"{name}: found the scale {axis.scale} and the offset {axis.offset}, expected finite numbers, and a scale other than 0")
-        for key in commanded:
-            if key not in self._mapped() and key not in observed:
+        for key in self._unmapped():
+            if key not in observed:
                 raise ValueError(f"{key}: found an action that no axis names and no observation has, expected an axis for it: where to keep it is not known")
         for name, axis in self.servos.items():
             if axis.stiffness is not None and not 0.0 < axis.stiffness < math.inf:

@@ -58,8 +58,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         if max_episode_steps is None:
             max_episode_steps = STEPS[self.envs[0].task]
-        unlimited = isinstance(max_episode_steps, int) and max_episode_steps == -1
-        self._most = np.iinfo(np.int64).max if unlimited else whole("max_episode_steps", max_episode_steps, 1, 2**53)
+        self._most = np.iinfo(np.int64).max if max_episode_steps == -1 else whole("max_episode_steps", max_episode_steps, 1, 2**53)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.zeros(num_envs, dtype=np.bool_)
 
@@ -160,4 +159,3 @@ class VectorSort(VectorPick):
     """Many `ftac.sorting.Sort` side by side, as `VectorPick`. ``info`` of `reset` has the numbers of the ``class``."""
 
     _ENV = Sort
-

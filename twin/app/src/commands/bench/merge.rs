@@ -8,8 +8,10 @@ use bench::journal::{Journal, JournalEntry, WorkUnit};
 use bench::results;
 use scenarios::record::Condition;
 use scenarios::summary::Summary;
+use sweep::folder::SweepFolder;
 
 use super::summary_output::print_summary;
+use crate::options::output_file::is_same_place;
 use crate::terminal::{Outcome, Terminal};
 
 /// Runs `ftac report`: rebuilds the results of a run, or merges the shards of one.
@@ -33,11 +35,11 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
         (None, [only]) => only,
         _ => bail!("--out: several folders need a folder for the merged result"),
     };
-    let is_source = folders.iter().any(|folder| is_same_folder(folder, target));
+    let is_source = folders.iter().any(|folder| is_same_place(folder, target));
     if folders.len() > 1 && is_source {
         bail!("--out: found {}, one of the shards, expected another folder", target.display());
     }
-    if !is_source && ["journal.jsonl", "plan.json"].iter().any(|file| target.join(file).exists()) {
+    if !is_source && (Journal::is_at(target) || SweepFolder::is_at(target)) {
         bail!("--out: {} already holds a run or a sweep; name another folder", target.display());
     }
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
@@ -47,11 +49,6 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let summary = results::write_results(&journal, &request, target, wall, None)?;
     print_summary(terminal, &summary, target)?;
     Ok(None)
-}
-
-/// True if two paths lead to one folder.
-fn is_same_folder(one: &Path, other: &Path) -> bool {
-    one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
 }
 
 /// Returns the wall time of the run in `folder`, s, if it ended with exactly these trials.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result, bail};
 use bench::builtin::make_scene_bench;
 use clap::Args;
+use ftac_platform::file_access::folder_of;
 use hand_model::RobotModel;
 use hardware_bridge::supported_robot::check_supported;
 use nalgebra::Isometry3;
@@ -120,8 +121,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
         None => args.config.with_file_name("registration.toml"),
     });
     // Check that the result can be written before anything moves.
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
-    tempfile::tempfile_in(folder).with_context(|| format!("{}: cannot be written", display_path(&out)))?;
+    tempfile::tempfile_in(folder_of(&out)).with_context(|| format!("{}: cannot be written", display_path(&out)))?;
     let truth = args.emulated.map(|seed| hidden_mount(&plan, seed));
     let mut body: Box<dyn TrialBackend> = match truth {
         Some(truth) => {
@@ -131,7 +131,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
             WireEmulationFactory::new(robot, None).open(&setup, scene)?
         }
         None => {
-            let sessions = folder.join("sessions");
+            let sessions = folder_of(&out).join("sessions");
             let mut source = HardwareFactory::new(&args.config, robot, bench.world.cell.ready_posture, sessions)?;
             if !source.has_cameras() {
                 bail!(

@@ -169,6 +169,7 @@ pub fn make_repertoire(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
 
 /// Chooses grasps for each combination and verifies them in an ideal run.
 pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
+    anyhow::ensure!(args.combos > 0, "--combos: found 0, expected at least 1");
     let robot = args.robot.model()?;
     let world = SimulatedWorld::new(&robot, Scenario::benchmark())?;
     let repertoire = match &args.repertoire {
@@ -186,7 +187,6 @@ pub fn make_pairs(terminal: &Terminal, args: &PairsArgs) -> Outcome {
         Some(file) => GraspPairTable::read(file)?,
         None => {
             let board = TactileBoard::unit(&world.cell.robot.hand, 0);
-            anyhow::ensure!(args.combos > 0, "--combos: found 0, expected at least 1");
             let plans = grasp_pair::make_pairs(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
                 grasp_pair::plan_combination(&world, &repertoire, &board, pair)
             })?;

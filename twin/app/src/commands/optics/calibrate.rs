@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use ftac_platform::file_access::folder_of;
 use image::RgbImage;
 use indicatif::ProgressStyle;
 use schemars::JsonSchema;
@@ -14,6 +15,7 @@ use sensor_calibration::calibration::scale::PixelSource;
 use sensor_calibration::calibration::{CalibrationRun, FitOptions, HoldOutSplit, sheet};
 use serde::Serialize;
 
+use crate::options::output_file::is_same_place;
 use crate::terminal::{Outcome, Terminal};
 
 /// Presses held out to measure the calibration. The written calibration is then fitted to all presses.
@@ -103,11 +105,8 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     if let Some(path) = &args.out {
         check_out(path, &args.folder)?;
     }
-    if let Some(sheet) = &args.sheet {
-        let folder = sheet.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if folder.canonicalize().is_ok_and(|folder| args.folder.canonicalize().is_ok_and(|presses| presses == folder)) {
-            bail!("--sheet {}: found the folder of the presses, expected another", sheet.display());
-        }
+    if let Some(sheet) = args.sheet.as_ref().filter(|sheet| is_same_place(folder_of(sheet), &args.folder)) {
+        bail!("--sheet {}: found the folder of the presses, expected another", sheet.display());
     }
     let presses = CheckedPresses::read(
         &PressSource {
@@ -184,9 +183,8 @@ fn check_out(path: &Path, presses: &Path) -> Result<()> {
     if path.is_dir() {
         bail!("{}: found a folder; expected a file", name());
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let inside = folder.canonicalize().with_context(name)?;
-    if presses.canonicalize().is_ok_and(|presses| inside == presses) {
+    let inside = folder_of(path).canonicalize().with_context(name)?;
+    if is_same_place(&inside, presses) {
         bail!("{}: found the folder of the presses, whose images the background would join; expected another", name());
     }
     tempfile::tempfile_in(&inside).map(drop).with_context(|| format!("{}: cannot be written", name()))
